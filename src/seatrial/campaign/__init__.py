@@ -1,0 +1,1 @@
+"""Whole workflows on a plain directory: one TOML file in, results that survive a kill out."""

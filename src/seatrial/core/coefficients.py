@@ -1,0 +1,173 @@
+r"""The coefficient-name grammar: a coefficient's name is its equation.
+
+    name    = axis "_" ( factor+ | "0" )
+    axis    = X Y Z (forces) | K M N (moments) | T (propeller thrust) | Q (propeller torque)
+    factor  = ["abs"] ["d"] signal ["dot"] [power]
+
+`abs` takes the modulus of the signal that follows, `d` its change from trim, `dot` its time derivative, and a digit from 2
+to 9 raises it to a power; `0` alone is a constant force. So `X_uabsu` multiplies u|u|, `Y_uudelta_r` u^2 delta_r and
+`X_du3` the cube of u - u_trim. Notation: SNAME (1950) as used by Fossen, Handbook of Marine Craft, 2nd ed., 2021.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import FORCE, MOMENT, RATES, SIGNALS, Dimension
+
+AXES: dict[str, tuple[Dimension, str]] = {
+    "X": (FORCE, "surge force"),
+    "Y": (FORCE, "sway force"),
+    "Z": (FORCE, "heave force"),
+    "K": (MOMENT, "roll moment"),
+    "M": (MOMENT, "pitch moment"),
+    "N": (MOMENT, "yaw moment"),
+    "T": (FORCE, "propeller thrust"),
+    "Q": (MOMENT, "propeller torque"),
+}
+_SIGNAL = "|".join(sorted(map(re.escape, SIGNALS), key=len, reverse=True))
+_FACTOR = re.compile(rf"(?P<abs>abs)?(?P<change>d)?(?P<signal>{_SIGNAL})(?P<dot>dot)?(?P<power>[2-9])?")
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One factor of a regressor: a signal with its modifiers."""
+
+    signal: str
+    modulus: bool = False
+    change: bool = False
+    derivative: bool = False
+    power: int = 1
+
+    @property
+    def dimension(self) -> Dimension:
+        """Dimension of the factor, power included."""
+        base = SIGNALS[self.signal].dimension
+        base = base.times(Dimension(s=-1)) if self.derivative else base
+        return Dimension().times(base, self.power)
+
+    @property
+    def label(self) -> str:
+        """LaTeX of the factor."""
+        text = SIGNALS[self.signal].label
+        text = rf"\dot{{{text}}}" if self.derivative else text
+        text = rf"\Delta {text}" if self.change else text
+        text = f"|{text}|" if self.modulus else text
+        return text if self.power == 1 else f"{text}^{self.power}"
+
+    def value(self, signals: Mapping[str, Any], trim: Mapping[str, float]) -> Any:
+        """Evaluate on scalars or arrays; `trim` holds the equilibrium value of every signal written with `d`."""
+        value = signals[self.signal + "dot" if self.derivative else self.signal]
+        value = value - trim[self.signal] if self.change else value
+        value = abs(value) if self.modulus else value
+        return value**self.power if self.power > 1 else value
+
+
+@dataclass(frozen=True)
+class CoefficientName:
+    """A hydrodynamic coefficient, read from its name; equal names are those with the same axis and regressor."""
+
+    text: str = field(compare=False)
+    axis: str
+    factors: tuple[Factor, ...] = field(compare=False)
+    key: tuple = field(repr=False)
+
+    @classmethod
+    def parse(cls, text: str) -> "CoefficientName":
+        """Read a name such as `X_uabsu`.
+
+        Raises:
+            InputError: malformed name; the message points at the first character that cannot be read.
+        """
+        axis, separator, rest = text.partition("_")
+        if axis not in AXES or not separator:
+            raise InputError(f'coefficient name "{text}"', found=f'"{axis}" where the axis stands',
+                             expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
+                             remedy="write for example X_u, X_uabsu, T_nabsn or N_delta_r")
+        factors = () if rest == "0" else _factors(text, rest, offset=len(axis) + 1)
+        return cls(text, axis, factors, _key(factors))
+
+    @property
+    def is_added_mass(self) -> bool:
+        """Whether the regressor is an acceleration, so that the term belongs with the inertia."""
+        return any(factor.derivative for factor in self.factors)
+
+    @cached_property
+    def dimension(self) -> Dimension:
+        """Exact dimension: that of the axis over that of the regressor."""
+        result = AXES[self.axis][0]
+        for factor in self.factors:
+            result = result.times(factor.dimension, -1)
+        return result
+
+    @property
+    def unit(self) -> str:
+        """Exact SI unit, for example `kg/m`."""
+        return str(self.dimension)
+
+    @property
+    def label(self) -> str:
+        """LaTeX, without dollar signs, for example `X_{u|u|}`."""
+        return f"{self.axis}_{{{''.join(factor.label for factor in self.factors) or '0'}}}"
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals the regressor needs, each once, in the order written."""
+        return tuple(dict.fromkeys(factor.signal for factor in self.factors))
+
+    @property
+    def trim_signals(self) -> tuple[str, ...]:
+        """Signals whose trim value the regressor needs."""
+        return tuple(dict.fromkeys(factor.signal for factor in self.factors if factor.change))
+
+    def regressor(self, signals: Mapping[str, Any], trim: Mapping[str, float]) -> Any:
+        """Evaluate the product of signals, on scalars or arrays of one shape, in SI.
+
+        Args:
+            signals: value of every signal in `self.signals` (accelerations under `udot`, …).
+            trim: equilibrium value of every signal in `self.trim_signals`.
+        """
+        result: Any = 1.0
+        for index, factor in enumerate(self.factors):
+            value = factor.value(signals, trim)
+            result = value if index == 0 else result * value
+        return result
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def _factors(text: str, rest: str, offset: int) -> tuple[Factor, ...]:
+    factors, position = [], 0
+    while position < len(rest):
+        match = _FACTOR.match(rest, position)
+        if match is None or (match["dot"] and (match["signal"] not in RATES or match["change"])):
+            raise _malformed(text, offset + position)
+        factors.append(Factor(match["signal"], bool(match["abs"]), bool(match["change"]), bool(match["dot"]),
+                              int(match["power"] or 1)))
+        position = match.end()
+    if not factors:
+        raise _malformed(text, offset)
+    return tuple(factors)
+
+
+def _malformed(text: str, position: int) -> InputError:
+    rest = text[position:]
+    found = f'"{rest}", which cannot be read' if rest else "nothing after the axis"
+    return InputError(f'coefficient name "{text}", character {position + 1}\n  {text}\n  {" " * position}^',
+                      found=found,
+                      expected="[abs][d]signal[dot][2-9] with a signal among " + " ".join(SIGNALS)
+                      + ' (dot only on u v w p q r), or "0" for a constant force',
+                      remedy=nearest(rest, SIGNALS) if rest else "name the signals, as in X_uabsu")
+
+
+def _key(factors: tuple[Factor, ...]) -> tuple:
+    """Canonical form of the product: powers summed per signal, |s|^2 = s^2, order forgotten."""
+    powers: dict[tuple, list[int]] = {}
+    for factor in factors:
+        power = powers.setdefault((factor.signal, factor.change, factor.derivative), [0, 0])
+        power[factor.modulus] += factor.power
+    return tuple(sorted((base, plain + modulus // 2 * 2, modulus % 2) for base, (plain, modulus) in powers.items()))

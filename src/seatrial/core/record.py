@@ -1,0 +1,164 @@
+"""A record: one cleaned trial, with named channels in SI, gaps as NaN and the account of where it came from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+
+Role = Literal["control", "measurement"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column of a record: its name (`u`, `udot`, `n`, …), SI unit and whether it drives or observes the vehicle."""
+
+    name: str
+    unit: str
+    role: Role
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a record came from: source names, SHA-256 of each file's bytes, and the options of the import."""
+
+    source: str
+    sha256: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One cleaned trial. Build it with `make_record`, which checks it.
+
+    Attributes:
+        time: seconds, strictly increasing, shape (n,).
+        control: control held from each sample to the next, SI, shape (n, n_controls), no gaps.
+        measurement: what the sensors gave, SI, NaN where nothing was measured, shape (n, n_measured).
+        channels: the controls, then the measurements, in column order.
+        provenance: source, hash and options.
+        label: short name, for messages and tables.
+    """
+
+    time: Float[np.ndarray, " n"]
+    control: Float[np.ndarray, "n n_controls"]
+    measurement: Float[np.ndarray, "n n_measured"]
+    channels: tuple[Channel, ...]
+    provenance: Provenance
+    label: str = "trial"
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the control channels."""
+        return tuple(channel.name for channel in self.channels if channel.role == "control")
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Names of the measurement channels."""
+        return tuple(channel.name for channel in self.channels if channel.role == "measurement")
+
+    @property
+    def step(self) -> Float[np.ndarray, " n"]:
+        """Time from each sample to the next, s; the last is a repetition of the one before."""
+        step = np.diff(self.time)
+        return np.append(step, step[-1])
+
+    def channel(self, name: str) -> Float[np.ndarray, " n"]:
+        """Return the samples of one channel.
+
+        Raises:
+            InputError: no channel of that name.
+        """
+        if name in self.controls:
+            return self.control[:, self.controls.index(name)]
+        if name in self.measured:
+            return self.measurement[:, self.measured.index(name)]
+        raise InputError(f'record "{self.label}"', found=f'no channel "{name}"',
+                         expected="one of " + ", ".join(self.controls + self.measured),
+                         remedy="map the channel when importing, or drop what needs it")
+
+
+def make_record(time: np.ndarray, columns: Mapping[str, np.ndarray], channels: tuple[Channel, ...],
+                provenance: Provenance, label: str = "trial") -> Record:
+    """Build a record from columns and check it.
+
+    Args:
+        time: seconds, shape (n,).
+        columns: one array of shape (n,) for each channel.
+        channels: description of the channels; controls and measurements in any order.
+        provenance: source, hash and options.
+        label: short name.
+
+    Raises:
+        InputError: fewer than three samples, time not strictly increasing, a gap in a control, a channel without data.
+    """
+    time = np.asarray(time, float)
+    where = f"{provenance.source}, record {label!r}"
+    check_time(time, where)
+    controls = tuple(channel for channel in channels if channel.role == "control")
+    measured = tuple(channel for channel in channels if channel.role == "measurement")
+    for channel in channels:
+        _check_column(np.asarray(columns[channel.name], float), channel, time, where)
+
+    def stack(group: tuple[Channel, ...]) -> np.ndarray:
+        return np.column_stack([np.asarray(columns[channel.name], float) for channel in group]) if group \
+            else np.empty((time.size, 0))
+
+    return Record(time, stack(controls), stack(measured), controls + measured, provenance, label)
+
+
+def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
+    """Check that time is finite and strictly increasing.
+
+    Args:
+        time: stamps, s.
+        where: file or record, for the error.
+        first_row: row number of the first stamp as the user counts them.
+
+    Raises:
+        InputError: naming the first offending row and how many there are.
+    """
+    if time.size < 3:
+        raise InputError(where, found=f"{time.size} samples", expected="at least 3",
+                         remedy="check the file, the time range and the channel map")
+    if not np.isfinite(time).all():
+        row = int(np.argmin(np.isfinite(time)))
+        raise InputError(f"{where}, row {first_row + row}", found=f"time {time[row]}", expected="a finite number of seconds",
+                         remedy="remove the row or mend the clock")
+    step = np.diff(time)
+    if (step <= 0).any():
+        row = int(np.argmax(step <= 0))
+        kind = "the same time stamp as the row before" if step[row] == 0 else "time running backwards"
+        raise InputError(f"{where}, row {first_row + row + 1}",
+                         found=f"{kind} ({time[row]!r} s, then {time[row + 1]!r} s); {int((step <= 0).sum())} such rows",
+                         expected="strictly increasing time",
+                         remedy='use another time column, or say how to mend the clock (clock = "even" or "drop_repeated")')
+
+
+def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where: str) -> None:
+    where = f'{where}, channel "{channel.name}"'
+    if values.shape != time.shape:
+        raise InputError(where, found=f"shape {values.shape}", expected=f"shape {time.shape}, one value per time stamp",
+                         remedy="align the channel with the time axis")
+    finite = np.isfinite(values)
+    if not finite.any():
+        raise InputError(where, found="no finite value", expected="measurements", remedy="map another column, or drop the channel")
+    if channel.role == "control" and not finite.all():
+        row = int(np.argmin(finite))
+        raise InputError(f"{where}, sample {row + 1}", found=f"a gap at t = {time[row]:g} s", expected="a control at every sample",
+                         remedy="trim the record to where the control is known")
+    _check_garbage(values[finite], channel, where)
+
+
+def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
+    """Refuse a measurement that never moves, or whose values no instrument of SI units gives (1e-155 m/s)."""
+    if channel.role == "measurement" and values.size > 1 and np.ptp(values) == 0:
+        raise InputError(where, found=f"{values[0]!r} in every sample", expected="a measurement that varies",
+                         remedy="map another column, or drop the channel")
+    size = np.max(np.abs(values))
+    if size > 0 and not 1e-6 < size < 1e9 and channel.role == "measurement":
+        raise InputError(where, found=f"values of at most {size:.1e} {channel.unit}", expected="magnitudes a vehicle can have",
+                         remedy="the column holds garbage or the unit is wrong: map another column or correct the unit")

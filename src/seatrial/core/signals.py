@@ -1,0 +1,79 @@
+"""The named signals a hydrodynamic force may depend on: body velocities, attitude and controls (SNAME and Fossen).
+
+A unit is kept as integer exponents of (kg, m, s, rad), so that the unit of any product of signals is exact.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Dimension(NamedTuple):
+    """Integer exponents of the four base units; angles count, so that rad/s is not 1/s."""
+
+    kg: int = 0
+    m: int = 0
+    s: int = 0
+    rad: int = 0
+
+    def times(self, other: "Dimension", power: int = 1) -> "Dimension":
+        """Return the dimension of `self * other**power`."""
+        return Dimension(*(a + power * b for a, b in zip(self, other, strict=True)))
+
+    def __str__(self) -> str:
+        """Print as SI, for example `kg/s`, `kg m/rad^2` or `1`."""
+        above = [_power(name, exponent) for name, exponent in zip(self._fields, self, strict=True) if exponent > 0]
+        below = [_power(name, -exponent) for name, exponent in zip(self._fields, self, strict=True) if exponent < 0]
+        numerator = " ".join(above) or "1"
+        if not below:
+            return numerator
+        return f"{numerator}/{below[0]}" if len(below) == 1 else f"{numerator}/({' '.join(below)})"
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One scalar signal: its dimension, how it prints (LaTeX) and what it is."""
+
+    dimension: Dimension
+    label: str
+    meaning: str
+
+
+FORCE = Dimension(kg=1, m=1, s=-2)
+MOMENT = Dimension(kg=1, m=2, s=-2)
+SPEED = Dimension(m=1, s=-1)
+ANGLE = Dimension(rad=1)
+ANGULAR_RATE = Dimension(rad=1, s=-1)
+
+SIGNALS: dict[str, Signal] = {
+    "u": Signal(SPEED, "u", "surge velocity"),
+    "v": Signal(SPEED, "v", "sway velocity"),
+    "w": Signal(SPEED, "w", "heave velocity"),
+    "p": Signal(ANGULAR_RATE, "p", "roll rate"),
+    "q": Signal(ANGULAR_RATE, "q", "pitch rate"),
+    "r": Signal(ANGULAR_RATE, "r", "yaw rate"),
+    "phi": Signal(ANGLE, r"\phi", "roll angle"),
+    "theta": Signal(ANGLE, r"\theta", "pitch angle"),
+    "psi": Signal(ANGLE, r"\psi", "heading"),
+    "n": Signal(ANGULAR_RATE, "n", "propeller speed"),
+    "delta_r": Signal(ANGLE, r"\delta_r", "rudder angle"),
+    "delta_s": Signal(ANGLE, r"\delta_s", "stern plane angle"),
+    "tau_X": Signal(FORCE, r"\tau_X", "commanded surge force"),
+    "tau_Y": Signal(FORCE, r"\tau_Y", "commanded sway force"),
+    "tau_Z": Signal(FORCE, r"\tau_Z", "commanded heave force"),
+    "tau_K": Signal(MOMENT, r"\tau_K", "commanded roll moment"),
+    "tau_M": Signal(MOMENT, r"\tau_M", "commanded pitch moment"),
+    "tau_N": Signal(MOMENT, r"\tau_N", "commanded yaw moment"),
+}
+RATES = ("u", "v", "w", "p", "q", "r")
+"""Signals whose time derivative may be written, as in `X_udot`."""
+
+
+def signal_unit(name: str) -> str:
+    """SI unit of a signal, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
+    if name.endswith("dot") and name[:-3] in RATES:
+        return str(SIGNALS[name[:-3]].dimension.times(Dimension(s=-1)))
+    return str(SIGNALS[name].dimension)
+
+
+def _power(name: str, exponent: int) -> str:
+    return name if exponent == 1 else f"{name}^{exponent}"

@@ -1,0 +1,47 @@
+"""The narrow waist between vehicles and filters: a discrete-time state space with additive noise."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+from jaxtyping import Array, Float
+
+from seatrial.core.gaussian import Gaussian
+
+State = tuple[Any, ...]
+Transition = Callable[[State, tuple[Any, ...], Any], State]
+Observe = Callable[[State, tuple[Any, ...]], tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """x_{k+1} = transition(x_k, c_k, h_k) + w, y_k = observe(x_k, c_k) + v, with independent Gaussian w and v.
+
+    The first `n_dynamic` states move; the others are parameters, which the transition leaves alone, and filters may
+    rely on it. Functions take and return tuples of scalars. A pytree: arrays may be batched, names and functions are static.
+
+    Attributes:
+        initial: distribution of the state at the first sample, before its measurement.
+        process_sd: standard deviation of w for one sample, shape (n,).
+        measurement_sd: standard deviation of v, shape (m,).
+        states: names, dynamic states first.
+        outputs: names of the measured channels.
+        n_dynamic: number of states that move.
+        transition: `(state, control, step) -> ` the dynamic states one step later.
+        observe: `(state, control) -> ` the outputs.
+    """
+
+    initial: Gaussian
+    process_sd: Float[Array, " n"]
+    measurement_sd: Float[Array, " m"]
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    n_dynamic: int
+    transition: Transition
+    observe: Observe
+
+
+jax.tree_util.register_dataclass(
+    StateSpace, data_fields=["initial", "process_sd", "measurement_sd"],
+    meta_fields=["states", "outputs", "n_dynamic", "transition", "observe"])

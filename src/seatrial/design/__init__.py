@@ -1,0 +1,1 @@
+"""How much a trial would teach, and which of many teaches most."""

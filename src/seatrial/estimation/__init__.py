@@ -1,0 +1,1 @@
+"""Likelihoods, priors, posteriors and the fast normal approximation at their mode."""

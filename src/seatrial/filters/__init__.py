@@ -1,0 +1,1 @@
+"""Recursive Gaussian filters over a state space, and the one driver that runs them."""

@@ -1,0 +1,111 @@
+"""What every filter shares: its belief, what one measurement update reports, and how missing channels are left out."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import jax.numpy as jnp
+
+from seatrial.core.state_space import StateSpace
+from seatrial.numerics.triangular import Scalar, Triangle, Vector, dot, is_zero, log_diagonal, solve_lower
+
+LOG_2PI = 1.8378770664093453
+
+
+class Belief(NamedTuple):
+    """Mean and spread of the state, as scalars.
+
+    The spread is the lower triangle of the covariance, or its Cholesky factor for a filter with `square_root`.
+    """
+
+    mean: Vector
+    spread: Triangle
+
+
+class Update(NamedTuple):
+    """What one measurement update reports.
+
+    Attributes:
+        log_likelihood: log density of the measurement given the past, 0 where nothing was measured.
+        nis: normalised innovation squared; chi-squared with `n_measured` degrees of freedom if the filter is consistent.
+        n_measured: channels measured.
+        innovation: measured minus predicted, NaN where missing.
+        failed: whether a covariance lost positive definiteness.
+        clipped: number of sigma points moved back to the bounds.
+    """
+
+    log_likelihood: Scalar
+    nis: Scalar
+    n_measured: Scalar
+    innovation: Vector
+    failed: Scalar
+    clipped: Scalar
+
+
+class Filter(Protocol):
+    """A recursive Gaussian filter; implementations are frozen dataclasses of plain settings, so that they can be hashed."""
+
+    @property
+    def square_root(self) -> bool:
+        """Whether the belief carries the Cholesky factor rather than the covariance."""
+        ...
+
+    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+        """Belief one step later, and the number of sigma points clipped."""
+        ...
+
+    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+        """Belief after a measurement in which NaN marks a missing channel."""
+        ...
+
+
+class Masked(NamedTuple):
+    """A measurement with its gaps taken out: a missing channel has weight 0, innovation 0 and unit noise.
+
+    Cross terms are multiplied by the weight, so the channel drops out of the update exactly.
+    """
+
+    weight: Vector
+    noise_sd: Vector
+    innovation: Vector
+    reported: Vector
+
+
+def mask_missing(space: StateSpace, measurement: Vector, predicted: Sequence[Scalar]) -> Masked:
+    """Split a measurement into present and missing channels."""
+    present = tuple(jnp.isfinite(y) for y in measurement)
+    difference = tuple(y - p for y, p in zip(measurement, predicted, strict=True))
+    return Masked(
+        weight=tuple(p * 1.0 for p in present),
+        noise_sd=tuple(jnp.where(p, space.measurement_sd[i], 1.0) for i, p in enumerate(present)),
+        innovation=tuple(jnp.where(p, d, 0.0) for p, d in zip(present, difference, strict=True)),
+        reported=tuple(jnp.where(p, d, jnp.nan) for p, d in zip(present, difference, strict=True)))
+
+
+def gate(weight: Scalar, value: Scalar) -> Scalar:
+    """Product with a channel's weight that keeps structural zeros."""
+    return value if is_zero(value) else weight * value
+
+
+def whiten(factor: Triangle, masked: Masked, failed: Scalar = False, clipped: Scalar = 0) -> tuple[Vector, Update]:
+    """Whiten the innovation with the lower factor of its covariance; return it and the update's report."""
+    white = solve_lower(factor, masked.innovation)
+    nis = dot(white, white)
+    n_measured = sum(masked.weight)
+    log_likelihood = -0.5 * (nis + n_measured * LOG_2PI) - log_diagonal(factor)
+    return white, Update(log_likelihood, nis, n_measured, masked.reported, failed | ~jnp.isfinite(log_likelihood), clipped)
+
+
+def condition(belief: Belief, factor: Triangle, cross: Sequence[Vector], masked: Masked) -> tuple[Belief, Update]:
+    """Covariance-form update: mean + B e and P - B B^T, with B = P_xy S^-T/2 and e the whitened innovation.
+
+    Args:
+        belief: prior belief, in covariance form.
+        factor: lower factor of the innovation covariance S.
+        cross: rows of the cross covariance P_xy, one for each state.
+        masked: measurement.
+    """
+    white, update = whiten(factor, masked)
+    gains = [solve_lower(factor, row) for row in cross]
+    mean = tuple(x + dot(gain, white) for x, gain in zip(belief.mean, gains, strict=True))
+    covariance = tuple(tuple(p - dot(gains[i], gains[j]) for j, p in enumerate(row)) for i, row in enumerate(belief.spread))
+    return Belief(mean, covariance), update

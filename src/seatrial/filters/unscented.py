@@ -1,0 +1,75 @@
+"""Unscented Kalman filter in covariance form (Wan and van der Merwe 2000), sigma points redrawn before the update.
+
+    predict:  points from chol(P), x = sum w f(point), P = sum w (f(point) - x)(f(point) - x)^T + Q
+    update:   points from chol(P), S = sum w (h - y)(h - y)^T + R, P_xy = sum w (point - x)(h - y)^T
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from seatrial.core.state_space import StateSpace
+from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
+from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
+from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, times, total
+
+
+@dataclass(frozen=True)
+class UnscentedKalmanFilter:
+    """UKF with the scaled unscented rule."""
+
+    rule: UnscentedRule = UnscentedRule()
+    square_root: bool = False
+
+    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+        """See `Filter.predict`."""
+        d = space.n_dynamic
+        points = self._points(belief)
+        images = [(*space.transition(point, control, step), *point[d:]) for point in points]
+        mean = (*weighted_mean(self.rule, len(belief.mean), [image[:d] for image in images]), *belief.mean[d:])
+        deviations = [_minus(image, mean) for image in images]
+        weights = self._weights(len(belief.mean))
+        covariance = _moment(weights, deviations, deviations)
+        spread = tuple(tuple(plus(p, space.process_sd[i] ** 2) if i == j else p for j, p in enumerate(row[:i + 1]))
+                       for i, row in enumerate(covariance))
+        return Belief(mean, spread), 0
+
+    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+        """See `Filter.update`."""
+        n = len(belief.mean)
+        points = self._points(belief)
+        images = [space.observe(point, control) for point in points]
+        predicted = weighted_mean(self.rule, n, images)
+        masked = mask_missing(space, measurement, predicted)
+        residuals = [tuple(gate(w, y) for w, y in zip(masked.weight, _minus(image, predicted), strict=True)) for image in images]
+        weights = self._weights(n)
+        innovation_cov = [[plus(p, masked.noise_sd[i] ** 2) if i == j else p for j, p in enumerate(row)]
+                          for i, row in enumerate(_moment(weights, residuals, residuals))]
+        cross = _moment(weights, [_minus(point, belief.mean) for point in points], residuals)
+        return condition(belief, cholesky(innovation_cov), [tuple(row) for row in cross], masked)
+
+    def _points(self, belief: Belief) -> list[Vector]:
+        above, below = sigma_pairs(belief.mean, cholesky(belief.spread), self.rule.spread(len(belief.mean)))
+        return [belief.mean, *above, *below]
+
+    def _weights(self, n: int) -> list[float]:
+        _, centre, other = self.rule.weights(n)
+        return [centre, *[other] * (2 * n)]
+
+
+def weighted_mean(rule: UnscentedRule, n: int, points: Sequence[Vector]) -> Vector:
+    """Mean of transformed sigma points, the centre first.
+
+    Taken about the centre point, so that the large weights of a small alpha do not cancel.
+    """
+    _, _, other = rule.weights(n)
+    centre = points[0]
+    return tuple(plus(c, times(other, total([point[i] - c for point in points[1:]]))) for i, c in enumerate(centre))
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return tuple(0.0 if x is y else x - y for x, y in zip(a, b, strict=True))
+
+
+def _moment(weights: Sequence[float], left: Sequence[Vector], right: Sequence[Vector]) -> list[list[Scalar]]:
+    return [[dot([times(w, a[i]) for w, a in zip(weights, left, strict=True)], [b[j] for b in right])
+             for j in range(len(right[0]))] for i in range(len(left[0]))]

@@ -1,0 +1,1 @@
+"""Readers of real logs into records: channel maps, clocks, alignment and quality checks."""

@@ -1,0 +1,1 @@
+"""Excitation: inputs that make a trial informative, and the limits they must keep."""

@@ -1,0 +1,75 @@
+"""What a manoeuvre is: a named open-loop input in time, sampled where needed and checked against limits."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Manoeuvre:
+    """An open-loop trial: `signal(t)` gives the control, SI, at times t in [0, duration].
+
+    Attributes:
+        name: family and main settings, for tables.
+        control: control channel it drives.
+        duration: s.
+        parameters: its settings, SI.
+        signal: vectorised over time.
+    """
+
+    name: str
+    control: str
+    duration: float
+    parameters: Mapping[str, float]
+    signal: Callable[[np.ndarray], np.ndarray]
+
+    def sample(self, sample_time: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Times 0, h, 2h, … below the duration, s, and the control at each, SI."""
+        time = np.arange(round(self.duration / sample_time)) * sample_time
+        return time, np.asarray(self.signal(time))
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of a control channel: absolute value and rate of change, SI; None where there is no bound."""
+
+    lower: float | None = None
+    upper: float | None = None
+    rate: float | None = None
+
+    def excess(self, control: np.ndarray, sample_time: float) -> dict[str, tuple[float, float]]:
+        """Bounds that are broken: name to (largest value found, bound). Empty where all hold.
+
+        Args:
+            control: sampled control, SI, time along the last axis.
+            sample_time: s.
+        """
+        broken = {}
+        if self.upper is not None and (top := float(control.max())) > self.upper * (1 + 1e-12):
+            broken["upper"] = (top, self.upper)
+        if self.lower is not None and (bottom := float(control.min())) < self.lower - 1e-12 * abs(self.lower):
+            broken["lower"] = (bottom, self.lower)
+        if self.rate is not None:
+            fastest = float(np.abs(np.diff(control)).max() / sample_time)
+            if fastest > self.rate * (1 + 1e-9):
+                broken["rate"] = (fastest, self.rate)
+        return broken
+
+
+def check_limits(manoeuvre: Manoeuvre, limits: Limits, sample_time: float) -> None:
+    """Check one manoeuvre against its channel's limits.
+
+    Raises:
+        InputError: naming each limit broken, with the value reached.
+    """
+    _, control = manoeuvre.sample(sample_time)
+    broken = limits.excess(control, sample_time)
+    if broken:
+        found = "; ".join(f"{name} limit: reaches {value:.6g}, limit {bound:.6g}" for name, (value, bound) in broken.items())
+        raise InputError(f"manoeuvre {manoeuvre.name}, control {manoeuvre.control}", found=found + " (SI)",
+                         expected="a control inside its limits at every sample",
+                         remedy="lower the amplitude, lengthen the ramp of the edges, or widen the limits if the vehicle allows it")

@@ -1,0 +1,1 @@
+"""Mathematics without vehicles: small triangular algebra, sigma points, one-step integrators."""

@@ -1,0 +1,1 @@
+"""Samplers that see only a log-density, and the diagnostics of what they drew."""

@@ -1,0 +1,1 @@
+"""Which terms the data support: evidence with its error, model probabilities and the verdict in words."""

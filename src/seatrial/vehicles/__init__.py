@@ -1,0 +1,1 @@
+"""Physics: vehicle models from coefficient names, the catalogue of published vehicles, and the bridge to filters."""

@@ -1,0 +1,51 @@
+"""A vehicle model: named states, controls and coefficients, and the state's time derivative as a pure function."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.signals import signal_unit
+
+Params = Mapping[str, Any]
+"""Value of every free coefficient by name, SI; scalars, or arrays under vmap."""
+Derivative = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class VehicleModel:
+    """Continuous-time dynamics; models with equal data are equal and hash alike, so compiled functions are shared.
+
+    Attributes:
+        name: short name.
+        states: names of the states, for example `("u",)`.
+        controls: names of the controls, for example `("n",)`.
+        coefficients: free coefficients, whose values `derivative` expects in `params`.
+        constants: everything else that enters the equations, as (name, value) pairs.
+        per_unit_mass: whether forces are divided by an unknown effective mass, so that units lose their kilogram.
+        derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    controls: tuple[str, ...]
+    coefficients: tuple[CoefficientName, ...]
+    constants: tuple[tuple[str, float], ...]
+    per_unit_mass: bool
+    derivative: Derivative = field(compare=False, repr=False)
+
+    def unit_of(self, coefficient: CoefficientName) -> str:
+        """SI unit of a coefficient in this model."""
+        dimension = coefficient.dimension
+        return str(dimension._replace(kg=dimension.kg - 1)) if self.per_unit_mass else str(dimension)
+
+    def channel_units(self) -> dict[str, str]:
+        """SI unit of everything a sensor may measure: the states and their rates."""
+        names = [*self.states, *(state + "dot" for state in self.states)]
+        return {name: signal_unit(name) for name in names}
+
+    def output(self, channel: str, params: Params, state: tuple[Any, ...], control: tuple[Any, ...]) -> Any:
+        """Value of a channel of `channel_units` at a state, SI."""
+        if channel in self.states:
+            return state[self.states.index(channel)]
+        return self.derivative(params, state, control)[self.states.index(channel.removesuffix("dot"))]

@@ -1,0 +1,114 @@
+"""Surge dynamics with any set of terms: (m - X_udot) du/dt = sum X_i phi_i + (1 - t_d) sum T_j phi_j.
+
+The paper's model is the set {X_u, X_uabsu, T_nabsn}, its eq. (3); X_du3 adds the term of its section IV.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+
+from scipy.optimize import brentq
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.signals import SIGNALS
+from seatrial.vehicles.model import Params, VehicleModel
+
+
+@dataclass(frozen=True)
+class SurgeHull:
+    """What is known about the vehicle beforehand.
+
+    Attributes:
+        name: short name.
+        mass: dry mass, kg; None where it is unknown, and forces then are per unit of effective mass.
+        thrust_deduction: t_d, the part of the thrust lost to the hull, 0 <= t_d < 1.
+        fixed: coefficients that are not estimated, SI, for example `{"X_udot": -0.93}`.
+        trim: equilibrium about which the vehicle works: signal name to SI value.
+    """
+
+    name: str
+    mass: float | None
+    thrust_deduction: float = 0.0
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    trim: Mapping[str, float] = field(default_factory=dict)
+
+
+def surge_vehicle(hull: SurgeHull, terms: Sequence[str]) -> VehicleModel:
+    """Build the surge model whose free coefficients are `terms`.
+
+    Args:
+        hull: mass, thrust deduction, fixed coefficients and trim.
+        terms: coefficient names on the axes X and T; those fixed by the hull are left out of `params`.
+
+    Raises:
+        InputError: malformed name, another axis, a signal the surge model lacks, two names of one regressor,
+            or an unphysical constant.
+    """
+    free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
+    fixed = tuple(CoefficientName.parse(name) for name in hull.fixed)
+    _check(hull, free + fixed)
+    used = tuple(name for name in SIGNALS if name != "u" and any(name in term.signals for term in free + fixed))
+    mass, share = 1.0 if hull.mass is None else hull.mass, {"X": 1.0, "T": 1.0 - hull.thrust_deduction}
+    known = dict(hull.fixed)
+    inertial = [term for term in free + fixed if term.is_added_mass]
+    acting = [term for term in free + fixed if not term.is_added_mass]
+
+    def derivative(params: Params, state: tuple, control: tuple) -> tuple:
+        values = {**known, **params}
+        signals = {"u": state[0], **dict(zip(used, control, strict=True))}
+        force = 0.0
+        for term in acting:
+            scale = values[term.text] if share[term.axis] == 1.0 else share[term.axis] * values[term.text]
+            force = force + scale * term.regressor(signals, hull.trim)
+        effective_mass = mass
+        for term in inertial:
+            effective_mass = effective_mass - values[term.text]
+        return (force / effective_mass,)
+
+    constants = (("mass", mass), ("thrust_deduction", hull.thrust_deduction), *hull.fixed.items(),
+                 *((f"trim {name}", value) for name, value in hull.trim.items()))
+    return VehicleModel(hull.name, ("u",), used, free, constants, hull.mass is None, derivative)
+
+
+def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], limit: float = 20.0) -> float:
+    """Equilibrium surge speed, m/s, under a constant control: the root of du/dt in [-limit, limit].
+
+    Raises:
+        InputError: no equilibrium there, for example because the damping does not dissipate.
+    """
+    def rate(u: float) -> float:
+        return float(model.derivative(params, (u,), tuple(control))[0])
+
+    if rate(-limit) * rate(limit) > 0 or not isfinite(rate(limit)):
+        raise InputError(f'vehicle "{model.name}", trim', found=f"du/dt of the same sign at -{limit:g} and +{limit:g} m/s",
+                         expected="drag that balances the thrust at some speed",
+                         remedy="check the signs of the damping coefficients: negative dissipates")
+    return float(brentq(rate, -limit, limit, xtol=1e-14, rtol=1e-14))
+
+
+def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
+    where = f'vehicle "{hull.name}"'
+    if hull.mass is not None and not (isfinite(hull.mass) and hull.mass > 0):
+        raise InputError(f"{where}, mass", found=f"{hull.mass} kg", expected="a positive mass", remedy='give the dry mass, or "unknown"')
+    if not 0 <= hull.thrust_deduction < 1:
+        raise InputError(f"{where}, thrust_deduction", found=str(hull.thrust_deduction), expected="a number from 0 to below 1",
+                         remedy="0.1 is typical of a torpedo-shaped vehicle")
+    available = {"u", "n", "tau_X", *hull.trim}
+    seen: dict[CoefficientName, str] = {}
+    for term in terms:
+        if term.axis not in ("X", "T"):
+            raise InputError(f"{where}, term {term.text}", found=f'axis "{term.axis}"', expected="X or T: this is the surge model",
+                             remedy="leave the term out")
+        for signal in term.signals:
+            if signal not in available:
+                raise InputError(f"{where}, term {term.text}", found=f'signal "{signal}"', expected="one of " + ", ".join(sorted(available)),
+                                 remedy="the surge model knows the surge speed, the propeller speed and a commanded surge force")
+        for signal in term.trim_signals:
+            if signal not in hull.trim:
+                raise InputError(f"{where}, term {term.text}", found=f'no trim value of "{signal}"', expected=f"trim.{signal}",
+                                 remedy="give the trim point, since the term is a change from it")
+        if term in seen:
+            raise InputError(f"{where}, term {term.text}", found=f"the same regressor as {seen[term]}", expected="each regressor once",
+                             remedy="leave one of the two out")
+        seen[term] = term.text
