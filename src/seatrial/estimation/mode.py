@@ -1,0 +1,104 @@
+"""The fast answer: posterior mode by trust-region Newton with exact derivatives, and the normal approximation there.
+
+Derivatives are forward: through thousands of time steps and a handful of parameters they cost a few simulations and no memory.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import minimize
+
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.posterior import Posterior
+
+
+class Mode(NamedTuple):
+    """Posterior mode in unconstrained space and the Laplace approximation about it.
+
+    Attributes:
+        z: mode, shape (d,).
+        cov: inverse of the negative Hessian, shape (d, d).
+        log_density: unnormalised log posterior density at the mode.
+        log_evidence: Laplace approximation of the log evidence.
+        values: the mode in the parameters' own units, shape (d,).
+        sd: delta-method standard deviations of `values`, shape (d,).
+        flat: whether a direction had no curvature, so that its variance was set to the prior's.
+    """
+
+    z: Float[np.ndarray, " d"]
+    cov: Float[np.ndarray, "d d"]
+    log_density: float
+    log_evidence: float
+    values: Float[np.ndarray, " d"]
+    sd: Float[np.ndarray, " d"]
+    flat: bool
+
+
+def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: int = 3) -> Mode:
+    """Maximise the posterior density from the best of many prior draws.
+
+    Args:
+        posterior: density to maximise.
+        key: random key of the prior draws.
+        starts: prior draws that are evaluated.
+        tries: of these, how many of the best are followed to their maximum.
+
+    Raises:
+        NumericalError: no prior draw has a finite likelihood, or no maximum was found.
+    """
+    candidates = posterior.sample_prior(key, starts)
+    densities = np.asarray(_densities(posterior, candidates))
+    if not np.isfinite(densities).any():
+        raise NumericalError(f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges. "
+                             "Narrow the prior to damping that dissipates (negative coefficients), or check units.")
+    order = np.argsort(-np.where(np.isfinite(densities), densities, -np.inf))[:tries]
+    found = [_climb(posterior, np.asarray(candidates[i])) for i in order if np.isfinite(densities[i])]
+    z, log_density = max(found, key=lambda pair: pair[1])
+    if not np.isfinite(log_density):
+        raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
+    hessian = np.asarray(_hessian(posterior, jnp.asarray(z)))
+    cov, log_volume, flat = _invert(-0.5 * (hessian + hessian.T))
+    slope = np.diag(np.asarray(jax.jacfwd(posterior.constrain)(jnp.asarray(z))))
+    return Mode(z, cov, log_density, log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
+                np.asarray(posterior.constrain(jnp.asarray(z))), np.abs(slope) * np.sqrt(np.diag(cov)), flat)
+
+
+@jax.jit
+def _densities(posterior: Posterior, z: Array) -> Array:
+    return jax.vmap(posterior.log_density)(z)
+
+
+@jax.jit
+def _density(posterior: Posterior, z: Array) -> Array:
+    return posterior.log_density(z)
+
+
+@jax.jit
+def _gradient(posterior: Posterior, z: Array) -> Array:
+    return jax.jacfwd(posterior.log_density)(z)
+
+
+@jax.jit
+def _hessian(posterior: Posterior, z: Array) -> Array:
+    return jax.jacfwd(jax.jacfwd(posterior.log_density))(z)
+
+
+def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
+    def finite(value: np.ndarray) -> np.ndarray:
+        return np.nan_to_num(np.asarray(value), nan=0.0, posinf=1e100, neginf=-1e100)
+
+    result = minimize(lambda z: float(finite(-_density(posterior, z))), start, method="trust-exact",
+                      jac=lambda z: -finite(_gradient(posterior, z)), hess=lambda z: -finite(_hessian(posterior, z)),
+                      options={"gtol": 1e-6, "maxiter": 300})
+    return result.x, float(_density(posterior, result.x))
+
+
+def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """Inverse, half its log-determinant, and whether a direction without curvature was given unit precision, the prior's order."""
+    values, vectors = np.linalg.eigh(precision)
+    flat = bool((values <= 1e-6).any())
+    values = np.where(values <= 1e-6, 1.0, values)
+    return (vectors / values) @ vectors.T, -0.5 * float(np.log(values).sum()), flat

@@ -1,0 +1,88 @@
+"""Whether chains can be trusted: rank R-hat and effective sample sizes (arviz-stats), and Geweke's score."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+MAX_R_HAT = 1.01
+MIN_ESS = 400.0
+
+
+class ChainHealth(NamedTuple):
+    """Diagnostics of each parameter, shape (d,).
+
+    Attributes:
+        r_hat: rank-normalised split R-hat (Vehtari et al. 2021).
+        ess_bulk: effective sample size for the centre.
+        ess_tail: effective sample size for the 5 % and 95 % quantiles.
+        geweke: largest absolute score over the chains, scaled so that 2 is as rare as for one chain.
+        mcse: Monte Carlo standard error of the mean.
+    """
+
+    r_hat: Float[np.ndarray, " d"]
+    ess_bulk: Float[np.ndarray, " d"]
+    ess_tail: Float[np.ndarray, " d"]
+    geweke: Float[np.ndarray, " d"]
+    mcse: Float[np.ndarray, " d"]
+
+
+def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
+    """Compute the diagnostics of draws in the parameters' own units."""
+    from arviz_stats.base import array_stats
+
+    per_parameter = [np.ascontiguousarray(draws[:, :, i]) for i in range(draws.shape[2])]
+    return ChainHealth(
+        r_hat=np.array([array_stats.rhat(x) for x in per_parameter], float),
+        ess_bulk=np.array([array_stats.ess(x, method="bulk") for x in per_parameter], float),
+        ess_tail=np.array([array_stats.ess(x, method="tail", prob=(0.05, 0.95)) for x in per_parameter], float),
+        geweke=np.array([float(np.sqrt(np.mean([geweke_score(chain) ** 2 for chain in x]))) for x in per_parameter]),
+        mcse=np.array([array_stats.mcse(x) for x in per_parameter], float))
+
+
+def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float = 0.5) -> float:
+    """Geweke's convergence score of one chain (Bayesian Statistics 4, 1992).
+
+    The difference of the means of the first 10 % and the last 50 % over its standard error, from the spectral density at
+    zero: with the plain variance of the draws, as sometimes printed, the score cannot fail.
+    """
+    early, late = chain[: int(first * chain.size)], chain[chain.size - int(last * chain.size):]
+    variance = _variance_of_mean(early) + _variance_of_mean(late)
+    return float((early.mean() - late.mean()) / np.sqrt(variance)) if variance > 0 else float("inf")
+
+
+def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
+    """What is wrong, in words, one sentence for each parameter at fault; empty where the chains are healthy."""
+    said = []
+    for i, name in enumerate(names):
+        if not np.isfinite(health.r_hat[i]):
+            said.append(f"the chains of {name} never moved: the proposal is far too wide or the density is flat or broken; "
+                        "check the prior and the data")
+        elif health.r_hat[i] > MAX_R_HAT:
+            said.append(f"the chains disagree about {name} (R-hat {health.r_hat[i]:.3f}, at most {MAX_R_HAT}): run longer, "
+                        "or look for two separate explanations of the data")
+        elif min(health.ess_bulk[i], health.ess_tail[i]) < MIN_ESS:
+            said.append(f"too few independent draws of {name} ({min(health.ess_bulk[i], health.ess_tail[i]):.0f} effective, at least "
+                        f"{MIN_ESS:.0f}): ask for more draws")
+    return said
+
+
+def _variance_of_mean(x: np.ndarray) -> float:
+    """Variance of a mean of correlated draws: autoregression of order chosen by AIC, spectral density at zero over n."""
+    n = x.size
+    centred = x - x.mean()
+    if not centred.any():
+        return 0.0
+    max_order = max(1, int(10 * np.log10(n)))
+    covariances = np.array([centred[: n - lag] @ centred[lag:] / n for lag in range(max_order + 1)])
+    variance, coefficients, best = covariances[0], np.empty(0), (n * np.log(covariances[0]), covariances[0])
+    for order in range(1, max_order + 1):
+        reflection = (covariances[order] - coefficients @ covariances[order - 1:0:-1]) / variance
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        variance = variance * (1 - reflection**2)
+        if variance <= 1e-14 * covariances[0]:
+            break
+        criterion = n * np.log(variance) + 2 * order
+        if criterion < best[0]:
+            best = (criterion, variance / (1 - coefficients.sum()) ** 2)
+    return float(best[1]) / n

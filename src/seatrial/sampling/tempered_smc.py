@@ -1,0 +1,142 @@
+"""Adaptive tempered sequential Monte Carlo (Del Moral, Doucet and Jasra 2006), by BlackJAX.
+
+Particles start as draws from the prior, less those whose likelihood is zero, and move through p(z) L(z)^b with b from 0 to 1, each step of b chosen so that the
+weights keep a stated effective sample size; in between they move by random-walk Metropolis with the covariance of the
+particles. The product of the mean weights estimates the evidence without bias.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import blackjax
+import blackjax.smc.resampling
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import NumericalError
+from seatrial.sampling.target import Progress, Target, no_progress
+
+_FLOOR = -1e100
+"""Stands for log 0 while tempering: 0 * (-inf) would be NaN."""
+_START = 1e-30
+"""First temperature: no finite likelihood is felt there, and one of 0 still is."""
+
+
+@dataclass(frozen=True)
+class SMCSettings:
+    """Size of a run.
+
+    Attributes:
+        particles: number of particles.
+        moves: Metropolis moves of each particle at each temperature; None for max(8, 2 d).
+        target_ess: effective share of the particles each temperature step keeps.
+    """
+
+    particles: int = 1000
+    moves: int | None = None
+    target_ess: float = 0.5
+
+    def moves_for(self, dim: int) -> int:
+        """Moves at each temperature for a target of `dim` parameters."""
+        return self.moves if self.moves is not None else max(8, 2 * dim)
+
+
+class SMCResult(NamedTuple):
+    """Outcome of one run.
+
+    Attributes:
+        log_evidence: estimate of log of the integral of prior times likelihood.
+        particles: equally weighted draws from the posterior, shape (particles, d).
+        temperatures: b after each step; the last is 1.
+        acceptance: mean acceptance of the moves at each temperature.
+    """
+
+    log_evidence: float
+    particles: Float[np.ndarray, "particles d"]
+    temperatures: Float[np.ndarray, " steps"]
+    acceptance: Float[np.ndarray, " steps"]
+
+
+def sample_tempered_smc(target: Target, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress,
+                        max_steps: int = 500) -> SMCResult:
+    """Run one tempered SMC from the prior to the posterior.
+
+    Raises:
+        NumericalError: the temperature stopped advancing, because almost no particle has a finite likelihood.
+    """
+    start_key, key = jax.random.split(key)
+    initial, step = _steps(settings, target.dim)
+    state, share = initial(target, start_key)
+    if float(share) == 0.0:
+        raise NumericalError(f"none of {settings.particles} draws from the prior has a finite likelihood: under this prior the model "
+                             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units.")
+    log_evidence, temperatures, acceptance = float(np.log(share)), [], []
+    for iteration in range(max_steps):
+        before = float(state.sampler_state.tempering_param)
+        state, increment, accepted = step(target, state, jax.random.fold_in(key, iteration))
+        temperature = float(state.sampler_state.tempering_param)
+        log_evidence += float(increment)
+        temperatures.append(temperature)
+        acceptance.append(float(accepted))
+        progress(round(1000 * (1 + np.log10(max(temperature, 1e-9)) / 9)), 1000)
+        if temperature >= 1.0:
+            resampled = _resample(state.sampler_state, jax.random.fold_in(key, max_steps))
+            return SMCResult(log_evidence, np.asarray(resampled), np.array(temperatures), np.array(acceptance))
+        if not np.isfinite(log_evidence) or temperature <= before:
+            break
+    raise NumericalError(f"tempered SMC stopped at temperature {temperatures[-1]:.3g} after {len(temperatures)} steps "
+                         f"(log evidence so far {log_evidence:.4g}): too few particles have a finite likelihood. "
+                         "Use more particles, or a prior under which the model can be simulated.")
+
+
+@lru_cache(maxsize=8)
+def _steps(settings: SMCSettings, dim: int):
+    walk = blackjax.additive_step_random_walk.build_kernel()
+    scale = 2.38 / np.sqrt(dim)
+
+    def move(key: Array, state: Any, log_density: Any, factor: Array):
+        return walk(key, state, log_density, lambda k, z: scale * factor @ jax.random.normal(k, z.shape))
+
+    def factor_of(particles: Array) -> dict[str, Array]:
+        cov = jnp.cov(particles, rowvar=False).reshape(dim, dim)
+        return {"factor": jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))[None]}
+
+    def log_likelihood(target: Target, z: Array) -> Array:
+        return jnp.maximum(target.log_likelihood(z), _FLOOR)
+
+    def weighted_factor(key: Array, state: Any, info: Any) -> dict[str, Array]:
+        drawn = blackjax.smc.resampling.systematic(key, state.weights, settings.particles)
+        return factor_of(state.particles[drawn])
+
+    def kernel(target: Target):
+        return blackjax.inner_kernel_tuning(
+            blackjax.adaptive_tempered_smc, target.log_prior, lambda z: log_likelihood(target, z), move,
+            blackjax.additive_step_random_walk.init, blackjax.smc.resampling.systematic, weighted_factor,
+            initial_parameter_value={}, num_mcmc_steps=settings.moves_for(dim), target_ess=settings.target_ess)
+
+    @jax.jit
+    def initial(target: Target, key: Array):
+        draw_key, pick_key = jax.random.split(key)
+        drawn = target.sample_prior(draw_key, settings.particles)
+        alive = jnp.isfinite(jax.vmap(target.log_likelihood)(drawn))
+        share = jnp.mean(alive)
+        picked = blackjax.smc.resampling.systematic(pick_key, jnp.where(share > 0, alive / jnp.sum(alive), 1.0 / alive.size), alive.size)
+        particles = drawn[picked]
+        state = kernel(target).init(particles)
+        begun = state.sampler_state._replace(tempering_param=jnp.asarray(_START))
+        return state._replace(sampler_state=begun, parameter_override=factor_of(particles)), share
+
+    @jax.jit
+    def step(target: Target, state: Any, key: Array):
+        state, info = kernel(target).step(key, state)
+        return state, info.log_likelihood_increment, jnp.mean(info.update_info.acceptance_rate)
+
+    return initial, step
+
+
+@jax.jit
+def _resample(state: Any, key: Array) -> Array:
+    return state.particles[blackjax.smc.resampling.systematic(key, state.weights, state.particles.shape[0])]

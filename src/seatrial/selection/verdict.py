@@ -1,0 +1,85 @@
+"""From evidences to probabilities with their Monte Carlo error, and to words an engineer can act on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.selection.evidence import Evidence
+from seatrial.selection.structures import Structure
+
+DECIDED, LIKELY = 0.95, 0.75
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which terms the data support.
+
+    Attributes:
+        structures: candidates.
+        evidences: one for each.
+        probability: posterior probability of each structure, equal prior probabilities.
+        probability_error: its Monte Carlo standard error.
+        inclusion: posterior probability of each optional term.
+        inclusion_error: its Monte Carlo standard error.
+        chosen: index of the most probable structure.
+        verdicts: one sentence for each question.
+    """
+
+    structures: tuple[Structure, ...]
+    evidences: tuple[Evidence, ...]
+    probability: Float[np.ndarray, " m"]
+    probability_error: Float[np.ndarray, " m"]
+    inclusion: Mapping[str, float]
+    inclusion_error: Mapping[str, float]
+    chosen: int
+    verdicts: tuple[str, ...]
+
+
+def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]) -> Selection:
+    """Compare structures of equal prior probability.
+
+    Monte Carlo errors are propagated to first order: d P_i = P_i (d log Z_i - sum_j P_j d log Z_j).
+    """
+    logs = np.array([evidence.log_value for evidence in evidences])
+    errors = np.array([evidence.std_error for evidence in evidences])
+    weights = np.exp(logs - logs.max())
+    probability = weights / weights.sum()
+    jacobian = np.diag(probability) - np.outer(probability, probability)
+    has = {term: np.array([term in structure.terms for structure in structures], float) for term in optional}
+    inclusion = {term: float(member @ probability) for term, member in has.items()}
+    inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
+    verdicts = [term_verdict(term, inclusion[term], inclusion_error[term]) for term in optional]
+    verdicts += pair_verdicts(has, probability)
+    verdicts += [f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
+                 for structure, evidence in zip(structures, evidences, strict=True) if evidence.status]
+    return Selection(tuple(structures), tuple(evidences), probability, np.linalg.norm(jacobian * errors, axis=1), inclusion,
+                     inclusion_error, int(np.argmax(probability)), tuple(verdicts))
+
+
+def term_verdict(term: str, inclusion: float, error: float) -> str:
+    """Say whether the data support a term, with the probability of the side that is favoured."""
+    without = 1.0 - inclusion
+    margin = f" (± {error:.2g})"
+    if inclusion >= DECIDED:
+        return f"the data support {term}: probability {inclusion:.2f} with it{margin}"
+    if inclusion >= LIKELY:
+        return f"the data favour {term}, but do not settle it: probability {inclusion:.2f} with it{margin}"
+    if without >= LIKELY:
+        return f"the data do not support {term}: probability {without:.2f} without it{margin}"
+    return f"the data cannot decide about {term}: probability {inclusion:.2f} with it, {without:.2f} without{margin}"
+
+
+def pair_verdicts(has: Mapping[str, np.ndarray], probability: np.ndarray) -> list[str]:
+    """Name the pairs of terms of which the data demand one but cannot tell which."""
+    said = []
+    for a, b in combinations(has, 2):
+        only_a = float((has[a] * (1 - has[b])) @ probability)
+        only_b = float((has[b] * (1 - has[a])) @ probability)
+        both = float((has[a] * has[b]) @ probability)
+        if only_a + only_b + both >= DECIDED and max(only_a + both, only_b + both) < DECIDED and min(only_a, only_b) > 1 - DECIDED:
+            said.append(f"these records cannot separate {a} from {b}: at least one is needed (probability {only_a + only_b + both:.2f}), "
+                        f"{a} alone {only_a:.2f}, {b} alone {only_b:.2f}, both {both:.2f}")
+    return said

@@ -1,0 +1,59 @@
+import hashlib
+import json
+
+import pytest
+
+from seatrial.core.files import atomic_path, sha256_of, sha256_of_json, write_json, write_text
+
+
+def test_writes_the_whole_file_and_nothing_else(tmp_path):
+    path = tmp_path / "new" / "deep" / "a.txt"
+    write_text(path, "ṽ = 1\n")
+    assert path.read_text(encoding="utf-8") == "ṽ = 1\n"
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("before", [None, "old"])
+def test_an_error_leaves_what_was_there(tmp_path, before):
+    path = tmp_path / "a.txt"
+    if before:
+        path.write_text(before)
+
+    def interrupted():
+        with atomic_path(path) as temporary:
+            temporary.write_text("half of the new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [file.read_text() for file in tmp_path.iterdir()] == ([before] if before else [])
+
+
+def test_readers_see_the_old_file_until_the_end(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with atomic_path(path) as temporary:
+        temporary.write_text("new")
+        assert temporary.parent == path.parent
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), {1, 2}])
+def test_json_that_others_cannot_read_is_refused(tmp_path, value):
+    with pytest.raises((ValueError, TypeError)):
+        write_json(tmp_path / "a.json", {"x": value})
+    assert not list(tmp_path.iterdir())
+
+
+def test_json(tmp_path):
+    write_json(tmp_path / "a.json", {"Δu": [1, 2.5, None]})
+    assert json.loads((tmp_path / "a.json").read_bytes()) == {"Δu": [1, 2.5, None]}
+
+
+def test_hashes(tmp_path):
+    path = tmp_path / "a.bin"
+    path.write_bytes(bytes(range(256)) * 5000)
+    assert sha256_of(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert sha256_of_json({"a": 1, "b": [2, 3]}) == sha256_of_json({"b": [2, 3], "a": 1})
+    assert sha256_of_json({"a": 1}) != sha256_of_json({"a": 2})
