@@ -20,7 +20,8 @@ class Mode(NamedTuple):
 
     Attributes:
         z: mode, shape (d,).
-        cov: inverse of the negative Hessian, shape (d, d).
+        precision: negative Hessian of the log posterior density, shape (d, d).
+        cov: its inverse, shape (d, d).
         log_density: unnormalised log posterior density at the mode.
         log_evidence: Laplace approximation of the log evidence.
         values: the mode in the parameters' own units, shape (d,).
@@ -29,6 +30,7 @@ class Mode(NamedTuple):
     """
 
     z: Float[np.ndarray, " d"]
+    precision: Float[np.ndarray, "d d"]
     cov: Float[np.ndarray, "d d"]
     log_density: float
     log_evidence: float
@@ -60,9 +62,10 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
     hessian = np.asarray(_hessian(posterior, jnp.asarray(z)))
-    cov, log_volume, flat = _invert(-0.5 * (hessian + hessian.T))
+    precision = -0.5 * (hessian + hessian.T)
+    cov, log_volume, flat = _invert(precision)
     slope = np.diag(np.asarray(jax.jacfwd(posterior.constrain)(jnp.asarray(z))))
-    return Mode(z, cov, log_density, log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
+    return Mode(z, precision, cov, log_density, log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
                 np.asarray(posterior.constrain(jnp.asarray(z))), np.abs(slope) * np.sqrt(np.diag(cov)), flat)
 
 

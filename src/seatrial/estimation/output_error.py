@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
+from seatrial.estimation.simulation import delay_control
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 
@@ -53,7 +54,6 @@ class OutputError:
         complete: for each trial and channel, whether every sample is present.
         labels: trial labels; a trial whose initial state is estimated has parameters `u_0[label]`.
         free_initial: whether initial states are estimated.
-        max_delay: largest delay in samples, for the table of past controls.
     """
 
     model: VehicleModel
@@ -63,7 +63,6 @@ class OutputError:
     complete: tuple[tuple[bool, ...], ...]
     labels: tuple[str, ...]
     free_initial: bool
-    max_delay: int = 0
 
     def __call__(self, values: dict[str, Any], data: tuple[TrialData, ...]) -> Any:
         """Log-likelihood of all trials; -inf where the simulation diverges."""
@@ -78,19 +77,17 @@ class OutputError:
                         for state, start in zip(self.model.states, trial.initial, strict=True))
         noise = [_COLOURS[self.colour](values, channel, complete)
                  for channel, complete in zip(self.channels, self.complete[index], strict=True)]
-        control = _Delayed(trial, values["delay"], self.max_delay) if self.delay else None
+        control = tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control) if self.delay else trial.control
 
         def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
             state, sums = carry
             held, measured, present, step = sample
-            held = control(held) if control is not None else held
             sums = tuple(model.add(total, y - self.model.output(name, params, state, held), weight, step)
                          for model, total, y, weight, name in zip(noise, sums, measured, present, self.channels, strict=True))
             return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), sums), None
 
-        first = jnp.arange(trial.step.shape[0]) if control is not None else trial.control
         start = (tuple(jnp.asarray(x, float) for x in initial), tuple(model.start() for model in noise))
-        (_, sums), _ = jax.lax.scan(advance, start, (first, trial.measured, trial.present, trial.step))
+        (_, sums), _ = jax.lax.scan(advance, start, (control, trial.measured, trial.present, trial.step))
         return sum((model.log_likelihood(total, jnp.sum(weight)) for model, total, weight
                     in zip(noise, sums, trial.present, strict=True)), jnp.zeros(()))
 
@@ -138,20 +135,6 @@ class _Coloured:
 _COLOURS = {"white": _White, "coloured": _Coloured}
 
 
-class _Delayed:
-    """Controls a continuous delay ago: the mean over each step of a command that is held between samples, which is exact."""
-
-    def __init__(self, trial: TrialData, delay: Any, max_delay: int):
-        samples = delay / trial.step[0]
-        whole = jnp.floor(samples)
-        self.share, self.offset = samples - whole, max_delay + 1 - whole.astype(int)
-        self.tables = tuple(jnp.concatenate([jnp.full(max_delay + 1, column[0]), column]) for column in trial.control)
-
-    def __call__(self, index: Any) -> tuple:
-        here = index + self.offset
-        return tuple((1.0 - self.share) * table[here] + self.share * table[here - 1] for table in self.tables)
-
-
 def noise_name(channel: str) -> str:
     """Parameter name of a channel's noise standard deviation."""
     return f"sigma_{channel}"
@@ -182,8 +165,7 @@ def trial_data(record: Record, model: VehicleModel, channels: Sequence[str], ini
 
 
 def output_error(model: VehicleModel, records: Sequence[Record], channels: Sequence[str], initial: Sequence[Sequence[float]], *,
-                 colour: NoiseColour = "white", max_delay: float | None = None, free_initial: bool = False,
-                 ) -> tuple[OutputError, tuple[TrialData, ...]]:
+                 colour: NoiseColour = "white", delay: bool = False, free_initial: bool = False) -> tuple[OutputError, tuple[TrialData, ...]]:
     """Likelihood of several trials fitted jointly, and its data.
 
     Args:
@@ -192,22 +174,19 @@ def output_error(model: VehicleModel, records: Sequence[Record], channels: Seque
         channels: measured channels to use.
         initial: state at the first sample of each trial; ignored where `free_initial`.
         colour: colour of the residuals.
-        max_delay: largest delay between command and action, s; None for no delay parameter.
+        delay: whether the delay between command and action is a parameter.
         free_initial: estimate each trial's initial state.
 
     Raises:
         InputError: a missing channel, or a delay with a time step that varies.
     """
     data = tuple(trial_data(record, model, channels, start) for record, start in zip(records, initial, strict=True))
-    samples = 0
-    if max_delay is not None:
-        for record in records:
-            step = np.diff(record.time)
-            if np.ptp(step) > 1e-6 * step[0]:
-                raise InputError(f'record "{record.label}"', found=f"time steps from {step.min():g} to {step.max():g} s",
-                                 expected="a uniform step, since the delay is a parameter",
-                                 remedy="import the record with a fixed `step`, or estimate without `delay`")
-            samples = max(samples, int(np.ceil(max_delay / step[0])))
+    for record in records if delay else ():
+        step = np.diff(record.time)
+        if np.ptp(step) > 1e-6 * step[0]:
+            raise InputError(f'record "{record.label}"', found=f"time steps from {step.min():g} to {step.max():g} s",
+                             expected="a uniform step, since the delay is a parameter",
+                             remedy="import the record with a fixed `step`, or estimate without `delay`")
     complete = tuple(tuple(bool(np.isfinite(record.channel(name)).all()) for name in channels) for record in records)
     labels = tuple(record.label for record in records)
-    return OutputError(model, tuple(channels), colour, max_delay is not None, complete, labels, free_initial, samples), data
+    return OutputError(model, tuple(channels), colour, delay, complete, labels, free_initial), data

@@ -163,6 +163,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
     return {"source": source.path.name, "time_column": source.time_column, "time_unit": source.time_unit,
             "clock": source.clock, "delimiter": separator(source), "skip_rows": source.skip_rows,
             "header_rows": 0 if source.names else source.header_rows, "encoding": source.encoding,
+            "names": list(source.names) if source.names else None,
             "channels": {name: {"column": column.column, "unit": column.unit, "role": column.role,
                                 "scale": float(column.scale), "offset": float(column.offset)}
                          for name, column in source.channels.items()}}

@@ -1,0 +1,197 @@
+"""The command line: `seatrial init | design | simulate | import | estimate | select | report | run`."""
+
+import sys
+from collections.abc import Callable
+from enum import IntEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from seatrial import __version__
+from seatrial.core.errors import InputError, NumericalError, SeatrialError
+
+
+class Exit(IntEnum):
+    """Exit codes of every command."""
+
+    OK = 0
+    BUG = 1
+    BAD_INPUT = 2
+    ALARMS = 3
+    NUMERICAL = 4
+    INTERRUPTED = 130
+
+
+app = typer.Typer(
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+    help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms the data support, "
+         "say what to run next.",
+    epilog="Exit codes: 0 done; 2 something in the input cannot be used (the message says what and how to mend it); 3 done, but a health "
+           "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).")
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campaign.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only results and errors.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        typer.echo(f"seatrial {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def init(folder: Folder, template: Annotated[str, typer.Option(help="Campaign to begin from: remus100 (simulated) or log (a CSV log).")] = "remus100") -> None:
+    """Write a campaign file to begin from."""
+    from seatrial.campaign.templates import init_campaign
+
+    typer.echo(f"wrote {init_campaign(folder, template)}; edit it, then: seatrial run {folder}")
+
+
+@app.command()
+def design(folder: Folder, quiet: Quiet = False) -> None:
+    """Find the most informative trial of the family, inside the limits."""
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.designs import design_first
+        from seatrial.campaign.store import Store
+        from seatrial.core.signals import signal_unit
+
+        sweep = design_first(campaign, watch)
+        row, column = sweep.best
+        typer.echo(f"best doublet: amplitude {sweep.amplitude[row]:.5g} {signal_unit(sweep.family.control)}, period {sweep.period[column]:.4g} s, "
+                   f"entropy reduction {sweep.gain[row, column]:.2f} nat; schedule in {Store(folder).schedule(Store(folder).design)}")
+        return Exit.OK
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command()
+def simulate(folder: Folder, quiet: Quiet = False) -> None:
+    """Run the designed trial on the simulated vehicle."""
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.trials import simulate_trial
+
+        return _say_trials(simulate_trial(campaign, watch))
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command(name="import")
+def import_logs(folder: Folder, quiet: Quiet = False) -> None:
+    """Read real logs into records, by the campaign's channel map."""
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.trials import import_trials
+
+        return _say_trials(import_trials(campaign, watch))
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command()
+def estimate(folder: Folder, quiet: Quiet = False) -> None:
+    """Estimate the coefficients of every candidate structure."""
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.estimate import estimate_all
+        from seatrial.campaign.trials import get_trials
+
+        estimates = estimate_all(campaign, get_trials(campaign, watch), watch)
+        for item in estimates:
+            typer.echo(f"{item.structure.label}")
+            for name in item.names:
+                row = item.data.sel(parameter=name)
+                typer.echo(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
+        return _finish([text for item in estimates for text in item.alarms], [text for item in estimates[:1] for text in item.cautions])
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command()
+def select(folder: Folder, quiet: Quiet = False) -> None:
+    """Decide which terms the data support."""
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.choose import select_structure
+        from seatrial.campaign.trials import get_trials
+
+        selection = select_structure(campaign, get_trials(campaign, watch), watch)
+        for structure, evidence, probability in zip(selection.structures, selection.evidences, selection.probability, strict=True):
+            typer.echo(f"{structure.label}  log evidence {evidence.log_value:.2f} ± {evidence.std_error:.2f}  probability {probability:.3f}  {' '.join(structure.terms)}")
+        for verdict in selection.verdicts:
+            typer.echo(verdict)
+        return _finish([evidence.status for evidence in selection.evidences if evidence.status], [])
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command()
+def report(folder: Folder, quiet: Quiet = False) -> None:
+    """Write report.html from the results; whatever is missing is computed first."""
+    _with_campaign(folder, quiet, _run_and_report)
+
+
+@app.command()
+def run(folder: Folder, quiet: Quiet = False) -> None:
+    """Run the whole loop, resuming where it stopped, and write report.html."""
+    _with_campaign(folder, quiet, _run_and_report)
+
+
+def _run_and_report(campaign: Any, watch: Any) -> Exit:
+    from seatrial.campaign.loop import run_loop
+    from seatrial.report.page import write_report
+
+    outcome = run_loop(campaign, watch)
+    summary = outcome.summary
+    for row in summary["coefficients"]:
+        typer.echo(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
+    for fit in summary["fits"]:
+        if fit["held_back"]:
+            typer.echo(f"  held-back run {fit['record']}: {fit['explained']:.0%} of the variance of {fit['channel']} explained")
+    for verdict in summary["verdicts"]:
+        typer.echo(verdict)
+    typer.echo(f"next: {summary['next_trial']['words']}")
+    typer.echo(f"report: {write_report(outcome)}")
+    return _finish(summary["alarms"], summary["cautions"])
+
+
+def _say_trials(trials: Any) -> Exit:
+    for record in (*trials.fit, *trials.predict):
+        typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {', '.join(record.controls)} -> {', '.join(record.measured)}")
+    return Exit.OK
+
+
+def _finish(alarms: list[str], cautions: list[str]) -> Exit:
+    for text in cautions:
+        typer.echo(f"caution: {text}", err=True)
+    for text in alarms:
+        typer.echo(f"alarm: {text}", err=True)
+    return Exit.ALARMS if alarms else Exit.OK
+
+
+def _with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -> None:
+    from seatrial.apps.console import ConsoleWatch
+    from seatrial.campaign.config import load_campaign
+
+    watch = ConsoleWatch(quiet)
+    with watch.watching():
+        code = work(load_campaign(folder), watch)
+    if code is not Exit.OK:
+        raise typer.Exit(int(code))
+
+
+def main() -> None:
+    """Run the command line; errors meant for the user are printed without a traceback."""
+    from seatrial.apps.console import fail
+
+    try:
+        app()
+    except InputError as error:
+        fail(str(error))
+        sys.exit(Exit.BAD_INPUT)
+    except NumericalError as error:
+        fail(str(error))
+        sys.exit(Exit.NUMERICAL)
+    except SeatrialError as error:
+        fail(str(error))
+        sys.exit(Exit.BUG)
+    except KeyboardInterrupt:
+        fail("interrupted; run the same command again to resume")
+        sys.exit(Exit.INTERRUPTED)

@@ -1,0 +1,54 @@
+"""What the command line shows: progress bars with remaining time on a terminal, one quiet line per step when piped."""
+
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from seatrial.sampling.target import Progress as Report
+
+SHOW_AFTER = 0.5
+
+
+class ConsoleWatch:
+    """A `Watch` on standard error; standard output is left to results."""
+
+    def __init__(self, quiet: bool = False):
+        self.quiet = quiet
+        self.console = Console(stderr=True, highlight=False)
+        self.bars = Progress(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"),
+                             TimeRemainingColumn(), console=self.console, transient=False, disable=quiet or not self.console.is_terminal)
+        self.lock = threading.Lock()
+
+    @contextmanager
+    def watching(self):
+        """Show bars while the block runs."""
+        with self.bars:
+            yield self
+
+    def say(self, text: str) -> None:
+        """See `Watch.say`."""
+        if not self.quiet:
+            self.console.print(text, markup=False, soft_wrap=True)
+
+    def progress(self, title: str) -> Report:
+        """See `Watch.progress`."""
+        if self.console.is_terminal and not self.quiet:
+            task = self.bars.add_task(title, total=None)
+            return lambda done, total: self.bars.update(task, completed=done, total=total)
+        started = time.monotonic()
+
+        def line(done: int, total: int) -> None:
+            if done >= total:
+                with self.lock:
+                    self.say(f"{title}: done in {time.monotonic() - started:.1f} s")
+
+        return line
+
+
+def fail(text: str) -> None:
+    """Print an error to standard error, plain."""
+    print(f"error: {text}", file=sys.stderr)

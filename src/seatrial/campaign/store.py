@@ -1,0 +1,147 @@
+"""What a campaign keeps on disk: results in plain files, each stamped with the key of everything it depends on.
+
+A result is current when its stamp equals the key computed from today's configuration, data and version; otherwise the
+step runs again. There is no other memory of what has been done, so a kill at any moment loses only work in flight.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from seatrial import __version__
+from seatrial.core.errors import InputError
+from seatrial.core.files import atomic_path, sha256_of_json, write_json
+from seatrial.core.record_file import open_dataset
+
+
+@dataclass(frozen=True)
+class Store:
+    """Places of results under a campaign's folder."""
+
+    folder: Path
+
+    @property
+    def results(self) -> Path:
+        """Folder of all results."""
+        return self.folder / "results"
+
+    @property
+    def design(self) -> Path:
+        """Swept designs."""
+        return self.results / "design.nc"
+
+    @property
+    def next_design(self) -> Path:
+        """Designs swept for the next trial."""
+        return self.results / "next.nc"
+
+    @property
+    def filter(self) -> Path:
+        """Filter traces."""
+        return self.results / "filter.nc"
+
+    @property
+    def predictions(self) -> Path:
+        """Fitted and predicted records."""
+        return self.results / "predictions.nc"
+
+    @property
+    def selection(self) -> Path:
+        """Evidences, probabilities and verdicts."""
+        return self.results / "selection.json"
+
+    @property
+    def summary(self) -> Path:
+        """Everything an engineer copies out."""
+        return self.results / "summary.json"
+
+    @property
+    def report(self) -> Path:
+        """The page."""
+        return self.folder / "report.html"
+
+    def schedule(self, design: Path) -> Path:
+        """Table of time and control of a design's best trial, for the operator."""
+        return design.with_name(f"{design.stem}_schedule.csv")
+
+    def record(self, label: str) -> Path:
+        """One trial."""
+        return self.results / "records" / f"{label}.nc"
+
+    def posterior(self, label: str) -> Path:
+        """Draws of one structure's parameters."""
+        return self.results / "posterior" / f"{label}.nc"
+
+    def checkpoint(self, name: str) -> Path:
+        """Unfinished work."""
+        return self.results / "checkpoints" / f"{name}.npz"
+
+
+def key_of(*parts: Any) -> str:
+    """Key of a result: hash of everything it depends on, the package version included."""
+    return sha256_of_json([__version__, *parts])
+
+
+def stamp_of(path: Path) -> str | None:
+    """Key a result was written with; None where it is missing or unreadable."""
+    if not path.is_file():
+        return None
+    try:
+        if path.suffix == ".json":
+            return json.loads(path.read_text(encoding="utf-8")).get("key")
+        return open_dataset(path).attrs.get("key")
+    except (InputError, ValueError, AttributeError):
+        return None
+
+
+def is_current(path: Path, key: str) -> bool:
+    """Whether a result was written with this key."""
+    return stamp_of(path) == key
+
+
+def write_dataset(path: Path, dataset: xr.Dataset, key: str) -> None:
+    """Write a stamped NetCDF file, atomically."""
+    with atomic_path(path) as temporary:
+        dataset.assign_attrs(key=key, seatrial_version=__version__).to_netcdf(temporary, engine="h5netcdf")
+
+
+def write_stamped_json(path: Path, content: Mapping[str, Any], key: str) -> None:
+    """Write a stamped JSON file, atomically."""
+    write_json(path, {"key": key, "seatrial_version": __version__, **content})
+
+
+def read_json(path: Path, made_by: str) -> dict[str, Any]:
+    """Read a JSON result.
+
+    Raises:
+        InputError: missing or damaged; the remedy names the command that makes it.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as cause:
+        raise InputError(str(path), found="no such file", expected="a result", remedy=f"run `{made_by}` first") from cause
+    except ValueError as cause:
+        raise InputError(str(path), found=f"damaged JSON ({cause})", expected="a result", remedy=f"delete it and run `{made_by}` again") from cause
+
+
+def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:
+    """Write a checkpoint, atomically."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, key=np.array(key), **{name: np.asarray(value) for name, value in arrays.items()})
+
+
+def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
+    """Read a checkpoint with this key; None where there is none, or it belongs to other work."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            content = {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, EOFError):
+        return None
+    return content if str(content.pop("key", "")) == key else None

@@ -1,0 +1,48 @@
+"""How a campaign tells what it is doing; the command line implements it, and `Silent` says nothing."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol, TypeVar
+
+from seatrial.sampling.target import Progress
+
+Result = TypeVar("Result")
+
+
+class Watch(Protocol):
+    """Receives what happens."""
+
+    def say(self, text: str) -> None:
+        """One line of result."""
+        ...
+
+    def progress(self, title: str) -> Progress:
+        """Begin a long piece of work; call the result with (done, total)."""
+        ...
+
+
+class Silent:
+    """A watch nobody looks at."""
+
+    def say(self, text: str) -> None:
+        """See `Watch.say`."""
+
+    def progress(self, title: str) -> Progress:
+        """See `Watch.progress`."""
+        return lambda done, total: None
+
+
+def run_side_by_side(tasks: Sequence[Callable[[], Result]]) -> list[Result]:
+    """Run independent tasks on all cores and return their results in order.
+
+    Compiled code releases the interpreter, so threads are enough. Every task draws from its own key: the results do not
+    depend on how many run at once.
+    """
+    with ThreadPoolExecutor(max_workers=min(len(tasks), os.cpu_count() or 1) or 1) as pool:
+        futures = [pool.submit(task) for task in tasks]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:
+            pool.shutdown(cancel_futures=True, wait=False)
+            raise

@@ -1,0 +1,152 @@
+"""Sweep of repeated doublets over amplitude and period: the entropy reduction of every design in one batched call."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.state_space import StateSpace
+from seatrial.design.entropy import entropy_reduction
+from seatrial.filters.belief import Filter
+from seatrial.filters.run import summarise_filter
+from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
+from seatrial.manoeuvres.signals import repeated_doublet, repeated_doublet_signal
+
+
+@dataclass(frozen=True)
+class DoubletFamily:
+    """What all doublets of a sweep share: control channel, its trim value, and timing; SI."""
+
+    control: str
+    trim: float
+    duration: float
+    active: float
+    sample_time: float
+    start: float = 1.0
+    ramp: float = 0.0
+
+    def time(self) -> Float[np.ndarray, " n"]:
+        """Sample times, s."""
+        return np.arange(round(self.duration / self.sample_time)) * self.sample_time
+
+    def signal(self, amplitude: Array, period: Array, time: Array) -> Array:
+        """Control at the given times; settings and times broadcast."""
+        return repeated_doublet_signal(time, self.trim, amplitude, period, start=self.start, active=self.active, ramp=self.ramp)
+
+    def manoeuvre(self, amplitude: float, period: float) -> Manoeuvre:
+        """One member of the family."""
+        return repeated_doublet(self.control, trim=self.trim, amplitude=amplitude, period=period, duration=self.duration,
+                                active=self.active, start=self.start, ramp=self.ramp)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Entropy reduction over a grid; A amplitudes, P periods.
+
+    Attributes:
+        family: what the designs share.
+        amplitude: change from trim, SI, shape (A,).
+        period: s, shape (P,).
+        gain: entropy reduction, nats, NaN where the design breaks a limit, shape (A, P).
+        peak_speed: largest |u| of the predicted motion, m/s, shape (A, P).
+        final_sd: predicted standard deviation of each coefficient in filter units, shape (A, P, k).
+    """
+
+    family: DoubletFamily
+    amplitude: Float[np.ndarray, " A"]
+    period: Float[np.ndarray, " P"]
+    gain: Float[np.ndarray, "A P"]
+    peak_speed: Float[np.ndarray, "A P"]
+    final_sd: Float[np.ndarray, "A P k"]
+
+    @property
+    def best(self) -> tuple[int, int]:
+        """Indices of the most informative design inside the limits."""
+        row, column = np.unravel_index(np.nanargmax(self.gain), self.gain.shape)
+        return int(row), int(column)
+
+    def best_manoeuvre(self) -> Manoeuvre:
+        """The most informative design."""
+        row, column = self.best
+        return self.family.manoeuvre(float(self.amplitude[row]), float(self.period[column]))
+
+
+def sweep_doublets(space: StateSpace, family: DoubletFamily, amplitude: Float[np.ndarray, " A"], period: Float[np.ndarray, " P"],
+                   limits: Limits = Limits(), method: Filter = SquareRootUnscentedKalmanFilter(),
+                   measured: Float[np.ndarray, "n m"] | None = None, truth: Float[np.ndarray, " d"] | None = None) -> Sweep:
+    """Predict every design's entropy reduction by running the filter over the motion the current belief expects.
+
+    Args:
+        space: state space of one control; its initial belief is what is known before the trial.
+        family: control channel, trim and timing.
+        amplitude: changes from trim, SI.
+        period: s.
+        limits: bounds of the control.
+        method: filter.
+        measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
+        truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
+
+    Raises:
+        InputError: no design of the grid is inside the limits; the least violation of each limit is named.
+        NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
+    """
+    amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
+    allowed = _allowed(family, amplitudes, periods, limits)
+    time = family.time()
+    mask = np.ones((time.size, len(space.outputs))) if measured is None else measured
+    start = space.initial.mean if truth is None else jnp.asarray(truth, float)
+    gain, peak, sd, failures = map(np.asarray, _predict(method, family)(
+        space, start, jnp.asarray(amplitudes), jnp.asarray(periods), jnp.asarray(time), jnp.asarray(np.where(mask > 0, 0.0, np.nan))))
+    broken = allowed & ((failures > 0) | ~np.isfinite(gain))
+    if broken.any():
+        worst = int(np.argmax(broken))
+        raise NumericalError(f"the filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude {amplitudes[worst]:.4g} "
+                             f"and period {periods[worst]:.4g} s (SI): the expected motion diverges or the prior is too wide for it; "
+                             "narrow the priors")
+    shape = (len(amplitude), len(period))
+    return Sweep(family, np.asarray(amplitude, float), np.asarray(period, float), np.where(allowed, gain, np.nan).reshape(shape),
+                 peak.reshape(shape), sd.reshape(*shape, -1))
+
+
+def _allowed(family: DoubletFamily, amplitudes: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
+    if (periods > family.active * (1 + 1e-9)).all():
+        raise InputError("design grid", found=f"periods from {periods.min():g} s", expected=f"at most the active time, {family.active:g} s",
+                         remedy="shorten the periods or lengthen `active`")
+    controls = np.asarray(family.signal(amplitudes[:, None], periods[:, None], family.time()[None, :]))
+    excesses = [limits.excess(control, family.sample_time) for control in controls]
+    allowed = np.array([not excess for excess in excesses]) & (periods <= family.active * (1 + 1e-9)) & (periods >= 2 * family.ramp)
+    if not allowed.any():
+        found = []
+        for name in sorted({name for excess in excesses for name in excess}):
+            reached, bound = min((excess[name] for excess in excesses if name in excess), key=lambda pair: abs(pair[0] - pair[1]))
+            found.append(f"{name} limit {bound:.6g}, but the gentlest design reaches {reached:.6g}")
+        raise InputError(f"design grid, control {family.control}", found="; ".join(found) + " (SI)",
+                         expected="at least one design inside the limits",
+                         remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it")
+    return allowed
+
+
+@lru_cache(maxsize=16)
+def _predict(method: Filter, family: DoubletFamily):
+    def one(space: StateSpace, start: Array, amplitude: Array, period: Array, time: Array, gaps: Array):
+        control = family.signal(amplitude, period, time)
+        step = jnp.full(time.shape, family.sample_time)
+        d = space.n_dynamic
+        fixed = tuple(start[d:])
+
+        def advance(state: tuple, held: Array):
+            joint = (*state, *fixed)
+            return space.transition(joint, (held,), family.sample_time), (space.observe(joint, (held,)), state[0])
+
+        _, (outputs, speed) = jax.lax.scan(advance, tuple(start[:d]), control)
+        measurement = jnp.stack(outputs, -1) + gaps
+        summary = summarise_filter(method, space, control[:, None], measurement, step)
+        gain = entropy_reduction(space.initial, summary.final, d)
+        return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
+
+    return jax.jit(jax.vmap(one, in_axes=(None, None, 0, 0, None, None)))

@@ -1,0 +1,168 @@
+"""Several logs on one time axis: controls held from sample to sample, measurements left where they were taken."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.files import sha256_of_json
+from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.logs.source import LogTable
+
+_MOST_INSTANTS = 50_000_000
+_NANOSECOND = 1e-9
+_HAIR = 1e-6
+"""Share of a step by which rounding may shift a stamp without making it early or late."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """One channel on the common clock, without its empty samples."""
+
+    channel: Channel
+    source: str
+    time: Float[np.ndarray, " m"]
+    values: Float[np.ndarray, " m"]
+
+
+def align(tables: Sequence[LogTable], *, channels: Sequence[str] | None = None, step: float | None = None,
+          start: float | None = None, end: float | None = None, label: str = "trial") -> Record:
+    """Put logs on one time axis.
+
+    The common interval is where every control is known and something is measured. Controls are held from the last
+    known sample. Nothing is interpolated: with `step` each measurement goes to the nearest grid instant, and those
+    that meet there are averaged (angles on the circle); without, the axis is the union of all stamps. An instant at
+    which a channel was not measured holds NaN.
+
+    Args:
+        tables: logs as `read_csv` gives them.
+        channels: names to take; all by default.
+        step: of a uniform grid over the interval, s; None for the union of all stamps.
+        start: where to begin, s from the beginning of the common interval; None for the beginning.
+        end: where to end, s from the same; None for the end of the interval.
+        label: short name of the record.
+
+    Returns:
+        a record whose time starts at 0. Its provenance tells each file, how it was read and what was done to it.
+
+    Raises:
+        InputError: no overlap, a trim that leaves nothing, a channel missing or given twice, a step that is no step,
+            or a column that cannot be what the map says (see `make_record`).
+    """
+    if not tables:
+        raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_csv`")
+    origin = min(table.epoch for table in tables)
+    tracks = _tracks(tables, origin, channels)
+    first, last = _interval(tracks)
+    begin = first + max(start or 0.0, 0.0)
+    stop = last if end is None else min(first + end, last)
+    instants = _instants(tracks, begin, stop, step, label) if stop > begin else np.empty(0)
+    if instants.size < 3:
+        raise InputError(f'record "{label}", start and end',
+                         found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
+                               f"{instants.size} samples",
+                         expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
+                         remedy="correct start and end, in seconds from the beginning of the overlap, or the step")
+
+    columns, notes = {}, []
+    slack = _NANOSECOND / 2 if step is None else _HAIR * step
+    reach = _NANOSECOND if step is None else step / 2 + slack
+    for track in tracks:
+        time, name = track.time - begin, track.channel.name
+        if track.channel.role == "control":
+            columns[name], note = _hold(time, track.values, instants, slack)
+        else:
+            columns[name], note = _place(time, track, instants, slack, reach)
+        notes += [f"{name}: {note}"] if note else []
+    hashes = [table.sha256 for table in tables]
+    options = {"files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
+               "step": step, "start": begin - first, "end": stop - first, "available": last - first,
+               "begins_at": str(origin + Decimal(f"{begin:.9f}")), "notes": notes}
+    provenance = Provenance(", ".join(dict.fromkeys(table.source for table in tables)),
+                            hashes[0] if len(hashes) == 1 else sha256_of_json(hashes), options)
+    return make_record(instants, columns, tuple(track.channel for track in tracks), provenance, label)
+
+
+def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] | None) -> list[_Track]:
+    found: dict[str, _Track] = {}
+    for table in tables:
+        time = table.time + float(table.epoch - origin)
+        for channel in table.channels:
+            if wanted is not None and channel.name not in wanted:
+                continue
+            if channel.name in found:
+                raise InputError(f'{table.source}, channel "{channel.name}"',
+                                 found=f"a channel that {found[channel.name].source} gives too",
+                                 expected="one source for each channel", remedy="drop it from one of the maps")
+            known = np.isfinite(table.columns[channel.name])
+            found[channel.name] = _Track(channel, table.source, time[known], table.columns[channel.name][known])
+    for name in wanted or ():
+        if name not in found:
+            offered = [channel.name for table in tables for channel in table.channels]
+            raise InputError("align, channels", found=f'"{name}"', expected="a channel of the maps",
+                             remedy=nearest(name, offered))
+    return [found[name] for name in wanted] if wanted is not None else list(found.values())
+
+
+def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
+    """First and last instant at which every control is known and something is measured, s on the common clock."""
+    spans = [(track.time[0], track.time[-1], track.channel.role) for track in tracks]
+    controls = [(a, b) for a, b, role in spans if role == "control"]
+    measured = [(a, b) for a, b, role in spans if role == "measurement"]
+    first, last = max((a for a, _ in controls), default=-math.inf), min((b for _, b in controls), default=math.inf)
+    if measured:
+        first, last = max(first, min(a for a, _ in measured)), min(last, max(b for _, b in measured))
+    if not first < last:
+        text = "; ".join(f"{track.channel.name} of {track.source}: {a:.6g} s to {b:.6g} s"
+                         for track, (a, b, _) in zip(tracks, spans, strict=True))
+        raise InputError(", ".join(dict.fromkeys(track.source for track in tracks)),
+                         found=f"no common time ({text}, counted from the earliest stamp)",
+                         expected="files that overlap on one clock",
+                         remedy="choose files of the same run, and time columns of the same clock and unit")
+    return float(first), float(last)
+
+
+def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float | None, label: str) -> np.ndarray:
+    """Time axis of the record from 0 on: a grid, or every stamp to the nanosecond."""
+    if step is None:
+        stamps = [track.time[(track.time >= begin) & (track.time <= stop)] - begin for track in tracks]
+        counts = np.sort(np.rint(np.concatenate([np.zeros(1), *stamps]) / _NANOSECOND), kind="stable")
+        return counts[np.diff(counts, prepend=-1.0) > 0] / 1e9
+    if not (math.isfinite(step) and step > 0 and (stop - begin) / step < _MOST_INSTANTS):
+        raise InputError(f'record "{label}", step', found=f"{step!r} s over {stop - begin:.6g} s",
+                         expected=f"a positive number that makes at most {_MOST_INSTANTS} samples",
+                         remedy="give the sampling time of the record, in seconds")
+    return step * np.arange(math.floor((stop - begin) / step + _HAIR) + 1)
+
+
+def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
+    """Hold each control from its stamp to the next."""
+    index = np.searchsorted(time, instants + slack, side="right") - 1
+    unseen = int(index[-1] - index[0] + 1 - np.unique(index).size)
+    return values[index], f"{unseen} samples fell between two instants and are not seen" if unseen else ""
+
+
+def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float) -> tuple[np.ndarray, str]:
+    """Put each measurement at its nearest instant, an exact tie at the earlier; average those that meet."""
+    index = np.searchsorted((instants[1:] + instants[:-1]) / 2 + slack, time)
+    shift = np.abs(time - instants[index])
+    near = shift <= reach
+    if not near.any():
+        raise InputError(f'{track.source}, channel "{track.channel.name}"',
+                         found=f"samples from {time[0]:.6g} s to {time[-1]:.6g} s, none of them within the record",
+                         expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
+                         remedy="choose files of the same run, or move start and end")
+    values = track.values[near]
+    used, firsts, counts = np.unique(index[near], return_index=True, return_counts=True)
+    deviation = values - np.repeat(values[firsts], counts)
+    if track.channel.unit == "rad":
+        deviation = (deviation + math.pi) % (2 * math.pi) - math.pi
+    column = np.full(instants.size, np.nan)
+    column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
+    met = int((counts > 1).sum())
+    return column, (f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
+                    + (f"; {met} instants hold the mean of two or more" if met else ""))

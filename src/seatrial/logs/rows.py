@@ -1,0 +1,125 @@
+"""Rows and cells of a text: found and counted before anything is parsed, so that every fault has its line number."""
+
+import csv
+import io
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Int
+
+from seatrial.core.errors import InputError
+from seatrial.logs.source import WHITESPACE, LogSource, separator
+
+_BLOCK = 1 << 22
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """A text divided into rows; blank lines are left out, and a quoted cell may span lines.
+
+    Attributes:
+        text: UTF-8, lines ended by a line feed.
+        delimiter: one character, or `whitespace`.
+        starts: position of each row's first byte, shape (n,).
+        widths: number of cells in each row, shape (n,).
+        where: the file, for errors.
+    """
+
+    text: bytes
+    delimiter: str
+    starts: Int[np.ndarray, " n"]
+    widths: Int[np.ndarray, " n"]
+    where: str
+
+    def line(self, row: int) -> int:
+        """Line at which a row starts, as a text editor counts."""
+        return 1 + self.text.count(b"\n", 0, int(self.starts[row]))
+
+    def cells(self, row: int) -> list[str]:
+        """Cells of a row, without the spaces around them."""
+        end = int(self.starts[row + 1]) if row + 1 < self.starts.size else len(self.text)
+        line = self.text[int(self.starts[row]):end].decode()
+        character, spaces = (" ", True) if self.delimiter == WHITESPACE else (self.delimiter, False)
+        line = line.strip().replace("\t", " ") if spaces else line.rstrip("\n")
+        try:
+            cells = next(csv.reader(io.StringIO(line, newline="\n"), delimiter=character, skipinitialspace=spaces), [])
+        except csv.Error as cause:
+            raise InputError(f"{self.where}, row {self.line(row)}", found=f"a row that is not cells ({cause})",
+                             expected=f"cells separated by {self.delimiter!r}",
+                             remedy="mend or delete the row") from cause
+        return [cell.strip() for cell in cells]
+
+
+def layout(text: bytes, source: LogSource) -> tuple[tuple[str, ...], Rows]:
+    """Return the column names and the rows of data, having checked that every row has all its cells.
+
+    Args:
+        text: as `load_text` gives it.
+        source: delimiter, header and names.
+
+    Raises:
+        InputError: no data, or a row of another width than the header.
+    """
+    where = str(source.path)
+    every = _divide(text, separator(source), source.skip_rows, where)
+    first = 0 if source.names else source.header_rows
+    if every.starts.size <= first:
+        raise InputError(where, found=f"no row below the header and the first {source.skip_rows} lines",
+                         expected="rows of numbers",
+                         remedy="export the log again, or correct skip_rows and header_rows")
+    names = tuple(source.names or every.cells(0))
+    rows = replace(every, starts=every.starts[first:], widths=every.widths[first:])
+    _check_widths(rows, len(names))
+    return names, rows
+
+
+def _check_widths(rows: Rows, width: int) -> None:
+    ragged = np.flatnonzero(rows.widths != width)
+    if not ragged.size:
+        return
+    row = int(ragged[0])
+    if np.ptp(rows.widths) == 0:
+        remedy = "correct the delimiter, or skip the header and give the name of every column with `names`"
+    elif row == rows.starts.size - 1:
+        remedy = "the last row is cut off: delete it"
+    else:
+        remedy = "mend or delete the row" + ("; look for a stray quotation mark" if b'"' in rows.text else "")
+    raise InputError(f"{rows.where}, row {rows.line(row)}",
+                     found=f"{rows.widths[row]} cells; {ragged.size} of {rows.widths.size} rows are so",
+                     expected=f"{width} cells, as in the header", remedy=remedy)
+
+
+def _divide(text: bytes, delimiter: str, skip_rows: int, where: str) -> Rows:
+    """Find the rows below the first `skip_rows` lines and count their cells."""
+    begin = 0
+    for _ in range(skip_rows):
+        begin = text.find(b"\n", begin) + 1 or len(text)
+    marks = _marks(text, begin, delimiter)
+    is_end = np.frombuffer(text, np.uint8)[marks] == ord("\n")
+    order = np.flatnonzero(is_end)
+    ends = marks[order]
+    if begin < len(text) and (not ends.size or ends[-1] != len(text) - 1):
+        order, ends = np.append(order, marks.size), np.append(ends, len(text))
+    starts = np.concatenate(([begin], ends[:-1] + 1)) if ends.size else ends
+    widths = np.diff(order, prepend=-1) - (delimiter == WHITESPACE)
+    lone = np.flatnonzero(widths <= 1)
+    blank = [row for row in lone.tolist() if not text[starts[row]:ends[row]].strip(b" \t")]
+    return Rows(text, delimiter, np.delete(starts, blank), np.delete(widths, blank), where)
+
+
+def _marks(text: bytes, begin: int, delimiter: str) -> np.ndarray:
+    """Positions of line ends and delimiters outside quotes; by whitespace, of the first bytes of the cells instead."""
+    marks, quoted, after_space, has_quotes = [np.empty(0, np.int64)], np.False_, np.True_, b'"' in text
+    for at in range(begin, len(text), _BLOCK):
+        codes, outside = np.frombuffer(text, np.uint8, min(_BLOCK, len(text) - at), at), np.True_
+        if has_quotes:
+            inside = np.logical_xor.accumulate(np.append(quoted, codes == ord('"')))
+            quoted, outside = inside[-1], ~inside[1:]
+        end = (codes == ord("\n")) & outside
+        if delimiter == WHITESPACE:
+            space = np.append(after_space, ((codes == ord(" ")) | (codes == ord("\t"))) & outside | end)
+            mark, after_space = ~space[1:] & space[:-1], space[-1]
+        else:
+            mark = (codes == ord(delimiter)) & outside
+        marks.append(np.flatnonzero(mark | end) + at)
+    return np.concatenate(marks)

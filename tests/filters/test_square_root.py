@@ -1,0 +1,62 @@
+"""The square-root filter on the paper's own problem: a vague prior, 6000 samples, and its golden information gains."""
+
+import jax
+import numpy as np
+import pytest
+
+from seatrial.core.gaussian import independent
+from seatrial.filters.extended import ExtendedKalmanFilter
+from seatrial.filters.run import run_filter, summarise_filter
+from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.filters.unscented import UnscentedKalmanFilter
+from seatrial.manoeuvres.signals import repeated_doublet
+from seatrial.numerics.integrate import euler_step
+from seatrial.numerics.sigma_points import UnscentedRule
+from seatrial.vehicles.discretise import discretise
+from tests.cases import N0, RPM, SCALES, THRUST, U0, X_U, X_UU, paper_model, surge_rate
+
+INITIAL = independent([U0, 0.75 * X_U, 0.75 * X_UU, 0.75 * THRUST], np.sqrt([1.0, 1e5, 1e5, 10.0]))
+STEP = np.full(6000, 0.01)
+
+
+def paper_space(**options):
+    return discretise(paper_model(), ("u", "udot"), INITIAL, np.sqrt([1e-6, 1e-7, 1e-7, 1e-10]), np.array([0.1, 0.1]), SCALES, **options)
+
+
+def noise_free_trial(amplitude_rpm, period):
+    """Control and exact measurement of u and udot under a doublet, by Euler."""
+    doublet = repeated_doublet("n", trim=N0, amplitude=amplitude_rpm * RPM, period=period, active=40.0, duration=60.0)
+    _, control = doublet.sample(0.01)
+    u, measured = U0, []
+    for n in control / (2 * np.pi):
+        rate = surge_rate(u, n)
+        measured.append((u, rate))
+        u = u + 0.01 * rate
+    return control[:, None], np.array(measured)
+
+
+GOLDEN_GAINS = {(100, 1.0): 21.582, (200, 10.0): 25.078, (200, 20.0): 25.249}
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [(SquareRootUnscentedKalmanFilter(), 1e-3), (ExtendedKalmanFilter(), 0.05)],
+                         ids=["square root", "extended"])
+def test_golden_entropy_gain(method, tolerance):
+    control, measurement = map(np.stack, zip(*(noise_free_trial(*design) for design in GOLDEN_GAINS), strict=True))
+    space = paper_space(integrator=euler_step)
+    end = jax.vmap(lambda c, y: summarise_filter(method, space, c, y, STEP))(control, measurement)
+    gain = INITIAL.marginal(1).entropy() - end.final.marginal(1).entropy()
+    assert not end.failures.any()
+    assert np.allclose(gain, list(GOLDEN_GAINS.values()), rtol=0, atol=tolerance)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("alpha", "tolerance"), [(1.0, 2e-8), (1e-3, 1e-5)])
+def test_square_root_and_covariance_form_agree(alpha, tolerance):
+    control, exact = noise_free_trial(200, 10.0)
+    measurement = exact + 0.1 * np.random.default_rng(1).normal(size=exact.shape)
+    rule = UnscentedRule(alpha)
+    one = run_filter(SquareRootUnscentedKalmanFilter(rule), paper_space(), control, measurement, STEP)
+    two = run_filter(UnscentedKalmanFilter(rule), paper_space(), control, measurement, STEP)
+    assert int(one.failures) == int(two.failures) == 0
+    for a, b in ((one.means, two.means), (one.sds, two.sds)):
+        assert np.max(np.abs(a - b) / np.abs(b).max(axis=0)) <= tolerance
