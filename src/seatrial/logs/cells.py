@@ -37,7 +37,7 @@ def parse(rows: Rows, names: tuple[str, ...], wanted: list[int],
     except (ValueError, OverflowError) as cause:
         raise InputError(rows.where, found=f"rows that cannot be divided into cells ({cause})",
                          expected=f"{count} rows of {len(names)} cells",
-                         remedy="look for a stray quotation mark") from cause
+                         remedy=f"look for a stray quotation mark in row {rows.line(count - 1)} or above") from cause
     if len(frame) != count:
         raise InputError(rows.where, found=f"{len(frame)} rows or {count}, depending on how quotation marks are read",
                          expected="rows that can be told apart", remedy="remove stray quotation marks")

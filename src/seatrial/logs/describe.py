@@ -48,7 +48,7 @@ def describe(path: Path, *, delimiter: str | None = None, skip_rows: int = 0, he
 
 def _summary(name: str, cells: np.ndarray) -> ColumnSummary:
     exact = cells if cells.dtype.kind in "iuf" else as_floats(cells)
-    values = exact[~np.isnan(exact)]
+    values = exact[np.isfinite(exact)]
     if not values.size:
         return ColumnSummary(name, 0, cells.size, np.nan, np.nan, np.nan)
     step = float(np.median(np.diff(values))) if values.size > 1 else np.nan

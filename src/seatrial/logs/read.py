@@ -47,6 +47,9 @@ def read_csv(source: LogSource) -> LogTable:
     notes.insert(0, f"{time.size} rows over {time[-1] - time[0]:.6g} s; step {np.median(step):.4g} s at the median, "
                     f"{step.max():.4g} s at most")
 
+    if rows.empty:
+        notes.append(f"{rows.empty} rows at the end have no cell filled and were left out")
+
     columns = {}
     for name, column in source.channels.items():
         at = position[column.column]

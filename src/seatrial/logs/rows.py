@@ -23,6 +23,7 @@ class Rows:
         starts: position of each row's first byte, shape (n,).
         widths: number of cells in each row, shape (n,).
         where: the file, for errors.
+        empty: rows of nothing but delimiters that were cut off at the end, as spreadsheets leave them.
     """
 
     text: bytes
@@ -30,6 +31,7 @@ class Rows:
     starts: Int[np.ndarray, " n"]
     widths: Int[np.ndarray, " n"]
     where: str
+    empty: int = 0
 
     def line(self, row: int) -> int:
         """Line at which a row starts, as a text editor counts."""
@@ -61,7 +63,7 @@ def layout(text: bytes, source: LogSource) -> tuple[tuple[str, ...], Rows]:
         InputError: no data, or a row of another width than the header.
     """
     where = str(source.path)
-    every = _divide(text, separator(source), source.skip_rows, where)
+    every = _without_empty_end(_divide(text, separator(source), source.skip_rows, where))
     first = 0 if source.names else source.header_rows
     if every.starts.size <= first:
         raise InputError(where, found=f"no row below the header and the first {source.skip_rows} lines",
@@ -71,6 +73,15 @@ def layout(text: bytes, source: LogSource) -> tuple[tuple[str, ...], Rows]:
     rows = replace(every, starts=every.starts[first:], widths=every.widths[first:])
     _check_widths(rows, len(names))
     return names, rows
+
+
+def _without_empty_end(rows: Rows) -> Rows:
+    blanks = b" \t\n" + (b"" if rows.delimiter == WHITESPACE else rows.delimiter.encode())
+    kept = int(np.searchsorted(rows.starts, len(rows.text.rstrip(blanks))))
+    if kept == rows.starts.size:
+        return rows
+    return replace(rows, text=rows.text[:int(rows.starts[kept])], starts=rows.starts[:kept], widths=rows.widths[:kept],
+                   empty=rows.starts.size - kept)
 
 
 def _check_widths(rows: Rows, width: int) -> None:

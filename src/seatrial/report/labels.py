@@ -1,0 +1,120 @@
+r"""Printed labels: the small LaTeX of coefficient names, such as `X_{\Delta u^3}`, as HTML and as text for figures.
+
+    label = item*        item = symbol | "{" label "}" | ("_" | "^") item | "\dot" item | "\mathrm" item | "[" anything
+
+Single letters are variables and lean; digits, bars and what stands in `\mathrm` are upright. Everything from the first
+`[` on is the user's (the run of `u_0[run 1]`) and is kept to the letter.
+"""
+
+import re
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+
+GREEK = {"Delta": "Δ", "alpha": "α", "beta": "β", "delta": "δ", "eta": "η", "nu": "ν", "phi": "φ", "psi": "ψ", "rho": "ρ",
+         "sigma": "σ", "tau": "τ", "theta": "θ"}
+DOT_ABOVE = "\u0307"
+_TOKEN = re.compile(r"\\[A-Za-z]+|.", re.DOTALL)
+_TAGS = {"sub": "sub", "sup": "sup", "variable": "i"}
+
+
+class Node(NamedTuple):
+    """A piece of a label: `kind` is `variable`, `upright`, `sub`, `sup`, `dot` or `group`; content is text or nodes."""
+
+    kind: str
+    content: "str | tuple[Node, ...]"
+
+
+def label_html(label: str) -> str:
+    """Return a label as safe HTML: `X_{u|u|}` gives `<i>X</i><sub><i>u</i>|<i>u</i>|</sub>`."""
+    nodes, suffix = _parse(label)
+    return f'<span class="symbol">{"".join(map(_html, nodes))}{escape(suffix)}</span>'
+
+
+def label_mathtext(label: str) -> str:
+    """Return a label for Matplotlib; the user's part stands outside the dollars, where nothing is a command."""
+    nodes, suffix = _parse(label)
+    return f"${''.join(map(_mathtext, nodes))}$" + suffix.replace("$", r"\$")
+
+
+def label_text(label: str) -> str:
+    """Return a label as plain text, for titles that cannot hold markup: `X_{u|u|}` gives `X u|u|`."""
+    nodes, suffix = _parse(label)
+    return "".join(map(_text, nodes)).strip() + suffix
+
+
+def name_html(text: str, labels: dict[str, str]) -> str:
+    """Escape a sentence and print every parameter name in it by its label.
+
+    Args:
+        text: a sentence for the user.
+        labels: LaTeX label of each name.
+    """
+    if not labels:
+        return escape(text)
+    names = "|".join(re.escape(name) for name in sorted(labels, key=len, reverse=True))
+    pieces, last = [], 0
+    for match in re.finditer(rf"(?<![\w.])({names})(?![\w\[])", text):
+        pieces += [escape(text[last:match.start()]), label_html(labels[match[1]])]
+        last = match.end()
+    return "".join(pieces) + escape(text[last:])
+
+
+def _parse(label: str) -> tuple[tuple[Node, ...], str]:
+    body, bracket, rest = label.partition("[")
+    tokens = _TOKEN.findall(body)
+    nodes = []
+    while tokens:
+        nodes.append(_item(tokens))
+    return tuple(nodes), bracket + rest
+
+
+def _item(tokens: list[str]) -> Node:
+    """Take one item off the front; braces that do not match are forgiven."""
+    token = tokens.pop(0) if tokens else ""
+    if token == "{":
+        inside = []
+        while tokens and tokens[0] != "}":
+            inside.append(_item(tokens))
+        if tokens:
+            tokens.pop(0)
+        return Node("group", tuple(inside))
+    if token in ("_", "^"):
+        return Node("sub" if token == "_" else "sup", (_item(tokens),))
+    if token == r"\dot":
+        return Node("dot", (_item(tokens),))
+    if token == r"\mathrm":
+        return Node("upright", _text(_item(tokens)))
+    name = token.removeprefix("\\")
+    if len(name) == 1:
+        return Node("variable" if name.isalpha() else "upright", "" if name.isspace() or name == "}" else name)
+    symbol = GREEK.get(name, name)
+    return Node("upright" if symbol == "Δ" or name not in GREEK else "variable", symbol)
+
+
+def _html(node: Node) -> str:
+    if isinstance(node.content, str):
+        return f"<i>{escape(node.content)}</i>" if node.kind == "variable" else escape(node.content)
+    inside = "".join(map(_html, node.content))
+    if node.kind == "dot":
+        return f"<i>{escape(_texts(node.content))}{DOT_ABOVE}</i>"
+    return f"<{_TAGS[node.kind]}>{inside}</{_TAGS[node.kind]}>" if node.kind in _TAGS else inside
+
+
+def _mathtext(node: Node) -> str:
+    if isinstance(node.content, str):
+        text = "".join(f"\\{character}" if character in "_%#&{}$" else character for character in node.content)
+        return text if node.kind == "variable" or len(text) == 1 else rf"\mathrm{{{text}}}" if text else ""
+    inside = "".join(map(_mathtext, node.content))
+    return {"sub": f"_{{{inside}}}", "sup": f"^{{{inside}}}", "dot": rf"\dot{{{inside}}}"}.get(node.kind, inside)
+
+
+def _text(node: Node) -> str:
+    if isinstance(node.content, str):
+        return node.content
+    inside = _texts(node.content)
+    return {"sub": f" {inside}", "sup": f"^{inside}", "dot": inside + DOT_ABOVE}.get(node.kind, inside)
+
+
+def _texts(nodes: Sequence[Node]) -> str:
+    return "".join(map(_text, nodes))

@@ -1,0 +1,105 @@
+"""Numbers as an engineer writes them: a value rounded to its uncertainty, powers of ten pulled out, units with raised powers."""
+
+import re
+from html import escape
+from math import floor, isfinite, log10
+
+MINUS = "\u2212"
+DASH = "\u2013"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def rounded(value: float, sd: float) -> tuple[str, str, int]:
+    """Round a value to two significant digits of its standard deviation.
+
+    Returns:
+        value, standard deviation, and the power of ten both are to be multiplied by (0 where none is pulled out).
+    """
+    if not isfinite(value):
+        return DASH, DASH, 0
+    if not (isfinite(sd) and sd > 0):
+        text, exponent = _significant(value, 4)
+        return text, DASH, exponent
+    exponent = common_exponent(value, sd)
+    decimals = _decimals(sd, exponent)
+    return _fixed(value, exponent, decimals), _fixed(sd, exponent, decimals), exponent
+
+
+def rounded_like(value: float, reference: float, sd: float) -> str:
+    """Write a value with the decimals and power of ten that `rounded(reference, sd)` chose."""
+    if not isfinite(value):
+        return DASH
+    if not (isfinite(sd) and sd > 0):
+        return short(value)
+    exponent = common_exponent(reference, sd)
+    return _fixed(value, exponent, _decimals(sd, exponent))
+
+
+def common_exponent(*values: float) -> int:
+    """Power of ten to pull out of numbers, by the largest of them: 0 where that lies between 0.01 and 99999."""
+    size = max((abs(value) for value in values if isfinite(value)), default=0.0)
+    if size == 0.0 or 0.01 <= size < 1e5:
+        return 0
+    return floor(log10(size))
+
+
+def short(value: float, digits: int = 3) -> str:
+    """Write a number with a few significant digits and a proper minus, such as `−0.0213` or `2.1 × 10⁻⁵`."""
+    if not isfinite(value):
+        return DASH
+    text, exponent = _significant(value, digits)
+    return text + times_ten(exponent)
+
+
+def times_ten(exponent: int) -> str:
+    """Write ` × 10⁻⁴`; empty for no power of ten."""
+    return f" × 10{str(exponent).translate(_RAISED)}" if exponent else ""
+
+
+def probability(value: float, error: float = 0.0) -> str:
+    """Write a probability, two digits or those its error leaves; what rounds to nothing is said to be small."""
+    if not isfinite(value):
+        return DASH
+    decimals = 3 if 0 < error < 0.005 else 2
+    least = 10.0**-decimals
+    if value < least / 2:
+        return f"< {least:.{decimals}f}"
+    if value > 1 - least / 2:
+        return f"> {1 - least:.{decimals}f}" if value < 1 else "1"
+    return f"{value:.{decimals}f}"
+
+
+def percent(value: float) -> str:
+    """Write a share as a percentage, a proper minus included."""
+    return _minus(f"{100 * value:.0f} %") if isfinite(value) else DASH
+
+
+def unit_html(unit: str) -> str:
+    """Return a unit as safe HTML: `kg m/rad^2` gives `kg m/rad<sup>2</sup>`, a pure number `–`."""
+    return DASH if unit in ("", "1") else re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", escape(unit)).replace(" ", "\u202f")
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as plain text for figures: `kg m/rad²`."""
+    return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_RAISED), unit)
+
+
+def _decimals(sd: float, exponent: int) -> int:
+    """Decimals that show two significant digits of the standard deviation."""
+    return max(0, 1 - floor(log10(float(f"{sd:.1e}")) - exponent))
+
+
+def _significant(value: float, digits: int) -> tuple[str, int]:
+    exponent = 0 if value == 0 or 1e-3 <= abs(value) < 1e5 else floor(log10(abs(value)))
+    scaled = value / 10.0**exponent
+    size = 0 if scaled == 0 else floor(log10(abs(float(f"{scaled:.{digits - 1}e}"))))
+    return _minus(f"{scaled:.{max(0, digits - 1 - size)}f}"), exponent
+
+
+def _fixed(value: float, exponent: int, decimals: int) -> str:
+    text = f"{value / 10.0**exponent:.{decimals}f}"
+    return _minus(text.lstrip("-") if float(text) == 0 else text)
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", MINUS)

@@ -1,0 +1,65 @@
+"""A Matplotlib figure as SVG that stands inside a page: text stays text, colours follow the page, ids are its own.
+
+The same figure gives the same bytes, whatever else is on the page and whenever it is drawn.
+"""
+
+import io
+import re
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup, escape
+
+from seatrial.report.figures.style import PALETTE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_ID = re.compile(r'\sid="([^"]*)"')
+_REFERENCE = re.compile(r'(?:url\(#|href="#)([^)"]*)')
+_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_FONT = re.compile(r"'DejaVu Sans'[^;\"]*")
+_VARIABLE = {light: f"var(--{name})" for name, (light, _) in PALETTE.items()}
+_COLOUR = re.compile("|".join(_VARIABLE))
+
+
+def inline_svg(figure: "Figure", name: str, title: str, description: str = "") -> Markup:
+    """Draw a figure as an inline SVG element.
+
+    Args:
+        figure: figure whose colours come from the palette.
+        name: unique on the page, letters, digits and hyphens: prefix of every id.
+        title: what the figure is, for those who cannot see it.
+        description: what it shows, likewise.
+    """
+    text = draw_svg(figure, name)
+    head, body = text[text.index("<svg"):].split(">", 1)
+    box = re.search(r'viewBox="([^"]*)"', head)
+    assert box is not None
+    body = _COLOUR.sub(lambda match: _VARIABLE[match[0]], _FONT.sub("var(--figure-font)", body))
+    described = f'<title id="{name}-title">{escape(title)}</title>'
+    described += f'<desc id="{name}-desc">{escape(description)}</desc>' if description else ""
+    labelled = f'{name}-title {name}-desc' if description else f"{name}-title"
+    return Markup(f'<svg viewBox="{box[1]}" role="img" aria-labelledby="{labelled}" focusable="false">{described}{_own_ids(body, name)}')
+
+
+def draw_svg(figure: "Figure", salt: str = "seatrial") -> str:
+    """Draw a figure as a whole SVG file, in the light palette, without date or other accidents, coordinates to 0.01 point."""
+    import matplotlib
+
+    stream = io.StringIO()
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt, "path.simplify": True}):
+        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", stream.getvalue(), flags=re.DOTALL)
+    return re.sub(r"\s*\n\s*", "\n", _NUMBER.sub(lambda match: _round(match[0]), text))
+
+
+def _own_ids(body: str, name: str) -> str:
+    """Prefix the ids that something refers to and drop the others."""
+    used = set(_REFERENCE.findall(body))
+    body = _ID.sub(lambda match: f' id="{name}-{match[1]}"' if match[1] in used else "", body)
+    return re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", body)
+
+
+def _round(number: str) -> str:
+    text = f"{float(number):.2f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text

@@ -1,0 +1,93 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError
+from seatrial.estimation.checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.priors import Normal, Uniform
+from tests.estimation_cases import posterior
+
+KEY = jax.random.key(0)
+
+
+def quadratic(values, data):
+    """Normal likelihood by its centre and precision, so that all tests of the same priors share compiled code."""
+    centre, precision = data
+    distance = jnp.stack(list(values.values())) - centre
+    return -0.5 * distance @ precision @ distance
+
+
+def problem(priors, centre, precision):
+    target = posterior(priors, quadratic, (jnp.asarray(centre, float), jnp.asarray(precision, float)))
+    return target, find_mode(target, KEY)
+
+
+def checked(prior, centre, sd):
+    check_prior_contains_data(*problem({"a": prior}, [centre], [[sd**-2]]), "trial.toml")
+
+
+@pytest.mark.parametrize(("prior", "centre", "sd"), [
+    (Uniform(-1.0, 1.0), 0.5, 0.01),
+    (Uniform(-1.0, 1.0), 0.99, 0.05),
+    (Uniform(-1.0, 1.0), 3.0, 1.0),
+    (Uniform(0.0, 1.0), 1e-3, 1e-3),
+    (Normal(0.0, 1.0), 50.0, 0.01)],
+    ids=["inside", "inside by little", "outside but vague", "near zero from above", "unbounded"])
+def test_priors_that_hold_the_data(prior, centre, sd):
+    checked(prior, centre, sd)
+
+
+@pytest.mark.parametrize(("prior", "centre", "bound"), [
+    (Uniform(-1.0, 1.0), 3.0, "1"), (Uniform(-1.0, 1.0), -4.0, "-1"), (Uniform(-4.0, 0.0), 2.0, "0")])
+def test_data_beyond_a_bound(prior, centre, bound):
+    """The gain is that of a step from the bound to a tenth of the width beyond it."""
+    with pytest.raises(InputError, match="nats more likely") as caught:
+        checked(prior, centre, 0.1)
+    lower, upper = prior.bounds
+    beyond = upper + 0.1 * (upper - lower) if centre > upper else lower - 0.1 * (upper - lower)
+    edge = min(max(centre, lower), upper)
+    gain = ((edge - centre) ** 2 - (beyond - centre) ** 2) / 0.02
+    assert caught.value.where == "trial.toml, key prior.a"
+    assert f"against its bound {bound} 1" in caught.value.found
+    assert float(caught.value.found.split("they are ")[1].split()[0]) == pytest.approx(gain, rel=0.05)
+    assert "widen the prior" in caught.value.remedy
+
+
+def complaints(centre, precision, draws):
+    return information_complaints(*problem(WIDE, centre, precision), np.asarray(draws))
+
+
+WIDE = {"a": Uniform(-5.0, 5.0), "b": Uniform(-5.0, 5.0)}
+UNIFORM = np.random.default_rng(0).uniform(-5, 5, 4000)
+SHARP = 0.01 * np.random.default_rng(1).normal(size=4000)
+
+
+def test_both_known():
+    assert complaints([1, -2], 1e4 * np.eye(2), np.column_stack([1 + SHARP, -2 + SHARP[::-1]])) == []
+
+
+def test_one_unknown():
+    said = complaints([1, 0], np.diag([1e4, 0]), np.column_stack([1 + SHARP, UNIFORM]))
+    assert said[0].startswith("the data cannot inform b: its standard deviation is 1")
+    assert "+1.00 b in units" in said[1]
+    assert len(said) == 2
+
+
+def test_only_the_sum_is_seen():
+    """a + b = 1 is known, so a - b is invisible: the null direction is (1, -1) / sqrt 2."""
+    half = UNIFORM / 2
+    said = complaints([0.5, 0.5], 1e4 * np.ones((2, 2)), np.column_stack([0.5 + half + SHARP, 0.5 - half]))
+    assert len(said) == 2
+    assert "structural" in said[0]
+    assert "+0.71" in said[0]
+    assert "-0.71" in said[0]
+    assert said[1].startswith("a and b are known together rather than each (correlation -1.000)")
+
+
+@pytest.mark.parametrize(("correlation", "said"), [(0.9, 0), (0.97, 1), (-0.97, 1)])
+def test_correlated_but_known(correlation, said):
+    cov = 1e-4 * np.array([[1, correlation], [correlation, 1]])
+    draws = np.random.default_rng(2).multivariate_normal([0, 0], cov, 4000)
+    assert len(complaints([0, 0], np.linalg.inv(cov), draws)) == said

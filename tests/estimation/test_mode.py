@@ -1,0 +1,83 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.priors import Normal, Uniform
+from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
+
+KEY = jax.random.key(0)
+
+
+@pytest.mark.parametrize("d", [1, 2, 6])
+def test_laplace_is_exact_for_a_linear_gaussian_model(d):
+    problem = linear_gaussian(d)
+    mode = find_mode(problem.posterior, KEY)
+    mean, cov = problem.moments
+    assert mode.values == pytest.approx(mean, abs=1e-7)
+    assert mode.sd == pytest.approx(np.sqrt(np.diag(cov)), rel=1e-8)
+    assert mode.z == pytest.approx((mean - problem.prior_mean) / problem.prior_sd, abs=1e-7)
+    assert np.allclose(mode.cov, cov / problem.prior_sd**2, rtol=1e-7, atol=1e-12)
+    assert np.allclose(mode.precision @ mode.cov, np.eye(d), atol=1e-9)
+    assert mode.log_evidence == pytest.approx(problem.log_evidence, abs=1e-9)
+    assert not mode.flat
+
+
+def test_sharp_peak_in_a_wide_box():
+    """Ten sigma inside the box, the evidence is the likelihood's integral over the width."""
+    target = posterior({"a": Uniform(-10.0, 10.0)}, lambda v, data: -0.5 * ((v["a"] - 3.2) / 1e-3) ** 2)
+    mode = find_mode(target, KEY)
+    assert mode.values == pytest.approx([3.2], abs=1e-8)
+    assert mode.sd == pytest.approx([1e-3], rel=1e-6)
+    assert mode.log_evidence == pytest.approx(np.log(1e-3 * np.sqrt(2 * np.pi) / 20), abs=1e-6)
+
+
+def test_highest_of_two_peaks():
+    """The narrow peak of height 3 at 4 wins over the broad one; the prior pulls it inwards by 1/2501."""
+    def two_peaks(values, data):
+        a = values["a"]
+        return jnp.logaddexp(-0.5 * ((a + 3) / 0.4) ** 2, jnp.log(3.0) - 0.5 * ((a - 4) / 0.1) ** 2)
+
+    mode = find_mode(posterior({"a": Normal(0.0, 5.0)}, two_peaks), KEY)
+    assert mode.values == pytest.approx([4.0 * 2500 / 2501], abs=1e-7)
+
+
+def test_mode_beside_a_region_of_zero_likelihood():
+    def cut(values, data):
+        return jnp.where(values["a"] < 1.0, -0.5 * ((values["a"] - 0.5) / 0.1) ** 2, -jnp.inf)
+
+    mode = find_mode(posterior({"a": Uniform(-20.0, 20.0)}, cut), KEY)
+    assert mode.values == pytest.approx([0.5], abs=1e-7)
+    assert mode.sd == pytest.approx([0.1], rel=1e-6)
+
+
+def test_direction_the_data_do_not_see_keeps_the_spread_of_the_prior():
+    target = posterior({"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)},
+                       lambda v, data: -0.5 * ((v["a"] - 0.9) / 0.01) ** 2)
+    mode = find_mode(target, KEY)
+    assert mode.flat
+    assert mode.sd == pytest.approx([0.01, 12 / np.sqrt(12)], rel=1e-3)
+
+
+def test_no_finite_likelihood():
+    with pytest.raises(NumericalError, match=r"none of 64 draws.*Narrow the prior"):
+        find_mode(posterior({"a": Normal(0.0, 1.0)}, lambda v, data: -jnp.inf + 0 * v["a"]), KEY, starts=64)
+
+
+def test_same_key_same_bits():
+    problem = linear_gaussian(2).posterior
+    assert find_mode(problem, KEY).z.tobytes() == find_mode(problem, KEY).z.tobytes()
+
+
+@pytest.mark.parametrize(("model", "means", "sds"), [
+    ("M-1", [-1.133, -2.962, 6.249], [0.103, 0.068, 0.044]),
+    pytest.param("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84], marks=pytest.mark.thorough)])
+def test_golden_posterior(model, means, sds):
+    """The mode lies within .1 sd of the golden mean, and its curvature gives the golden sds to 3 %."""
+    mode = find_mode(golden_posterior(model), KEY)
+    unit = np.array([1.0, 1.0, THRUST_UNIT, 1.0])[: len(means)]
+    assert np.abs((mode.values[: len(means)] / unit - means) / sds).max() < 0.1
+    assert mode.sd[: len(means)] / unit == pytest.approx(sds, rel=0.03)
+    assert mode.log_evidence == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.05)

@@ -1,0 +1,79 @@
+"""Clocks: an even one rebuilt from bursts, against the truth and a linear programme; repeated stamps dropped."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from seatrial.logs.clock import even_clock
+from seatrial.logs.read import read_csv
+from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
+
+
+def bursts(seed, rows=3000, period=0.02, start=5.0, jitter=1e-3, longest=1.3):
+    """Arrivals of rows that left evenly: a little late each, and now and then held back and released together."""
+    rng = np.random.default_rng(seed)
+    truth = start + period * np.arange(rows)
+    arrival = truth + rng.exponential(jitter, rows)
+    at = start - 1.0
+    while at < truth[-1]:
+        held, at = at, at + rng.uniform(0.05, longest)
+        late = (truth >= held) & (truth < at)
+        arrival[late] = np.maximum(arrival[late], at + 2e-6 * np.arange(late.sum()))
+        at += rng.uniform(0.0, 0.3)
+    return truth, np.maximum.accumulate(arrival)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_even_clock_finds_the_truth_below_bursts(seed):
+    truth, arrival = bursts(seed)
+    time, notes = even_clock(arrival)
+    assert np.max(arrival - truth) > 0.5
+    assert np.min(arrival - time) > -1e-9
+    # Rows between two bursts are late by an exponential delay of 1 ms: some are nearly on time.
+    assert np.max(np.abs(time - truth)) < 2e-3
+    assert np.ptp(np.diff(time)) < 1e-9
+    assert np.diff(time).mean() == pytest.approx(0.02, rel=1e-4)
+    assert "period 0.02" in notes[0]
+    assert np.max(np.abs(arrival - truth - np.median(arrival - truth))) > 100 * np.max(np.abs(time - truth))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_even_clock_solves_the_linear_programme(seed):
+    _, arrival = bursts(seed, rows=400)
+    index = np.arange(400.0)
+    result = linprog([-400.0, -index.sum()], A_ub=np.column_stack([np.ones(400), index]), b_ub=arrival,
+                     bounds=[(None, None), (0, None)])
+    time, _ = even_clock(arrival)
+    assert np.sum(arrival - time) == pytest.approx(arrival.sum() + result.fun, rel=1e-9)
+
+
+def test_even_clock_of_even_stamps_changes_nothing():
+    time = 3.0 + 0.05 * np.arange(200)
+    np.testing.assert_allclose(even_clock(time)[0], time, atol=1e-12)
+
+
+def test_even_clock_from_a_file(tmp_path):
+    truth, arrival = bursts(3)
+    text = "t,speed\n" + "".join(f"{stamp:.4f},{k}\n" for k, stamp in enumerate(arrival.tolist()))
+    table = read_csv(source(written(tmp_path, text), channels={"u": SPEED}, clock="even"))
+    assert np.max(np.abs(float(table.epoch) + table.time - truth)) < 2e-3
+    assert any("clock rebuilt" in note for note in table.notes)
+    with refusal("run.csv", 'column "t", row', "same time stamp"):
+        read_csv(source(written(tmp_path, text), channels={"u": SPEED}))
+
+
+REPEATED = "t,rpm,speed\n0,1,1\n0.1,1,2\n0.1,1,3\n0.1,1,4\n0.2,1,5\n0.3,1,6\n"
+
+
+def test_drop_repeated_keeps_the_first_row(tmp_path):
+    table = read_csv(source(written(tmp_path, REPEATED), clock="drop_repeated"))
+    assert table.columns["u"].tolist() == [1, 2, 5, 6]
+    np.testing.assert_allclose(table.time, [0, 0.1, 0.2, 0.3], atol=1e-15)
+    assert any("2 of 6 rows repeated a stamp" in note for note in table.notes)
+    assert len(read_csv(source(written(tmp_path, GOOD), clock="drop_repeated")).notes) == 1
+
+
+@pytest.mark.parametrize("clock", ["drop_repeated", "even"])
+def test_no_clock_mends_time_that_runs_backwards(tmp_path, clock):
+    with refusal("run.csv", 'column "t", row 8', "backwards"):
+        read_csv(source(written(tmp_path, REPEATED + "0.2,1,7\n"), clock=clock))

@@ -1,0 +1,90 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.priors import Normal, Uniform
+from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
+from tests.estimation_cases import linear_gaussian, posterior
+
+KEY = jax.random.key(2)
+PAIR = linear_gaussian(2)
+
+
+@pytest.mark.parametrize("d", [2, 5])
+def test_particles_follow_the_posterior(d):
+    """Within 4 errors; resampled particles are worth a quarter of their number at least."""
+    problem = linear_gaussian(d)
+    mean, cov = problem.moments
+    sd = np.sqrt(np.diag(cov))
+    result = sample_tempered_smc(problem.posterior, KEY, SMCSettings(particles=2000))
+    values = np.asarray(problem.posterior.constrain(jnp.asarray(result.particles)))
+    assert values.shape == (2000, d)
+    assert (np.abs(values.mean(0) - mean) < 4 * sd / np.sqrt(500)).all()
+    assert values.std(0) == pytest.approx(sd, rel=4 / np.sqrt(2 * 500))
+    assert np.abs(np.corrcoef(values.T) - cov / np.outer(sd, sd)).max() < 4 / np.sqrt(500)
+
+
+def test_temperatures_rise_to_one():
+    result = sample_tempered_smc(PAIR.posterior, KEY, SMCSettings())
+    assert (np.diff(result.temperatures) > 0).all()
+    assert result.temperatures[-1] == 1
+    assert result.acceptance.shape == result.temperatures.shape
+    assert ((result.acceptance > 0.1) & (result.acceptance < 0.9)).all()
+
+
+def test_first_temperature_keeps_the_stated_share():
+    """Weights L^b of the prior draws have the effective size asked for, 80 % of a thousand, to their scatter."""
+    settings = SMCSettings(target_ess=0.8)
+    first = sample_tempered_smc(PAIR.posterior, KEY, settings).temperatures[0]
+    draws = PAIR.posterior.sample_prior(jax.random.key(7), 100_000)
+    weight = np.exp(first * np.asarray(jax.vmap(PAIR.posterior.log_likelihood)(draws)))
+    assert weight.sum() ** 2 / (weight**2).sum() / weight.size == pytest.approx(0.8, abs=0.05)
+
+
+def test_evidence_is_unbiased():
+    """The mean of Z over 40 runs, relative to the truth, within 4 of its errors."""
+    ratio = np.exp([sample_tempered_smc(PAIR.posterior, jax.random.key(i), SMCSettings()).log_evidence
+                    - PAIR.log_evidence for i in range(40)])
+    assert abs(ratio.mean() - 1) < 4 * ratio.std(ddof=1) / np.sqrt(40)
+    assert ratio.std() < 0.15
+
+
+@pytest.mark.parametrize("constant", [0.0, -7000.0, 7000.0])
+def test_likelihood_that_says_nothing(constant):
+    target = posterior({"a": Uniform(0.0, 1.0), "b": Normal(0.0, 1.0)}, lambda v, data: data + 0 * v["a"],
+                       jnp.asarray(constant))
+    result = sample_tempered_smc(target, KEY, SMCSettings())
+    assert result.log_evidence == pytest.approx(constant, abs=1e-9)
+    assert result.temperatures.tolist() == [1.0]
+
+
+def test_same_key_same_bits():
+    first, again, other = (sample_tempered_smc(PAIR.posterior, key, SMCSettings()) for key in (KEY, KEY, jax.random.key(5)))
+    assert first.particles.tobytes() == again.particles.tobytes()
+    assert first.log_evidence == again.log_evidence
+    assert first.log_evidence != other.log_evidence
+
+
+def test_no_draw_can_be_simulated():
+    target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.where(v["a"] > 100.0, 0.0, -jnp.inf))
+    with pytest.raises(NumericalError, match="none of 1000 draws.*Narrow the prior"):
+        sample_tempered_smc(target, KEY, SMCSettings())
+
+
+def test_too_few_temperature_steps():
+    with pytest.raises(NumericalError, match="stopped at temperature .* after 2 steps.*Use more particles"):
+        sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(), max_steps=2)
+
+
+def test_moves_grow_with_dimension():
+    assert [SMCSettings().moves_for(d) for d in (1, 4, 5, 10)] == [8, 8, 10, 20]
+    assert SMCSettings(moves=3).moves_for(10) == 3
+
+
+def test_progress_rises_to_its_total():
+    seen = []
+    sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(), lambda done, total: seen.append(done / total))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1

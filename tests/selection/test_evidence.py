@@ -1,0 +1,156 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.priors import Uniform
+from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
+from seatrial.selection.evidence import EvidenceSettings, combine_runs, smc_evidence
+from tests.estimation_cases import (
+    GOLDEN_LOG_EVIDENCE,
+    LinearGaussian,
+    golden_posterior,
+    linear_gaussian,
+    posterior,
+    short_posterior,
+)
+
+
+def linear(d):
+    problem = linear_gaussian(d)
+    return problem.posterior, problem.log_evidence
+
+
+def box():
+    """Normal likelihood of two parameters cut by uniform priors: a product of differences of the error function."""
+    centre, sd = np.array([0.9, -2.0]), np.array([0.2, 0.01])
+    bounds = np.array([[0.0, 1.0], [-2.0, 3.0]])
+
+    def likelihood(values, data):
+        c = jnp.stack([values["a"], values["b"]])
+        return jnp.sum(-0.5 * ((c - centre) / sd) ** 2 - jnp.log(sd) - 0.5 * jnp.log(2 * jnp.pi))
+
+    inside = np.diff(stats.norm.cdf((bounds - centre[:, None]) / sd[:, None]))
+    return posterior({"a": Uniform(*bounds[0]), "b": Uniform(*bounds[1])}, likelihood), \
+        float(np.log(inside / np.diff(bounds)).sum())
+
+
+def half_forbidden():
+    """Zero likelihood wherever a + b > 0.6, by quadrature over a."""
+    def likelihood(values, data):
+        return jnp.where(values["a"] + values["b"] < 0.6, -0.5 * ((values["a"] - 0.3) / 0.01) ** 2, -jnp.inf)
+
+    exact, _ = integrate.quad(lambda a: (0.6 - a) * np.exp(-0.5 * ((a - 0.3) / 0.01) ** 2), 0, 0.6, points=[0.3])
+    return posterior({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, likelihood), np.log(exact)
+
+
+def short_surge():
+    """Two drag coefficients from a short trial, a ridge of correlation -0.9999, by quadrature on a grid."""
+    target = short_posterior("X_u", "X_uabsu")
+    axes = [np.linspace(*parameter.prior.bounds, n) for parameter, n in zip(target.parameters, (401, 2001), strict=True)]
+    a, b = (jnp.asarray(x.ravel()) for x in np.meshgrid(*axes, indexing="ij"))
+    logs = jax.jit(jax.vmap(lambda a, b: target.likelihood({"X_u": a, "X_uabsu": b}, target.data)))(a, b)
+    top, volume = float(logs.max()), np.prod([np.ptp(x) for x in axes])
+    table = np.exp(np.asarray(logs).reshape(401, 2001) - top)
+    return target, top + np.log(np.trapezoid(np.trapezoid(table, axes[1]), axes[0]) / volume)
+
+
+@pytest.mark.parametrize("problem", [
+    lambda: linear(2), lambda: linear(5), pytest.param(lambda: linear(10), marks=pytest.mark.thorough),
+    box, half_forbidden, short_surge], ids=["linear 2", "linear 5", "linear 10", "box", "half forbidden", "surge"])
+def test_known_evidence(problem):
+    target, exact = problem()
+    found = smc_evidence(target, jax.random.key(1))
+    assert found.status == ""
+    assert 0 < found.std_error < 0.2
+    assert abs(found.log_value - exact) < 4 * found.std_error
+
+
+@pytest.mark.parametrize("model", [
+    pytest.param(model, marks=pytest.mark.thorough) for model in ("M-1", "M-0 wide", "M-0 narrow")])
+def test_golden_evidence(model):
+    found = smc_evidence(golden_posterior(model), jax.random.key(1))
+    assert found.status == ""
+    assert abs(found.log_value - GOLDEN_LOG_EVIDENCE[model]) < min(4 * found.std_error, 0.3)
+
+
+def test_stated_errors_are_honest():
+    """Of 60 errors, 3 should exceed 1.96 of what is stated: 9 or more would be a chance of 0.3 %."""
+    target, exact = linear(2)
+    found = [smc_evidence(target, jax.random.key(100 + i)) for i in range(60)]
+    errors = np.array([evidence.log_value - exact for evidence in found])
+    stated = np.array([evidence.std_error for evidence in found])
+    assert (np.abs(errors) > 1.96 * stated).sum() < 9
+    assert np.sqrt((errors**2).mean() / (stated**2).mean()) == pytest.approx(0.7, abs=0.3)
+
+
+def test_unit_of_the_data_shifts_the_log_evidence_by_its_jacobian():
+    """In millimetres, densities of 20 measurements in metres fall by 20 log 1000."""
+    metres = linear_gaussian(2)
+    millimetres = LinearGaussian(metres.design, 1e3 * metres.measured, 1e3 * metres.sd, 1e3 * metres.prior_mean,
+                                 1e3 * metres.prior_sd)
+    one, other = (smc_evidence(problem.posterior, jax.random.key(1)) for problem in (metres, millimetres))
+    assert other.log_value == pytest.approx(one.log_value - 20 * np.log(1e3), abs=1e-6)
+
+
+def test_unit_of_the_parameters_leaves_the_evidence_alone():
+    si = linear_gaussian(2)
+    scaled = LinearGaussian(1e4 * si.design, si.measured, si.sd, 1e-4 * si.prior_mean, 1e-4 * si.prior_sd)
+    one, other = (smc_evidence(problem.posterior, jax.random.key(1)) for problem in (si, scaled))
+    assert other.log_value == pytest.approx(one.log_value, abs=1e-6)
+
+
+def test_no_finite_likelihood():
+    target = posterior({"a": Uniform(0.0, 1.0)}, lambda v, data: -jnp.inf + 0 * v["a"])
+    with pytest.raises(NumericalError, match="Narrow the prior"):
+        smc_evidence(target, jax.random.key(0))
+
+
+def test_progress_runs_once_over_all_repeats():
+    seen = []
+    smc_evidence(linear(2)[0], jax.random.key(0), EvidenceSettings(repeats=2), lambda done, total: seen.append(done / total))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1
+
+
+def runs(*logs, acceptance=0.3):
+    return [SMCResult(log, np.empty((0, 1)), np.array([0.1, 1.0]), np.array([0.4, acceptance])) for log in logs]
+
+
+def test_combination_by_hand():
+    """Z of 2, 3 and 4: mean 3, standard deviation 1; Student's t of 2 degrees is 4.303 at 97.5 %, the normal 1.960."""
+    found = combine_runs(runs(*np.log([2.0, 3.0, 4.0])))
+    assert found.log_value == pytest.approx(np.log(3.0), abs=1e-12)
+    assert found.std_error == pytest.approx(1 / 3 / np.sqrt(3) * 4.302653 / 1.959964, rel=1e-6)
+    assert found.diagnostics["temperatures"] == [2, 2, 2]
+
+
+@pytest.mark.parametrize("shift", [-7000.0, 7000.0])
+def test_combination_of_extreme_logs(shift):
+    base, shifted = combine_runs(runs(0.1, 0.3, 0.2)), combine_runs(runs(*(shift + np.array([0.1, 0.3, 0.2]))))
+    assert shifted.log_value - shift == pytest.approx(base.log_value, abs=1e-9)
+    assert shifted.std_error == pytest.approx(base.std_error, rel=1e-9)
+
+
+@pytest.mark.parametrize(("given", "words"), [
+    (runs(1.0, 1.1), ""),
+    (runs(1.0, 4.0), "repeats differ by 2.1 nats: use more particles or moves"),
+    (runs(1.0, 1.1, acceptance=0.02), "accepted only 2% of the time: use more moves"),
+    (runs(1.0, 4.0, acceptance=0.02), "; ")])
+def test_status(given, words):
+    status = combine_runs(given).status
+    assert words in status
+    assert bool(words) == bool(status)
+
+
+@pytest.mark.parametrize("given", [runs(), runs(1.0)])
+def test_one_run_has_no_error(given):
+    with pytest.raises(NumericalError, match="set repeats to 2 or more"):
+        combine_runs(given)
+
+
+def test_size_of_the_run_is_respected():
+    settings = EvidenceSettings(repeats=3, smc=SMCSettings(particles=200))
+    assert len(smc_evidence(linear(2)[0], jax.random.key(0), settings).diagnostics["log_values"]) == 3
