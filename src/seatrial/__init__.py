@@ -18,7 +18,7 @@ _HOME = {
     "SeatrialError": "seatrial.core.errors",
     "InputError": "seatrial.core.errors",
 }
-__all__ = ["__version__", *_HOME]
+__all__ = ["CoefficientName", "InputError", "Record", "SeatrialError", "__version__"]
 
 if TYPE_CHECKING:
     from seatrial.core.coefficients import CoefficientName

@@ -13,15 +13,16 @@ from seatrial.core.signals import RATES
 SIGNAL_UNITS = {
     **dict.fromkeys("uvw", "m/s"), **dict.fromkeys("pqrn", "rad/s"),
     **dict.fromkeys(("phi", "theta", "psi", "delta_r", "delta_s"), "rad"),
-    **dict.fromkeys(("tau_X", "tau_Y", "tau_Z"), "kg*m/s^2"), **dict.fromkeys(("tau_K", "tau_M", "tau_N"), "kg*m^2/s^2"),
+    **dict.fromkeys(("tau_X", "tau_Y", "tau_Z"), "kg*m/s^2"),
+    **dict.fromkeys(("tau_K", "tau_M", "tau_N"), "kg*m^2/s^2"),
 }
 AXIS_UNITS = {**dict.fromkeys("XYZT", "kg*m/s^2"), **dict.fromkeys("KMNQ", "kg*m^2/s^2")}
 UNITS = pint.UnitRegistry(None)
 for base in ("meter = [length] = m", "second = [time] = s", "kilogram = [mass] = kg", "radian = [angle] = rad"):
     UNITS.define(base)
 
-VALUES = {"u": -1.7, "v": 0.4, "w": 0.3, "p": 0.2, "q": -0.6, "r": 0.5, "udot": -0.31, "phi": 0.1, "psi": -2.0, "n": -70.0,
-          "delta_r": -0.2, "tau_X": 12.0}
+VALUES = {"u": -1.7, "v": 0.4, "w": 0.3, "p": 0.2, "q": -0.6, "r": 0.5, "udot": -0.31, "phi": 0.1,
+          "psi": -2.0, "n": -70.0, "delta_r": -0.2, "tau_X": 12.0}
 TRIM = {"u": 1.5, "n": 78.5, "delta_r": 0.05}
 
 
@@ -67,7 +68,8 @@ def test_regressor_on_arrays():
 @pytest.mark.parametrize(("left", "right", "equal"), [
     ("Y_uv", "Y_vu", True), ("X_u2", "X_uu", True), ("X_u2", "X_absuabsu", True), ("X_u2", "X_absu2", True),
     ("X_uabsu", "X_absuu", True), ("X_absu3", "X_u2absu", True), ("X_u3", "X_uabsu2", True),
-    ("X_uabsu", "X_uu", False), ("X_u", "Y_u", False), ("X_du2", "X_u2", False), ("X_udot", "X_u", False), ("X_0", "X_u", False),
+    ("X_uabsu", "X_uu", False), ("X_u", "Y_u", False), ("X_du2", "X_u2", False), ("X_udot", "X_u", False),
+    ("X_0", "X_u", False),
 ])
 def test_equal_names_are_those_of_one_regressor(left, right, equal):
     first, second = CoefficientName.parse(left), CoefficientName.parse(right)
@@ -76,9 +78,9 @@ def test_equal_names_are_those_of_one_regressor(left, right, equal):
 
 
 @pytest.mark.parametrize(("text", "character", "found"), [
-    ("X_uabsx", 4, '"absx"'), ("X_", 3, "nothing"), ("X_u1", 4, '"1"'), ("X_u22", 5, '"2"'), ("X_0u", 3, '"0u"'), ("X_u0", 4, '"0"'),
-    ("X_dudot", 3, '"dudot"'), ("X_phidot", 3, '"phidot"'), ("X__u", 3, '"_u"'), ("X_u ", 4, '" "'), ("X_uabs", 4, '"abs"'),
-    ("Y_uudelta", 5, '"delta"'), ("X_U", 3, '"U"'), ("X_u-v", 4, '"-v"'),
+    ("X_uabsx", 4, '"absx"'), ("X_", 3, "nothing"), ("X_u1", 4, '"1"'), ("X_u22", 5, '"2"'), ("X_0u", 3, '"0u"'),
+    ("X_u0", 4, '"0"'), ("X_dudot", 3, '"dudot"'), ("X_phidot", 3, '"phidot"'), ("X__u", 3, '"_u"'), ("X_u ", 4, '" "'),
+    ("X_uabs", 4, '"abs"'), ("Y_uudelta", 5, '"delta"'), ("X_U", 3, '"U"'), ("X_u-v", 4, '"-v"'),
 ])
 def test_malformed_name_shows_the_place(text, character, found):
     with pytest.raises(InputError) as caught:
@@ -128,7 +130,8 @@ def test_any_composed_name_parses(axis, chosen):
     name = CoefficientName.parse(spelling(axis, chosen))
     unit = UNITS.parse_expression(name.unit) * UNITS.Quantity(1)
     for _, _, signal, dot, power in chosen:
-        unit = unit * (UNITS.parse_expression(SIGNAL_UNITS[signal]) / (UNITS.parse_expression("s") if dot else 1)) ** power
+        factor = UNITS.parse_expression(SIGNAL_UNITS[signal]) / (UNITS.parse_expression("s") if dot else 1)
+        unit = unit * factor**power
     assert unit.dimensionality == UNITS.parse_expression(AXIS_UNITS[axis]).dimensionality
     rng = np.random.default_rng(0)
     signals = {key: rng.normal() for signal in SIGNAL_UNITS for key in (signal, signal + "dot")}

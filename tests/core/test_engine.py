@@ -21,7 +21,9 @@ def run_python(code: str, tmp_path, **environment: str) -> str:
                           env={**clean, **defaults, **environment}).stdout.strip()
 
 
-@pytest.mark.parametrize(("flags", "one_kernel"), [("", "True"), ("--xla_cpu_enable_fast_math=false", "True"), (OTHER_BACKEND_OPTION, "False")])
+@pytest.mark.parametrize(("flags", "one_kernel"), [
+    ("", "True"), ("--xla_cpu_enable_fast_math=false", "True"), (OTHER_BACKEND_OPTION, "False"),
+])
 def test_a_time_loop_becomes_one_kernel(tmp_path, flags, one_kernel):
     assert run_python(TIME_LOOP, tmp_path, XLA_FLAGS=flags) == one_kernel
 

@@ -81,7 +81,8 @@ def test_a_constant_control_is_no_fault():
 
 
 @pytest.mark.parametrize("channels", [
-    (*CHANNELS, Channel("v", "m/s", "measurement")), (*CHANNELS, CHANNELS[1]), (*CHANNELS[:2], Channel("udot", "m/s^2", "output")),
+    (*CHANNELS, Channel("v", "m/s", "measurement")), (*CHANNELS, CHANNELS[1]),
+    (*CHANNELS[:2], Channel("udot", "m/s^2", "output")),
 ], ids=["without a column", "named twice", "of no role"])
 def test_unusable_channel_map(channels):
     with pytest.raises(InputError):

@@ -35,10 +35,11 @@ def test_plain_xarray_reads_it(path):
 import sys, xarray
 data = xarray.open_dataset({str(path)!r})
 assert not any("seatrial" in name for name in sys.modules)
-print(list(data.data_vars), data.u.dims, data.u.units, data.n.role, data.time.dtype, float(data.time[0]), int(data.u.isnull().sum()))
+print(list(data.data_vars), data.u.dims, data.u.units, data.n.role)
+print(data.time.dtype, float(data.time[0]), int(data.u.isnull().sum()))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == "['n', 'u', 'udot'] ('time',) m/s control float64 1000000000.0 30"
+    assert result.stdout.strip() == "['n', 'u', 'udot'] ('time',) m/s control\nfloat64 1000000000.0 30"
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.999])
@@ -66,18 +67,22 @@ ATTRS = {"format": FORMAT, "label": "run 7", "source": "trial.csv", "sha256": "0
 CHANNEL_ATTRS = {"units": "m/s", "role": "measurement"}
 
 
-@pytest.mark.parametrize(("dataset", "found"), [
-    (xr.Dataset({"u": ("time", COLUMNS["udot"])}, {"time": TIME}), "not stated"),
-    (xr.Dataset({"u": ("time", COLUMNS["udot"], CHANNEL_ATTRS)}, {"time": TIME}, {**ATTRS, "format": "seatrial record 99"}), "record 99"),
-    (xr.Dataset({"u": ("time", COLUMNS["udot"])}, {"time": TIME}, ATTRS), "units"),
-    (xr.Dataset({"u": ("time", COLUMNS["udot"], CHANNEL_ATTRS)}, {"time": TIME}, {"format": FORMAT}), None),
-    (xr.Dataset({"u": ("time", COLUMNS["udot"], CHANNEL_ATTRS)}, {"time": TIME}, {**ATTRS, "options": "{"}), "options"),
-    (xr.Dataset({"u": ("sample", COLUMNS["udot"], CHANNEL_ATTRS)}, attrs=ATTRS), "time"),
-    (xr.Dataset({"u": ("time", ["fast"] * 40, CHANNEL_ATTRS)}, {"time": TIME}, ATTRS), None),
-    (xr.Dataset({"u": ("time", TIME * 0, CHANNEL_ATTRS)}, {"time": TIME}, ATTRS), "0.0.* in every sample"),
+def dataset(values=COLUMNS["udot"], channel_attrs=CHANNEL_ATTRS, attrs=ATTRS):
+    return xr.Dataset({"u": ("time", values, channel_attrs)}, {"time": TIME}, attrs)
+
+
+@pytest.mark.parametrize(("content", "found"), [
+    (dataset(attrs={}), "not stated"),
+    (dataset(attrs={**ATTRS, "format": "seatrial record 99"}), "record 99"),
+    (dataset(channel_attrs={}), "units"),
+    (dataset(attrs={"format": FORMAT}), None),
+    (dataset(attrs={**ATTRS, "options": "{"}), None),
+    (dataset().drop_vars("time"), "time"),
+    (dataset(["fast"] * 40), None),
+    (dataset(TIME * 0), "0.0.* in every sample"),
 ], ids=["foreign", "later format", "no units", "no provenance", "broken options", "no time", "text", "constant"])
-def test_foreign_file(tmp_path, dataset, found):
+def test_foreign_file(tmp_path, content, found):
     path = tmp_path / "other.nc"
-    dataset.to_netcdf(path, engine="h5netcdf")
+    content.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(InputError, match=found):
         read_record(path)

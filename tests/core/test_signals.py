@@ -5,8 +5,8 @@ from seatrial.core.signals import Dimension, signal_unit
 
 
 @pytest.mark.parametrize(("name", "unit"), [
-    ("u", "m/s"), ("udot", "m/s^2"), ("r", "rad/s"), ("rdot", "rad/s^2"), ("theta", "rad"), ("n", "rad/s"), ("delta_s", "rad"),
-    ("tau_X", "kg m/s^2"), ("tau_N", "kg m^2/s^2"),
+    ("u", "m/s"), ("udot", "m/s^2"), ("r", "rad/s"), ("rdot", "rad/s^2"), ("theta", "rad"), ("n", "rad/s"),
+    ("delta_s", "rad"), ("tau_X", "kg m/s^2"), ("tau_N", "kg m^2/s^2"),
 ])
 def test_signal_unit(name, unit):
     assert signal_unit(name) == unit

@@ -20,7 +20,8 @@ STEP = np.full(6000, 0.01)
 
 
 def paper_space(**options):
-    return discretise(paper_model(), ("u", "udot"), INITIAL, np.sqrt([1e-6, 1e-7, 1e-7, 1e-10]), np.array([0.1, 0.1]), SCALES, **options)
+    process_sd, measurement_sd = np.sqrt([1e-6, 1e-7, 1e-7, 1e-10]), np.array([0.1, 0.1])
+    return discretise(paper_model(), ("u", "udot"), INITIAL, process_sd, measurement_sd, SCALES, **options)
 
 
 def noise_free_trial(amplitude_rpm, period):
@@ -38,8 +39,9 @@ def noise_free_trial(amplitude_rpm, period):
 GOLDEN_GAINS = {(100, 1.0): 21.582, (200, 10.0): 25.078, (200, 20.0): 25.249}
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [(SquareRootUnscentedKalmanFilter(), 1e-3), (ExtendedKalmanFilter(), 0.05)],
-                         ids=["square root", "extended"])
+@pytest.mark.parametrize(("method", "tolerance"), [
+    (SquareRootUnscentedKalmanFilter(), 1e-3), (ExtendedKalmanFilter(), 0.05),
+], ids=["square root", "extended"])
 def test_golden_entropy_gain(method, tolerance):
     control, measurement = map(np.stack, zip(*(noise_free_trial(*design) for design in GOLDEN_GAINS), strict=True))
     space = paper_space(integrator=euler_step)

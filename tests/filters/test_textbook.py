@@ -17,7 +17,7 @@ from tests.filters import textbook
 from tests.filters.surge_trial import GAPS, MEAN, SD, surge_problem, surge_space, surge_trial
 
 RULES = {"symmetric": (1.0, 2.0, 0.0), "small kappa": (1.0, 2.0, -1.0), "negative weight": (0.5, 2.0, 0.0)}
-LOWER, UPPER = np.array([0.0, -1.4, -3.2, 0.03]), np.array([np.inf, -0.3, -1.6, 0.08])
+LOWER, UPPER = np.array([0.0, -3.2, 0.03]), np.array([np.inf, -1.6, 0.08])
 BOUNDS = tuple(zip(LOWER.tolist(), UPPER.tolist(), strict=True))
 
 
@@ -27,7 +27,8 @@ def methods():
         settings = dict(zip(("alpha", "beta", "kappa"), rule, strict=True))
         yield f"unscented, {name}", UnscentedKalmanFilter(UnscentedRule(*rule)), textbook.unscented, settings
         if name != "small kappa":
-            yield f"square root, {name}", SquareRootUnscentedKalmanFilter(UnscentedRule(*rule)), textbook.unscented, settings
+            square_root = SquareRootUnscentedKalmanFilter(UnscentedRule(*rule))
+            yield f"square root, {name}", square_root, textbook.unscented, settings
     yield "constrained", SquareRootUnscentedKalmanFilter(bounds=BOUNDS), textbook.unscented, {"bounds": (LOWER, UPPER)}
 
 
@@ -73,8 +74,8 @@ def test_equals_the_textbook(name, gaps):
 def test_equals_filterpy():
     """The peer keeps its predicted points for the update; here they are redrawn after the process noise is added."""
     problem = surge_problem()
-    points = MerweScaledSigmaPoints(4, 1.0, 2.0, 0.0)
-    peer = PeerFilter(4, 2, 0.1, problem.observe, problem.transition, points)
+    points = MerweScaledSigmaPoints(3, 1.0, 2.0, 0.0)
+    peer = PeerFilter(3, 2, 0.1, problem.observe, problem.transition, points)
     peer.x, peer.P, peer.Q, peer.R = MEAN, np.diag(SD**2), problem.process_cov, problem.measurement_cov
     means, log_likelihood = [], 0.0
     for c, y, h in zip(CONTROL, COMPLETE, STEP, strict=True):
@@ -92,7 +93,7 @@ def test_equals_filterpy():
 
 
 @pytest.mark.parametrize("gaps", ["complete", "ends unmeasured"])
-@pytest.mark.parametrize("name", ["extended", "unscented, symmetric", "square root, symmetric"])
+@pytest.mark.parametrize("name", ["extended", "unscented, symmetric"])
 def test_one_summary_equals_its_lane_of_a_batch_of_traces(name, gaps):
     trace = lane(traces(name), gaps)
     summary = summarise_filter(METHODS[name][0], surge_space(), CONTROL, GAPS[gaps](COMPLETE), STEP)
@@ -100,12 +101,3 @@ def test_one_summary_equals_its_lane_of_a_batch_of_traces(name, gaps):
     assert np.allclose(summary.final.mean, trace.final.mean, rtol=1e-10)
     assert np.allclose(summary.final.cov, trace.final.cov, rtol=1e-8, atol=1e-13)
     assert float(summary.log_likelihood) == pytest.approx(float(trace.log_likelihood), rel=1e-11)
-
-
-def test_square_root_and_covariance_form_agree_from_a_vague_prior():
-    space = surge_space(sd=np.sqrt([1.0, 1e5, 1e5, 10.0]), measurement_sd=np.array([0.1, 0.1]))
-    one, two = (summarise_filter(METHODS[name][0], space, CONTROL, COMPLETE, STEP)
-                for name in ("square root, symmetric", "unscented, symmetric"))
-    assert int(one.failures) == int(two.failures) == 0
-    assert np.allclose(one.final.mean, two.final.mean, rtol=2e-8)
-    assert np.allclose(one.final.sd, two.final.sd, rtol=2e-8)

@@ -73,8 +73,8 @@ def unscented(problem, control, measurement, step, alpha=1.0, beta=2.0, kappa=0.
         points, clipped = draw(mean, cov)
         images = np.array([problem.observe(point, c) for point in points])
         average, expected = mean_weights @ points, mean_weights @ images
-        return (average, spread(points - average, points - average), expected, spread(images - expected, images - expected),
-                spread(points - average, images - expected), clipped)
+        about, errors = points - average, images - expected
+        return average, spread(about, about), expected, spread(errors, errors), spread(about, errors), clipped
 
     return _run(problem, predict, moments, control, measurement, step, bounds)
 

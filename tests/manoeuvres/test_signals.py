@@ -29,8 +29,8 @@ def naive_doublet(time, period, start, active):
 
 
 @pytest.mark.parametrize(("period", "start", "active", "count"), [
-    (10.0, 1.0, 40.0, 4), (10.0, 0.0, 39.9, 3), (13.3, 1.0, 40.0, 3), (20.0, 1.0, 40.0, 2), (40.0, 5.5, 40.0, 1), (0.7, 1.0, 2.1, 3),
-    (0.1, 0.3, 0.3, 3),
+    (10.0, 1.0, 40.0, 4), (10.0, 0.0, 39.9, 3), (13.3, 1.0, 40.0, 3), (20.0, 1.0, 40.0, 2), (40.0, 5.5, 40.0, 1),
+    (0.7, 1.0, 2.1, 3), (0.1, 0.3, 0.3, 3),
 ])
 def test_whole_doublets_then_trim(period, start, active, count):
     time, control = doublet(period=period, start=start, active=active).sample(0.01)
@@ -71,12 +71,14 @@ def test_settings_broadcast_and_batch():
 def test_manoeuvre_says_what_it_is():
     manoeuvre = doublet()
     assert (manoeuvre.control, manoeuvre.duration) == ("n", 60.0)
-    assert manoeuvre.parameters == {"trim": TRIM, "amplitude": AMPLITUDE, "period": 10.0, "start": 1.0, "active": 40.0, "ramp": 0.0}
+    assert manoeuvre.parameters == {"trim": TRIM, "amplitude": AMPLITUDE, "period": 10.0, "start": 1.0, "active": 40.0,
+                                    "ramp": 0.0}
 
 
 @pytest.mark.parametrize(("settings", "message"), [
-    ({"period": 41.0}, "at most the active time, 40 s"), ({"period": 0.0}, "more than 0"), ({"period": -1.0}, "more than 0"),
-    ({"period": float("nan")}, "more than 0"), ({"start": -1.0}, "an end within the duration"), ({"start": 20.5}, "an end within the duration"),
+    ({"period": 41.0}, "at most the active time, 40 s"), ({"period": 0.0}, "more than 0"),
+    ({"period": -1.0}, "more than 0"), ({"period": float("nan")}, "more than 0"),
+    ({"start": -1.0}, "an end within the duration"), ({"start": 20.5}, "an end within the duration"),
     ({"ramp": 5.1}, "at most half a period"), ({"ramp": -0.1}, "at most half a period"),
 ])
 def test_impossible_doublet(settings, message):
@@ -85,7 +87,8 @@ def test_impossible_doublet(settings, message):
 
 
 def steps(**settings):
-    return random_steps("n", **{"trim": TRIM, "amplitude": AMPLITUDE, "hold": 2.0, "duration": 15.0, "seed": 7, **settings})
+    defaults = {"trim": TRIM, "amplitude": AMPLITUDE, "hold": 2.0, "duration": 15.0, "seed": 7}
+    return random_steps("n", **{**defaults, **settings})
 
 
 def test_random_steps_hold_their_level():

@@ -35,7 +35,8 @@ def test_moments_of_a_linear_map_are_exact(rule):
     accuracy = 1e-14 * np.abs(mean_weights).max() + 1e-12
     assert mean_weights.sum() == pytest.approx(1, abs=accuracy)
     assert np.allclose(mean_weights @ images, mean, atol=10 * accuracy)
-    assert np.allclose((images - mean).T * cov_weights @ (images - mean), MATRIX @ FACTOR @ FACTOR.T @ MATRIX.T, rtol=1e-9, atol=1e-9)
+    cov = (images - mean).T * cov_weights @ (images - mean)
+    assert np.allclose(cov, MATRIX @ FACTOR @ FACTOR.T @ MATRIX.T, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("rule", RULES[:3])

@@ -48,9 +48,9 @@ ROWS = {
     "dense": RNG.normal(size=(9, 4)),
     "square": RNG.normal(size=(4, 4)),
     "ill conditioned": RNG.normal(size=(9, 4)) * [1, 1e5, 1e-5, 1],
-    "deviations above diagonal noise": np.vstack([RNG.normal(size=(6, 4)), np.diag([0.1, 0.2, 0.3, 0.4]), np.diag([1.0, 0, 0, 2.0])]),
+    "diagonal noise below": np.vstack([RNG.normal(size=(6, 4)), np.diag([0.1, 0.2, 0.3, 0.4]), np.diag([1, 0, 0, 2])]),
     "diagonal": np.diag([3.0, 0.5, 1.0, 2.0]),
-    "zero blocks": np.vstack([np.hstack([RNG.normal(size=(3, 2)), np.zeros((3, 2))]), np.hstack([np.zeros((3, 2)), RNG.normal(size=(3, 2))])]),
+    "zero blocks": np.kron(np.eye(2), RNG.normal(size=(3, 2))),
     "zero row": np.vstack([RNG.normal(size=(5, 4)), np.zeros((1, 4))]),
     "scattered zeros": RNG.normal(size=(12, 4)) * (RNG.random((12, 4)) < 0.5),
 }
@@ -90,7 +90,8 @@ def test_solves(n):
     factor, vector = lower(n), vector_of(n)
     rows, entries = triangular.to_triangle(jnp.asarray(factor)), tuple(jnp.asarray(vector))
     assert np.allclose(triangular.solve_lower(rows, entries), solve_triangular(factor, vector, lower=True), rtol=1e-11)
-    assert np.allclose(triangular.solve_lower_transposed(rows, entries), solve_triangular(factor, vector, lower=True, trans="T"), rtol=1e-11)
+    transposed = solve_triangular(factor, vector, lower=True, trans="T")
+    assert np.allclose(triangular.solve_lower_transposed(rows, entries), transposed, rtol=1e-11)
 
 
 def test_solve_with_structural_zeros():

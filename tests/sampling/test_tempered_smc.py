@@ -2,9 +2,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import Normal
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 from tests.estimation_cases import linear_gaussian, posterior
 
@@ -14,16 +15,16 @@ PAIR = linear_gaussian(2)
 
 @pytest.mark.parametrize("d", [2, 5])
 def test_particles_follow_the_posterior(d):
-    """Within 4 errors; resampled particles are worth a quarter of their number at least."""
+    """Within 4 errors; a thousand resampled particles are worth a quarter of their number at least."""
     problem = linear_gaussian(d)
     mean, cov = problem.moments
     sd = np.sqrt(np.diag(cov))
-    result = sample_tempered_smc(problem.posterior, KEY, SMCSettings(particles=2000))
+    result = sample_tempered_smc(problem.posterior, KEY, SMCSettings())
     values = np.asarray(problem.posterior.constrain(jnp.asarray(result.particles)))
-    assert values.shape == (2000, d)
-    assert (np.abs(values.mean(0) - mean) < 4 * sd / np.sqrt(500)).all()
-    assert values.std(0) == pytest.approx(sd, rel=4 / np.sqrt(2 * 500))
-    assert np.abs(np.corrcoef(values.T) - cov / np.outer(sd, sd)).max() < 4 / np.sqrt(500)
+    assert values.shape == (SMCSettings().particles, d)
+    assert (np.abs(values.mean(0) - mean) < 4 * sd / np.sqrt(250)).all()
+    assert values.std(0) == pytest.approx(sd, rel=4 / np.sqrt(2 * 250))
+    assert np.abs(np.corrcoef(values.T) - cov / np.outer(sd, sd)).max() < 4 / np.sqrt(250)
 
 
 def test_temperatures_rise_to_one():
@@ -35,12 +36,11 @@ def test_temperatures_rise_to_one():
 
 
 def test_first_temperature_keeps_the_stated_share():
-    """Weights L^b of the prior draws have the effective size asked for, 80 % of a thousand, to their scatter."""
-    settings = SMCSettings(target_ess=0.8)
-    first = sample_tempered_smc(PAIR.posterior, KEY, settings).temperatures[0]
+    """Weights L^b of prior draws have the effective size asked for, half their number, up to that number's scatter."""
+    first = sample_tempered_smc(PAIR.posterior, KEY, SMCSettings()).temperatures[0]
     draws = PAIR.posterior.sample_prior(jax.random.key(7), 100_000)
     weight = np.exp(first * np.asarray(jax.vmap(PAIR.posterior.log_likelihood)(draws)))
-    assert weight.sum() ** 2 / (weight**2).sum() / weight.size == pytest.approx(0.8, abs=0.05)
+    assert weight.sum() ** 2 / (weight**2).sum() / weight.size == pytest.approx(0.5, abs=0.05)
 
 
 def test_evidence_is_unbiased():
@@ -51,17 +51,18 @@ def test_evidence_is_unbiased():
     assert ratio.std() < 0.15
 
 
-@pytest.mark.parametrize("constant", [0.0, -7000.0, 7000.0])
-def test_likelihood_that_says_nothing(constant):
-    target = posterior({"a": Uniform(0.0, 1.0), "b": Normal(0.0, 1.0)}, lambda v, data: data + 0 * v["a"],
-                       jnp.asarray(constant))
-    result = sample_tempered_smc(target, KEY, SMCSettings())
-    assert result.log_evidence == pytest.approx(constant, abs=1e-9)
+@pytest.mark.parametrize("sd", [1e-2, 1e3])
+def test_likelihood_that_says_nothing(sd):
+    """A design of zeros leaves the density of the residuals, however far from 0, and needs one step."""
+    silent = PAIR._replace(design=np.zeros((20, 2)), sd=sd)
+    result = sample_tempered_smc(silent.posterior, KEY, SMCSettings())
+    assert result.log_evidence == pytest.approx(stats.norm(0, sd).logpdf(silent.measured).sum(), rel=1e-12)
     assert result.temperatures.tolist() == [1.0]
 
 
 def test_same_key_same_bits():
-    first, again, other = (sample_tempered_smc(PAIR.posterior, key, SMCSettings()) for key in (KEY, KEY, jax.random.key(5)))
+    keys = (KEY, KEY, jax.random.key(5))
+    first, again, other = (sample_tempered_smc(PAIR.posterior, key, SMCSettings()) for key in keys)
     assert first.particles.tobytes() == again.particles.tobytes()
     assert first.log_evidence == again.log_evidence
     assert first.log_evidence != other.log_evidence
@@ -69,12 +70,12 @@ def test_same_key_same_bits():
 
 def test_no_draw_can_be_simulated():
     target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.where(v["a"] > 100.0, 0.0, -jnp.inf))
-    with pytest.raises(NumericalError, match="none of 1000 draws.*Narrow the prior"):
+    with pytest.raises(NumericalError, match=r"none of \d+ draws.*Narrow the prior"):
         sample_tempered_smc(target, KEY, SMCSettings())
 
 
 def test_too_few_temperature_steps():
-    with pytest.raises(NumericalError, match="stopped at temperature .* after 2 steps.*Use more particles"):
+    with pytest.raises(NumericalError, match=r"stopped at temperature .* after 2 steps.*Use more particles"):
         sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(), max_steps=2)
 
 
@@ -88,3 +89,11 @@ def test_progress_rises_to_its_total():
     sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(), lambda done, total: seen.append(done / total))
     assert seen == sorted(seen)
     assert seen[-1] == 1
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("particles", [100, 128, 1000])
+def test_any_number_of_particles(particles):
+    result = sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(particles))
+    assert result.particles.shape == (particles, 2)
+    assert result.log_evidence == pytest.approx(PAIR.log_evidence, abs=4 * 2 / np.sqrt(particles))

@@ -10,7 +10,8 @@ INITIAL = independent(np.zeros(4), np.ones(4))
 
 
 def space(outputs=("u", "udot"), **options):
-    return discretise(paper_model(), outputs, INITIAL, np.full(4, 0.1), np.full(len(outputs), 0.2), SCALES, **options)
+    process_sd, measurement_sd = np.full(4, 0.1), np.full(len(outputs), 0.2)
+    return discretise(paper_model(), outputs, INITIAL, process_sd, measurement_sd, SCALES, **options)
 
 
 def test_states_are_the_vehicles_then_its_coefficients():
@@ -25,7 +26,8 @@ def test_transition_and_outputs_in_filter_units():
         return surge_rate(u, 12.5, *state[1:])
 
     assert space().transition(state, control, h) == pytest.approx((naive_rk4(rate, 1.7, h),), rel=1e-13)
-    assert space(integrator=euler_step).transition(state, control, h) == pytest.approx((1.7 + h * rate(1.7),), rel=1e-13)
+    by_euler = space(integrator=euler_step)
+    assert by_euler.transition(state, control, h) == pytest.approx((1.7 + h * rate(1.7),), rel=1e-13)
     assert space().observe(state, control) == pytest.approx((1.7, rate(1.7)), rel=1e-12)
     assert space(("udot",)).observe(state, control) == pytest.approx((rate(1.7),), rel=1e-12)
 
@@ -40,4 +42,5 @@ def test_equal_models_share_their_functions():
 def test_without_scales_coefficients_are_si():
     si = discretise(paper_model(), ("udot",), INITIAL, np.zeros(4), np.ones(1))
     thrust = 7e-2 / (2 * np.pi) ** 2
-    assert si.observe((1.7, -1.0, -3.0, thrust), (N0,)) == pytest.approx((surge_rate(1.7, 12.5, -1.0, -3.0, 7e-2),), rel=1e-12)
+    expected = surge_rate(1.7, 12.5, -1.0, -3.0, 7e-2)
+    assert si.observe((1.7, -1.0, -3.0, thrust), (N0,)) == pytest.approx((expected,), rel=1e-12)

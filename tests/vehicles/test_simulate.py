@@ -19,7 +19,7 @@ def constant(rev_per_s):
     return np.full((501, 1), 2 * np.pi * rev_per_s)
 
 
-@pytest.mark.parametrize("second, speed", [(1, 1.686264488293), (5, 1.937776516357)])
+@pytest.mark.parametrize(("second", "speed"), [(1, 1.686264488293), (5, 1.937776516357)])
 def test_golden_step_response(second, speed):
     exact = riccati_speed(float(second), U0, 12.5 + FASTER)
     fourth_order = simulate(paper_model(), TRUTH, constant(12.5 + FASTER), STEP, [U0])[100 * second, 0]
@@ -42,7 +42,8 @@ def test_golden_sum_over_a_doublet():
 
     doublet = repeated_doublet("n", trim=N0, amplitude=200 * RPM, period=10.0, start=1.0, active=40.0, duration=60.0)
     time, control = doublet.sample(0.01)
-    speed = simulate(paper_model(*TERMS, "X_du3"), {**TRUTH, "X_du3": 0.1}, control[:, None], np.full(6000, 0.01), [U0], midpoint_step)
+    model, params, step = paper_model(*TERMS, "X_du3"), {**TRUTH, "X_du3": 0.1}, np.full(6000, 0.01)
+    speed = simulate(model, params, control[:, None], step, [U0], midpoint_step)
     assert time.size == 6000
     assert float(speed.sum()) == pytest.approx(9444.227220583, abs=1e-6)
 
@@ -54,7 +55,8 @@ def test_uneven_steps_and_a_varying_control_agree_with_a_loop():
     for h, n in zip(step, rev_per_s, strict=True):
         expected.append(u)
         u = naive_rk4(lambda x, n=n: surge_rate(x, n), u, h)
-    assert np.allclose(simulate(paper_model(), TRUTH, 2 * np.pi * rev_per_s[:, None], step, [0.2])[:, 0], expected, rtol=1e-12)
+    states = simulate(paper_model(), TRUTH, 2 * np.pi * rev_per_s[:, None], step, [0.2])
+    assert np.allclose(states[:, 0], expected, rtol=1e-12)
 
 
 def test_batch_over_parameters_and_controls_equals_loops():
@@ -64,13 +66,17 @@ def test_batch_over_parameters_and_controls_equals_loops():
     start = rng.uniform(0.5, 2.0, (5, 1))
     batch = jax.vmap(lambda p, c, x: simulate(paper_model(), p, c, STEP[:60], x))(params, controls, start)
     for i in range(5):
-        one = simulate(paper_model(), {name: value[i] for name, value in params.items()}, controls[i], STEP[:60], start[i])
+        own = {name: value[i] for name, value in params.items()}
+        one = simulate(paper_model(), own, controls[i], STEP[:60], start[i])
         assert np.allclose(batch[i], one, rtol=1e-13)
 
 
 def test_sensitivity_to_drag_is_exact():
     """At trim, d(speed)/d(X_u) = -u / (X_u + 2 X_uu |u|) once the transient has died out."""
     step, control = np.full(2000, 0.05), np.full((2000, 1), N0)
-    slope = jax.grad(lambda x_u: simulate(paper_model(), {**TRUTH, "X_u": x_u}, control, step, jnp.array([U0]))[-1, 0])(-1.21)
+
+    def end(x_u):
+        return simulate(paper_model(), {**TRUTH, "X_u": x_u}, control, step, jnp.array([U0]))[-1, 0]
+
     speed = trim_speed(paper_model(), TRUTH, [N0])
-    assert float(slope) == pytest.approx(-speed / (-1.21 + 2 * -2.93 * speed), rel=1e-9)
+    assert float(jax.grad(end)(-1.21)) == pytest.approx(-speed / (-1.21 + 2 * -2.93 * speed), rel=1e-9)

@@ -31,7 +31,8 @@ def test_every_kind_of_term():
 def test_unknown_mass_means_forces_per_unit_mass():
     model = surge_vehicle(SurgeHull("light", mass=None), TERMS)
     assert [model.unit_of(term) for term in model.coefficients] == ["1/s", "1/m", "m/rad^2"]
-    assert model.derivative({"X_u": -0.1, "X_uabsu": -0.2, "T_nabsn": 0.003}, (2.0,), (10.0,)) == pytest.approx((-0.2 - 0.8 + 0.3,))
+    params = {"X_u": -0.1, "X_uabsu": -0.2, "T_nabsn": 0.003}
+    assert model.derivative(params, (2.0,), (10.0,)) == pytest.approx((-0.2 - 0.8 + 0.3,))
 
 
 def test_units_and_channels():
@@ -49,10 +50,11 @@ def test_fixed_terms_are_not_free():
 def test_models_of_equal_data_are_equal():
     assert paper_model() == paper_model()
     assert hash(paper_model()) == hash(paper_model())
-    others = [surge_vehicle(SurgeHull("paper", 30.0, 0.1, {"X_udot": -0.93}), TERMS), surge_vehicle(paper_hull(u=1.0), TERMS),
-              surge_vehicle(SurgeHull("paper", 30.47, 0.2, {"X_udot": -0.93}, {"u": U0}), TERMS), paper_model("X_u", "T_nabsn"),
-              surge_vehicle(SurgeHull("paper", 30.47, 0.1, {"X_udot": -1.0}, {"u": U0}), TERMS)]
-    assert all(paper_model() != other for other in others)
+    others = [SurgeHull("paper", 30.0, 0.1, {"X_udot": -0.93}, {"u": U0}),
+              SurgeHull("paper", 30.47, 0.2, {"X_udot": -0.93}, {"u": U0}),
+              SurgeHull("paper", 30.47, 0.1, {"X_udot": -1.0}, {"u": U0}), paper_hull(u=1.0)]
+    assert all(paper_model() != surge_vehicle(hull, TERMS) for hull in others)
+    assert paper_model() != paper_model("X_u", "T_nabsn")
 
 
 def test_trim_speed_is_golden():

@@ -24,11 +24,15 @@ class Exit(IntEnum):
 
 
 app = typer.Typer(
-    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms the data support, "
-         "say what to run next.",
+    "say what to run next.",
     epilog="Exit codes: 0 done; 2 something in the input cannot be used (the message says what and how to mend it); 3 done, but a health "
-           "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).")
+    "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
+)
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campaign.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only results and errors.")]
 
@@ -41,7 +45,12 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
 
 
 @app.command()
-def init(folder: Folder, template: Annotated[str, typer.Option(help="Campaign to begin from: remus100 (simulated) or log (a CSV log).")] = "remus100") -> None:
+def init(
+    folder: Folder,
+    template: Annotated[
+        str, typer.Option(help="Campaign to begin from: remus100 (simulated) or log (a CSV log).")
+    ] = "remus100",
+) -> None:
     """Write a campaign file to begin from."""
     from seatrial.campaign.templates import init_campaign
 
@@ -51,6 +60,7 @@ def init(folder: Folder, template: Annotated[str, typer.Option(help="Campaign to
 @app.command()
 def design(folder: Folder, quiet: Quiet = False) -> None:
     """Find the most informative trial of the family, inside the limits."""
+
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.designs import design_first
         from seatrial.campaign.store import Store
@@ -58,8 +68,10 @@ def design(folder: Folder, quiet: Quiet = False) -> None:
 
         sweep = design_first(campaign, watch)
         row, column = sweep.best
-        typer.echo(f"best doublet: amplitude {sweep.amplitude[row]:.5g} {signal_unit(sweep.family.control)}, period {sweep.period[column]:.4g} s, "
-                   f"entropy reduction {sweep.gain[row, column]:.2f} nat; schedule in {Store(folder).schedule(Store(folder).design)}")
+        typer.echo(
+            f"best doublet: amplitude {sweep.amplitude[row]:.5g} {signal_unit(sweep.family.control)}, period {sweep.period[column]:.4g} s, "
+            f"entropy reduction {sweep.gain[row, column]:.2f} nat; schedule in {Store(folder).schedule(Store(folder).design)}"
+        )
         return Exit.OK
 
     _with_campaign(folder, quiet, work)
@@ -68,6 +80,7 @@ def design(folder: Folder, quiet: Quiet = False) -> None:
 @app.command()
 def simulate(folder: Folder, quiet: Quiet = False) -> None:
     """Run the designed trial on the simulated vehicle."""
+
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.trials import simulate_trial
 
@@ -79,6 +92,7 @@ def simulate(folder: Folder, quiet: Quiet = False) -> None:
 @app.command(name="import")
 def import_logs(folder: Folder, quiet: Quiet = False) -> None:
     """Read real logs into records, by the campaign's channel map."""
+
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.trials import import_trials
 
@@ -90,6 +104,7 @@ def import_logs(folder: Folder, quiet: Quiet = False) -> None:
 @app.command()
 def estimate(folder: Folder, quiet: Quiet = False) -> None:
     """Estimate the coefficients of every candidate structure."""
+
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.estimate import estimate_all
         from seatrial.campaign.trials import get_trials
@@ -99,8 +114,13 @@ def estimate(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo(f"{item.structure.label}")
             for name in item.names:
                 row = item.data.sel(parameter=name)
-                typer.echo(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
-        return _finish([text for item in estimates for text in item.alarms], [text for item in estimates[:1] for text in item.cautions])
+                typer.echo(
+                    f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}"
+                )
+        return _finish(
+            [text for item in estimates for text in item.alarms],
+            [text for item in estimates[:1] for text in item.cautions],
+        )
 
     _with_campaign(folder, quiet, work)
 
@@ -108,13 +128,17 @@ def estimate(folder: Folder, quiet: Quiet = False) -> None:
 @app.command()
 def select(folder: Folder, quiet: Quiet = False) -> None:
     """Decide which terms the data support."""
+
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.choose import select_structure
         from seatrial.campaign.trials import get_trials
 
         selection = select_structure(campaign, get_trials(campaign, watch), watch)
-        for structure, evidence, probability in zip(selection.structures, selection.evidences, selection.probability, strict=True):
-            typer.echo(f"{structure.label}  log evidence {evidence.log_value:.2f} ± {evidence.std_error:.2f}  probability {probability:.3f}  {' '.join(structure.terms)}")
+        for structure, evidence, probability in zip(
+            selection.structures, selection.evidences, selection.probability, strict=True
+        ):
+            value = f"log evidence {evidence.log_value:.2f} ± {evidence.std_error:.2f}"
+            typer.echo(f"{structure.label}  {value}  probability {probability:.3f}  {' '.join(structure.terms)}")
         for verdict in selection.verdicts:
             typer.echo(verdict)
         return _finish([evidence.status for evidence in selection.evidences if evidence.status], [])
@@ -144,7 +168,9 @@ def _run_and_report(campaign: Any, watch: Any) -> Exit:
         typer.echo(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
     for fit in summary["fits"]:
         if fit["held_back"]:
-            typer.echo(f"  held-back run {fit['record']}: {fit['explained']:.0%} of the variance of {fit['channel']} explained")
+            typer.echo(
+                f"  held-back run {fit['record']}: {fit['explained']:.0%} of the variance of {fit['channel']} explained"
+            )
     for verdict in summary["verdicts"]:
         typer.echo(verdict)
     typer.echo(f"next: {summary['next_trial']['words']}")
@@ -154,7 +180,8 @@ def _run_and_report(campaign: Any, watch: Any) -> Exit:
 
 def _say_trials(trials: Any) -> Exit:
     for record in (*trials.fit, *trials.predict):
-        typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {', '.join(record.controls)} -> {', '.join(record.measured)}")
+        channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
+        typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
     return Exit.OK
 
 

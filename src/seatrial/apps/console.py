@@ -19,8 +19,17 @@ class ConsoleWatch:
     def __init__(self, quiet: bool = False):
         self.quiet = quiet
         self.console = Console(stderr=True, highlight=False)
-        self.bars = Progress(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"),
-                             TimeRemainingColumn(), console=self.console, transient=False, disable=quiet or not self.console.is_terminal)
+        self.bars = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=self.console,
+            transient=False,
+            disable=quiet or not self.console.is_terminal,
+        )
         self.lock = threading.Lock()
 
     @contextmanager

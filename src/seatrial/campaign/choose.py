@@ -5,9 +5,17 @@ from functools import partial
 import jax
 
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.problem import build_posterior, random_key
-from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, read_json, save_checkpoint, write_stamped_json
 from seatrial.campaign.estimate import estimate_key
+from seatrial.campaign.problem import build_posterior, random_key
+from seatrial.campaign.store import (
+    Store,
+    is_current,
+    key_of,
+    load_checkpoint,
+    read_json,
+    save_checkpoint,
+    write_stamped_json,
+)
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import Watch, run_side_by_side
 from seatrial.sampling.target import Progress
@@ -23,10 +31,24 @@ def select_structure(campaign: Campaign, trials: Trials, watch: Watch) -> Select
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
     key = key_of("selection", keys)
     if not is_current(store.selection, key):
-        evidences = run_side_by_side([
-            partial(_evidence, campaign, structure, trials, keys[structure.label], watch.progress(f"evidence {structure.label}: {' '.join(structure.terms)}"))
-            for structure in campaign.structures])
-        write_stamped_json(store.selection, _as_json(campaign, select(campaign.structures, evidences, campaign.source.structure.optional)), key)
+        evidences = run_side_by_side(
+            [
+                partial(
+                    _evidence,
+                    campaign,
+                    structure,
+                    trials,
+                    keys[structure.label],
+                    watch.progress(f"evidence {structure.label}: {' '.join(structure.terms)}"),
+                )
+                for structure in campaign.structures
+            ]
+        )
+        write_stamped_json(
+            store.selection,
+            _as_json(campaign, select(campaign.structures, evidences, campaign.source.structure.optional)),
+            key,
+        )
         for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
             path.unlink()
     stored = read_json(store.selection, f"seatrial select {campaign.folder}")
@@ -48,8 +70,12 @@ def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str
         checkpoint = Store(campaign.folder).checkpoint(f"evidence-{structure.label}-{repeat}")
         stored = load_checkpoint(checkpoint, key)
         if stored is None:
-            run = sample_tempered_smc(posterior, jax.random.fold_in(random_key(campaign, f"evidence {structure.terms}"), repeat), settings,
-                                      lambda done, total, r=repeat: progress(r * total + done, table.repeats * total))
+            run = sample_tempered_smc(
+                posterior,
+                jax.random.fold_in(random_key(campaign, f"evidence {structure.terms}"), repeat),
+                settings,
+                lambda done, total, r=repeat: progress(r * total + done, table.repeats * total),
+            )
             save_checkpoint(checkpoint, key, run._asdict())
         else:
             run = SMCResult(float(stored["log_evidence"]), *(stored[name] for name in SMCResult._fields[1:]))
@@ -60,11 +86,24 @@ def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str
 
 def _as_json(campaign: Campaign, selection: Selection) -> dict:
     return {
-        "structures": [{"label": structure.label, "terms": list(structure.terms), "evidence": evidence.__dict__,
-                        "probability": float(probability), "probability_error": float(error)}
-                       for structure, evidence, probability, error in zip(
-                           selection.structures, selection.evidences, selection.probability, selection.probability_error, strict=True)],
-        "inclusion": dict(selection.inclusion), "inclusion_error": dict(selection.inclusion_error),
-        "chosen": selection.structures[selection.chosen].label, "verdicts": list(selection.verdicts)}
-
-
+        "structures": [
+            {
+                "label": structure.label,
+                "terms": list(structure.terms),
+                "evidence": evidence.__dict__,
+                "probability": float(probability),
+                "probability_error": float(error),
+            }
+            for structure, evidence, probability, error in zip(
+                selection.structures,
+                selection.evidences,
+                selection.probability,
+                selection.probability_error,
+                strict=True,
+            )
+        ],
+        "inclusion": dict(selection.inclusion),
+        "inclusion_error": dict(selection.inclusion_error),
+        "chosen": selection.structures[selection.chosen].label,
+        "verdicts": list(selection.verdicts),
+    }

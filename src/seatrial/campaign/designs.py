@@ -23,10 +23,13 @@ STATE_SD = 0.05
 def design_key(campaign: Campaign) -> str:
     """Key of the first design."""
     source = campaign.source
-    return key_of("design", *(part.model_dump() for part in (source.vehicle, source.structure, source.design)),
-                  {name: table.model_dump() for name, table in source.prior.items()},
-                  {name: table.model_dump() for name, table in source.sensors.items()},
-                  {name: table.model_dump() for name, table in source.limits.items()})
+    return key_of(
+        "design",
+        *(part.model_dump() for part in (source.vehicle, source.structure, source.design)),
+        {name: table.model_dump() for name, table in source.prior.items()},
+        {name: table.model_dump() for name, table in source.sensors.items()},
+        {name: table.model_dump() for name, table in source.limits.items()},
+    )
 
 
 def design_first(campaign: Campaign, watch: Watch) -> Sweep:
@@ -55,21 +58,37 @@ def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str,
     if is_current(store.next_design, stamp):
         return read_sweep(campaign, store.next_design)
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
-    return _sweep(campaign, campaign.model(structure), belief, store.next_design, stamp, {"basis": f"the posterior of {structure.label}"}, watch)
+    return _sweep(
+        campaign,
+        campaign.model(structure),
+        belief,
+        store.next_design,
+        stamp,
+        {"basis": f"the posterior of {structure.label}"},
+        watch,
+    )
 
 
 def read_sweep(campaign: Campaign, path: Any) -> Sweep:
     """Read a stored sweep."""
     data = open_dataset(path)
-    return Sweep(campaign.family, *(np.asarray(data[name]) for name in ("amplitude", "period", "gain", "peak_speed", "final_sd")))
+    return Sweep(
+        campaign.family, *(np.asarray(data[name]) for name in ("amplitude", "period", "gain", "peak_speed", "final_sd"))
+    )
 
 
-def _sweep(campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Any, key: str, attrs: dict[str, str], watch: Watch) -> Sweep:
+def _sweep(
+    campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Any, key: str, attrs: dict[str, str], watch: Watch
+) -> Sweep:
     """Run the filter in units of the current standard deviations, where every coefficient is of order one."""
     family, (amplitude, period) = campaign.family, campaign.grid()
     if model.controls != (family.control,):
-        raise InputError(campaign.where("structure"), found="controls " + ", ".join(model.controls), expected=f"the one control that is designed, {family.control}",
-                         remedy="leave the terms of other controls out")
+        raise InputError(
+            campaign.where("structure"),
+            found="controls " + ", ".join(model.controls),
+            expected=f"the one control that is designed, {family.control}",
+            remedy="leave the terms of other controls out",
+        )
     scales = np.asarray(belief.sd)
     d = len(model.states)
     chol = np.zeros((d + scales.size,) * 2)
@@ -81,17 +100,33 @@ def _sweep(campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Any,
     space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
     report = watch.progress(f"design: {amplitude.size * period.size} trials")
     report(0, 1)
-    sweep = sweep_doublets(space, family, amplitude, period, campaign.limits(), measured=campaign.measured_mask(family.time()))
+    sweep = sweep_doublets(
+        space, family, amplitude, period, campaign.limits(), measured=campaign.measured_mask(family.time())
+    )
     report(1, 1)
     names = [term.text for term in model.coefficients]
     dataset = xr.Dataset(
-        {"gain": (("amplitude", "period"), sweep.gain, {"units": "nat", "long_name": "entropy reduction of the coefficients"}),
-         "peak_speed": (("amplitude", "period"), sweep.peak_speed, {"units": "m/s"}),
-         "final_sd": (("amplitude", "period", "coefficient"), sweep.final_sd * scales, {"long_name": "predicted sd, SI"}),
-         "sd_before": (("coefficient",), scales, {"long_name": "sd before the trial, SI"})},
-        coords={"amplitude": ("amplitude", sweep.amplitude, {"units": "SI"}), "period": ("period", sweep.period, {"units": "s"}),
-                "coefficient": names},
-        attrs={**attrs, "control": family.control, "trim": family.trim})
+        {
+            "gain": (
+                ("amplitude", "period"),
+                sweep.gain,
+                {"units": "nat", "long_name": "entropy reduction of the coefficients"},
+            ),
+            "peak_speed": (("amplitude", "period"), sweep.peak_speed, {"units": "m/s"}),
+            "final_sd": (
+                ("amplitude", "period", "coefficient"),
+                sweep.final_sd * scales,
+                {"long_name": "predicted sd, SI"},
+            ),
+            "sd_before": (("coefficient",), scales, {"long_name": "sd before the trial, SI"}),
+        },
+        coords={
+            "amplitude": ("amplitude", sweep.amplitude, {"units": "SI"}),
+            "period": ("period", sweep.period, {"units": "s"}),
+            "coefficient": names,
+        },
+        attrs={**attrs, "control": family.control, "trim": family.trim},
+    )
     write_text(Store(campaign.folder).schedule(path), _schedule(sweep))
     write_dataset(path, dataset, key)
     return read_sweep(campaign, path)
@@ -100,8 +135,7 @@ def _sweep(campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Any,
 def _schedule(sweep: Sweep) -> str:
     """Edges of the best trial, SI: time and the control from then on, linear in between where the edges are ramps."""
     time, control = sweep.best_manoeuvre().sample(sweep.family.sample_time)
-    slope = np.diff(control)
-    corner = np.flatnonzero(np.concatenate([[True], np.abs(np.diff(slope, prepend=0.0)) > 1e-9, [True]]))
-    corner = np.unique(np.clip(np.concatenate([corner, corner + 1]), 0, time.size - 1))
+    bend = np.abs(np.diff(control, n=2)) > 1e-9 * max(1.0, float(np.abs(control).max()))
+    corner = np.flatnonzero(np.concatenate([[True], bend, [True]]))
     rows = "".join(f"{time[i]:.6g},{control[i]:.10g}\n" for i in corner)
     return f"time_s,{sweep.family.control}_SI\n{rows}"

@@ -79,14 +79,25 @@ def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> st
     source = campaign.source
     priors = {name: table.model_dump() for name, table in source.prior.items()}
     sensors = {name: table.model_dump() for name, table in source.sensors.items()}
-    return key_of("posterior", trials.key, structure.terms, source.vehicle.model_dump(), priors, sensors, source.estimation.model_dump(), source.campaign.seed)
+    return key_of(
+        "posterior",
+        trials.key,
+        structure.terms,
+        source.vehicle.model_dump(),
+        priors,
+        sensors,
+        source.estimation.model_dump(),
+        source.campaign.seed,
+    )
 
 
 def estimate_all(campaign: Campaign, trials: Trials, watch: Watch) -> list[Estimate]:
     """Estimate every candidate structure, side by side; current results are read."""
     tasks = []
     for structure in campaign.structures:
-        current = is_current(Store(campaign.folder).posterior(structure.label), estimate_key(campaign, structure, trials))
+        current = is_current(
+            Store(campaign.folder).posterior(structure.label), estimate_key(campaign, structure, trials)
+        )
         progress = None if current else watch.progress(f"estimate {structure.label}: {' '.join(structure.terms)}")
         tasks.append(partial(_estimate, campaign, structure, trials, progress))
     return run_side_by_side(tasks)
@@ -105,19 +116,36 @@ def _estimate(campaign: Campaign, structure: Structure, trials: Trials, progress
     return Estimate(structure, open_dataset(path))
 
 
-def _sample(campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode, key: str, progress: Progress) -> Run:
-    settings = MetropolisSettings(campaign.source.estimation.chains, campaign.source.estimation.warmup, campaign.source.estimation.draws)
+def _sample(
+    campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode, key: str, progress: Progress
+) -> Run:
+    settings = MetropolisSettings(
+        campaign.source.estimation.chains, campaign.source.estimation.warmup, campaign.source.estimation.draws
+    )
     draw_key = random_key(campaign, f"chains {structure.terms}")
     checkpoint = Store(campaign.folder).checkpoint(f"posterior-{structure.label}")
     stored = load_checkpoint(checkpoint, key)
-    run = _restore(stored) if stored is not None else start_chains(posterior, _starts(posterior, mode, settings.chains, draw_key), jnp.asarray(mode.cov))
+    run = (
+        _restore(stored)
+        if stored is not None
+        else start_chains(posterior, _starts(posterior, mode, settings.chains, draw_key), jnp.asarray(mode.cov))
+    )
     total = settings.warmup + settings.draws
     while not is_finished(run, settings):
         run = advance_chains(posterior, run, draw_key, settings)
         progress(run.iteration, total)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
-            save_checkpoint(checkpoint, key, {**run.state._asdict(), "iteration": run.iteration, "draws": run.z,
-                                              "log_densities": run.log_density, "acceptance": run.acceptance})
+            save_checkpoint(
+                checkpoint,
+                key,
+                {
+                    **run.state._asdict(),
+                    "iteration": run.iteration,
+                    "draws": run.z,
+                    "log_densities": run.log_density,
+                    "acceptance": run.acceptance,
+                },
+            )
     return run
 
 
@@ -143,13 +171,35 @@ def _dataset(posterior: Posterior, mode: Mode, run: Run) -> xr.Dataset:
     sd = values.std(axis=(0, 1))
     cautions = information_complaints(posterior, mode, values.reshape(-1, posterior.dim))
     per_parameter = {
-        "mode": mode.values, "laplace_sd": mode.sd, "mean": values.mean(axis=(0, 1)), "sd": sd, "prior_mean": [p.prior.mean for p in parameters],
-        "prior_sd": prior_sd, "prior_lower": [p.prior.bounds[0] for p in parameters], "prior_upper": [p.prior.bounds[1] for p in parameters],
-        "r_hat": health.r_hat, "ess_bulk": health.ess_bulk, "ess_tail": health.ess_tail, "geweke": health.geweke, "mcse": health.mcse}
+        "mode": mode.values,
+        "laplace_sd": mode.sd,
+        "mean": values.mean(axis=(0, 1)),
+        "sd": sd,
+        "prior_mean": [p.prior.mean for p in parameters],
+        "prior_sd": prior_sd,
+        "prior_lower": [p.prior.bounds[0] for p in parameters],
+        "prior_upper": [p.prior.bounds[1] for p in parameters],
+        "r_hat": health.r_hat,
+        "ess_bulk": health.ess_bulk,
+        "ess_tail": health.ess_tail,
+        "geweke": health.geweke,
+        "mcse": health.mcse,
+    }
     return xr.Dataset(
-        {"draws": (("chain", "draw", "parameter"), values), "log_density": (("chain", "draw"), draws.log_density),
-         **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()}},
-        coords={"parameter": list(posterior.names), "unit": ("parameter", [p.unit for p in parameters]),
-                "label": ("parameter", [p.label for p in parameters])},
-        attrs={"acceptance": draws.acceptance, "laplace_log_evidence": mode.log_evidence,
-               "alarms": json.dumps(complaints(posterior.names, health)), "cautions": json.dumps(cautions)})
+        {
+            "draws": (("chain", "draw", "parameter"), values),
+            "log_density": (("chain", "draw"), draws.log_density),
+            **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()},
+        },
+        coords={
+            "parameter": list(posterior.names),
+            "unit": ("parameter", [p.unit for p in parameters]),
+            "label": ("parameter", [p.label for p in parameters]),
+        },
+        attrs={
+            "acceptance": draws.acceptance,
+            "laplace_log_evidence": mode.log_evidence,
+            "alarms": json.dumps(complaints(posterior.names, health)),
+            "cautions": json.dumps(cautions),
+        },
+    )

@@ -11,10 +11,12 @@ from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
+from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
 from seatrial.campaign.trials import Trials, get_trials
 from seatrial.campaign.watch import Watch
+from seatrial.core.record_file import open_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
 from seatrial.selection.verdict import Selection
@@ -64,10 +66,16 @@ def run_loop(campaign: Campaign, watch: Watch) -> Outcome:
     traces = trace_filter(campaign, estimates[0], trials)
     fits, predictions = predict_all(campaign, chosen, trials)
     terms = chosen.structure.terms
-    following = design_next(campaign, chosen.structure, chosen.draws([name for name in terms if name in chosen.names]), chosen.key, watch)
-    outcome = Outcome(campaign, trials, tuple(estimates), selection, chosen, traces, tuple(fits), predictions, first, following, {})
+    following = design_next(
+        campaign, chosen.structure, chosen.draws([name for name in terms if name in chosen.names]), chosen.key, watch
+    )
+    outcome = Outcome(
+        campaign, trials, tuple(estimates), selection, chosen, traces, tuple(fits), predictions, first, following, {}
+    )
     summary = summarise(outcome)
-    write_stamped_json(Store(campaign.folder).summary, summary, key_of("summary", [estimate.key for estimate in estimates]))
+    write_stamped_json(
+        Store(campaign.folder).summary, summary, key_of("summary", [estimate.key for estimate in estimates])
+    )
     return Outcome(**{**outcome.__dict__, "summary": summary})
 
 
@@ -76,38 +84,78 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     coloured = campaign.source.estimation.residuals == "coloured"
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
-    alarms += [f"evidence of {structure.label}: {evidence.status}"
-               for structure, evidence in zip(selection.structures, selection.evidences, strict=True) if evidence.status]
+    alarms += [
+        f"evidence of {structure.label}: {evidence.status}"
+        for structure, evidence in zip(selection.structures, selection.evidences, strict=True)
+        if evidence.status
+    ]
     cautions = [*chosen.cautions, *fit_complaints(outcome.fits, coloured), *filter_complaints(outcome.filter)]
     return {
-        "name": campaign.source.campaign.name, "chosen": chosen.structure.label, "terms": list(chosen.structure.terms),
+        "name": campaign.source.campaign.name,
+        "chosen": chosen.structure.label,
+        "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],
-        "structures": [{"label": structure.label, "terms": list(structure.terms), "log_evidence": evidence.log_value, "std_error": evidence.std_error,
-                        "probability": float(probability), "probability_error": float(error)}
-                       for structure, evidence, probability, error in zip(
-                           selection.structures, selection.evidences, selection.probability, selection.probability_error, strict=True)],
-        "verdicts": list(selection.verdicts), "cautions": cautions, "alarms": alarms,
-        "fits": [fit.__dict__ for fit in outcome.fits], "next_trial": next_trial(outcome.next, campaign)}
+        "structures": [
+            {
+                "label": structure.label,
+                "terms": list(structure.terms),
+                "log_evidence": evidence.log_value,
+                "std_error": evidence.std_error,
+                "probability": float(probability),
+                "probability_error": float(error),
+            }
+            for structure, evidence, probability, error in zip(
+                selection.structures,
+                selection.evidences,
+                selection.probability,
+                selection.probability_error,
+                strict=True,
+            )
+        ],
+        "verdicts": list(selection.verdicts),
+        "cautions": cautions,
+        "alarms": alarms,
+        "fits": [fit.__dict__ for fit in outcome.fits],
+        "next_trial": next_trial(outcome.next, campaign),
+    }
 
 
 def next_trial(sweep: Sweep, campaign: Campaign) -> dict[str, Any]:
-    """The next trial in numbers and in words."""
+    """The next trial in numbers, SI, and in words, in the units of the boundary."""
+    data = open_dataset(Store(campaign.folder).next_design)
     row, column = sweep.best
-    gain = float(sweep.gain[row, column])
-    before = np.asarray(xr.load_dataset(Store(campaign.folder).next_design, engine="h5netcdf")["sd_before"])
-    data = xr.load_dataset(Store(campaign.folder).next_design, engine="h5netcdf")
-    after = sweep.final_sd[row, column]
     names = [str(name) for name in data["coefficient"].values]
-    control, unit = sweep.family.control, signal_unit(sweep.family.control)
-    promise = ", ".join(f"{name} from {b:.3g} to {a:.3g}" for name, b, a in zip(names, before, after, strict=True))
+    before, after = data["sd_before"].values, sweep.final_sd[row, column]
+    trial = {
+        "control": sweep.family.control,
+        "unit": signal_unit(sweep.family.control),
+        "trim": sweep.family.trim,
+        "amplitude": float(sweep.amplitude[row]),
+        "period": float(sweep.period[column]),
+        "gain_nat": float(sweep.gain[row, column]),
+        "peak_speed": float(sweep.peak_speed[row, column]),
+        "sd_before": dict(zip(names, map(float, before), strict=True)),
+        "sd_after": dict(zip(names, map(float, after), strict=True)),
+    }
+    return {**trial, "words": _next_words(trial)}
+
+
+def _next_words(trial: dict[str, Any]) -> str:
+    gain, control = trial["gain_nat"], trial["control"]
     if gain < ENOUGH:
-        words = f"another doublet of this family would teach little ({gain:.2f} nat): change the sensors, the limits or the manoeuvre instead"
-    else:
-        words = (f"run repeated doublets of {sweep.amplitude[row]:.4g} {unit} about {sweep.family.trim:.4g} {unit} in {control}, period "
-                 f"{sweep.period[column]:.3g} s: expected to reduce the entropy of the coefficients by {gain:.2f} nat; standard deviations {promise}")
-    return {"control": control, "unit": unit, "trim": sweep.family.trim, "amplitude": float(sweep.amplitude[row]), "period": float(sweep.period[column]),
-            "gain_nat": gain, "peak_speed": float(sweep.peak_speed[row, column]), "sd_before": dict(zip(names, map(float, before), strict=True)),
-            "sd_after": dict(zip(names, map(float, after), strict=True)), "words": words}
+        return (
+            f"another doublet of this family would teach little ({gain:.2f} nat): "
+            "change the sensors, the limits or the manoeuvre instead"
+        )
+    factor, unit = shown_unit(control)
+    promise = ", ".join(
+        f"{name} from {sd:.3g} to {trial['sd_after'][name]:.3g}" for name, sd in trial["sd_before"].items()
+    )
+    return (
+        f"run repeated doublets of ±{trial['amplitude'] * factor:.4g} {unit} about {trial['trim'] * factor:.4g} {unit} "
+        f"in {control}, period {trial['period']:.3g} s: expected to reduce the entropy of the coefficients by "
+        f"{gain:.2f} nat; standard deviations {promise}"
+    )
 
 
 def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
@@ -116,5 +164,15 @@ def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
     row = estimate.data.sel(parameter=name)
     draws = np.sort(estimate.draws([name])[:, 0])
     lower, upper = array_stats.hdi(draws, prob=0.95)
-    numbers = {key: float(row[key]) for key in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd", "r_hat", "ess_bulk", "ess_tail", "geweke")}
-    return {"name": name, "unit": str(row["unit"].values), "label": str(row["label"].values), **numbers, "lower_95": float(lower), "upper_95": float(upper)}
+    numbers = {
+        key: float(row[key])
+        for key in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd", "r_hat", "ess_bulk", "ess_tail", "geweke")
+    }
+    return {
+        "name": name,
+        "unit": str(row["unit"].values),
+        "label": str(row["label"].values),
+        **numbers,
+        "lower_95": float(lower),
+        "upper_95": float(upper),
+    }

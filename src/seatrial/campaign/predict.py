@@ -64,15 +64,26 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         records = [*trials.fit, *trials.predict]
         pieces = [_predict(campaign, estimate, record) for record in records]
         columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-        fits = [_fit(record, index >= len(trials.fit), channel, c, pieces[index]) for index, record in enumerate(records)
-                for c, channel in enumerate(campaign.channels)]
+        fits = [
+            _fit(record, index >= len(trials.fit), channel, c, pieces[index])
+            for index, record in enumerate(records)
+            for c, channel in enumerate(campaign.channels)
+        ]
         lengths = [record.time.size for record in records]
         dataset = xr.Dataset(
-            {"time": ("sample", columns["time"], {"unit": "s"}), "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
-             **{name: (("sample", "channel"), columns[name]) for name in ("measured", "mean", "motion_sd", "sd")}},
+            {
+                "time": ("sample", columns["time"], {"unit": "s"}),
+                "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
+                **{name: (("sample", "channel"), columns[name]) for name in ("measured", "mean", "motion_sd", "sd")},
+            },
             coords={"channel": list(campaign.channels)},
-            attrs={"records": json.dumps([record.label for record in records]), "held_back": json.dumps([record.label for record in trials.predict]),
-                   "structure": estimate.structure.label, "fits": json.dumps([fit.__dict__ for fit in fits])})
+            attrs={
+                "records": json.dumps([record.label for record in records]),
+                "held_back": json.dumps([record.label for record in trials.predict]),
+                "structure": estimate.structure.label,
+                "fits": json.dumps([fit.__dict__ for fit in fits]),
+            },
+        )
         write_dataset(store.predictions, dataset, key)
     dataset = open_dataset(store.predictions)
     return [Fit(**fit) for fit in json.loads(dataset.attrs["fits"])], dataset
@@ -85,12 +96,16 @@ def fit_complaints(fits: Sequence[Fit], coloured: bool) -> list[str]:
     worst = max(fitted, key=lambda fit: abs(fit.correlation))
     if not coloured and abs(worst.correlation) > 3.0 / np.sqrt(worst.samples) and abs(worst.correlation) > 0.1:
         rho = min(abs(worst.correlation), 0.999)
-        said.append(f"residuals of {worst.channel} are correlated ({worst.correlation:+.2f} over {worst.interval:.2g} s, run {worst.record}), which white noise is not: "
-                    f"the stated standard deviations are too small, by a factor of about {np.sqrt((1 + rho) / (1 - rho)):.1f}; "
-                    'set estimation.residuals = "coloured"')
-    for fit in fits:
-        if fit.held_back and fit.explained < 0.5:
-            said.append(f"held-back run {fit.record} is predicted poorly: {fit.explained:.0%} of the variance of {fit.channel} explained")
+        said.append(
+            f"residuals of {worst.channel} are correlated ({worst.correlation:+.2f} over {worst.interval:.2g} s, "
+            f"run {worst.record}), which white noise is not: the stated standard deviations are too small, by a factor of about {np.sqrt((1 + rho) / (1 - rho)):.1f}; "
+            'set estimation.residuals = "coloured"'
+        )
+    said += [
+        f"held-back run {fit.record} is predicted poorly: {fit.explained:.0%} of the variance of {fit.channel} explained"
+        for fit in fits
+        if fit.held_back and fit.explained < 0.5
+    ]
     return said
 
 
@@ -100,15 +115,29 @@ def _predict(campaign: Campaign, estimate: Estimate, record: Record) -> dict[str
     table = table[:: max(1, table.shape[0] // N_DRAWS)][:N_DRAWS]
     draws = dict(zip(estimate.names, table.T, strict=True))
     names = [initial_name(state, record.label) for state in model.states]
-    initial = np.column_stack([draws.get(name, np.full(table.shape[0], value))
-                               for name, value in zip(names, initial_state(campaign, model, record), strict=True)])
-    outputs = np.asarray(_outputs(model, campaign.channels, campaign.has_delay)(
-        {name: jnp.asarray(values) for name, values in draws.items() if name not in names}, jnp.asarray(initial),
-        jnp.asarray(np.column_stack([record.channel(name) for name in model.controls])), jnp.asarray(record.step)))
+    initial = np.column_stack(
+        [
+            draws.get(name, np.full(table.shape[0], value))
+            for name, value in zip(names, initial_state(campaign, model, record), strict=True)
+        ]
+    )
+    outputs = np.asarray(
+        _outputs(model, campaign.channels, campaign.has_delay)(
+            {name: jnp.asarray(values) for name, values in draws.items() if name not in names},
+            jnp.asarray(initial),
+            jnp.asarray(np.column_stack([record.channel(name) for name in model.controls])),
+            jnp.asarray(record.step),
+        )
+    )
     noise = np.column_stack([draws[noise_name(channel)] for channel in campaign.channels])
     motion = outputs.std(axis=0)
-    return {"time": record.time, "measured": np.column_stack([record.channel(channel) for channel in campaign.channels]),
-            "mean": outputs.mean(axis=0), "motion_sd": motion, "sd": np.sqrt(motion**2 + (noise**2).mean(axis=0))}
+    return {
+        "time": record.time,
+        "measured": np.column_stack([record.channel(channel) for channel in campaign.channels]),
+        "mean": outputs.mean(axis=0),
+        "motion_sd": motion,
+        "sd": np.sqrt(motion**2 + (noise**2).mean(axis=0)),
+    }
 
 
 @lru_cache(maxsize=16)
@@ -123,6 +152,14 @@ def _fit(record: Record, held_back: bool, channel: str, column: int, piece: dict
     residual, time = (measured - mean)[present], piece["time"][present]
     total = np.sum((measured[present] - measured[present].mean()) ** 2)
     centred = residual - residual.mean()
-    return Fit(record.label, held_back, channel, float(1.0 - residual @ residual / total), float(np.sqrt(np.mean(residual**2))),
-               float(np.mean(np.abs(residual) <= Z90 * sd[present])), float(centred[1:] @ centred[:-1] / (centred @ centred)),
-               float(np.median(np.diff(time))), int(present.sum()))
+    return Fit(
+        record.label,
+        held_back,
+        channel,
+        float(1.0 - residual @ residual / total),
+        float(np.sqrt(np.mean(residual**2))),
+        float(np.mean(np.abs(residual) <= Z90 * sd[present])),
+        float(centred[1:] @ centred[:-1] / (centred @ centred)),
+        float(np.median(np.diff(time))),
+        int(present.sum()),
+    )

@@ -32,22 +32,44 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     settings = campaign.source.estimation
     starts = [initial_state(campaign, model, record) for record in records]
     estimated = settings.initial == "estimated"
-    parameters = [Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text, model.unit_of(term)))
-                  for term in model.coefficients]
+    parameters = [
+        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text, model.unit_of(term)))
+        for term in model.coefficients
+    ]
     if campaign.has_delay:
         parameters.append(Parameter("delay", "s", r"t_{\mathrm{delay}}", campaign.prior("delay", "s")))
     for channel in campaign.channels:
-        parameters.append(Parameter(noise_name(channel), signal_unit(channel), rf"\sigma_{{{_channel_label(channel)}}}", campaign.noise_prior(channel)))
+        parameters.append(
+            Parameter(
+                noise_name(channel),
+                signal_unit(channel),
+                rf"\sigma_{{{_channel_label(channel)}}}",
+                campaign.noise_prior(channel),
+            )
+        )
         if settings.residuals == "coloured":
             name = correlation_name(channel)
             parameters.append(Parameter(name, "s", rf"\tau_{{{_channel_label(channel)}}}", campaign.prior(name, "s")))
     if estimated:
         for record, start in zip(records, starts, strict=True):
-            parameters += [Parameter(initial_name(state, record.label), signal_unit(state), rf"{state}_0[{record.label}]",
-                                     Normal(value, 5.0 * campaign.noise(state) if state in campaign.channels else 1.0))
-                           for state, value in zip(model.states, start, strict=True)]
-    likelihood, data = output_error(model, records, campaign.channels, starts, colour=settings.residuals, delay=campaign.has_delay,
-                                    free_initial=estimated)
+            parameters += [
+                Parameter(
+                    initial_name(state, record.label),
+                    signal_unit(state),
+                    rf"{state}_0[{record.label}]",
+                    Normal(value, 5.0 * campaign.noise(state) if state in campaign.channels else 1.0),
+                )
+                for state, value in zip(model.states, start, strict=True)
+            ]
+    likelihood, data = output_error(
+        model,
+        records,
+        campaign.channels,
+        starts,
+        colour=settings.residuals,
+        delay=campaign.has_delay,
+        free_initial=estimated,
+    )
     return Posterior(tuple(parameters), likelihood, data)
 
 
@@ -65,8 +87,12 @@ def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tu
         column = record.channel(state)
         finite = np.flatnonzero(np.isfinite(column))
         if finite.size == 0:
-            raise InputError(f'record "{record.label}", channel "{state}"', found="no finite value", expected="a first measurement",
-                             remedy='set estimation.initial = "trim", or map the channel')
+            raise InputError(
+                f'record "{record.label}", channel "{state}"',
+                found="no finite value",
+                expected="a first measurement",
+                remedy='set estimation.initial = "trim", or map the channel',
+            )
         values.append(float(column[finite[0]]))
     return tuple(values)
 

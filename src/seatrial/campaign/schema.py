@@ -39,9 +39,9 @@ class StructureTable(Table):
 
 
 class PriorTable(Table):
-    """`[prior.NAME]`: uniform between `lower` and `upper`, or normal by `mean` and `sd`; `unit` if not the SI unit."""
+    """`[prior.NAME]`: uniform or log-uniform between `lower` and `upper`, or normal by `mean` and `sd`; `unit` if not SI."""
 
-    distribution: Literal["uniform", "normal"]
+    distribution: Literal["uniform", "log-uniform", "normal"]
     lower: float | None = None
     upper: float | None = None
     mean: float | None = None
@@ -137,7 +137,7 @@ class EstimationTable(Table):
 class SelectionTable(Table):
     """`[selection]`: particles and independent repeats of the tempered SMC behind each evidence."""
 
-    particles: int = Field(default=1000, ge=50)
+    particles: int = Field(default=1024, ge=64)
     repeats: int = Field(default=4, ge=2)
 
 

@@ -124,9 +124,16 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as cause:
-        raise InputError(str(path), found="no such file", expected="a result", remedy=f"run `{made_by}` first") from cause
+        raise InputError(
+            str(path), found="no such file", expected="a result", remedy=f"run `{made_by}` first"
+        ) from cause
     except ValueError as cause:
-        raise InputError(str(path), found=f"damaged JSON ({cause})", expected="a result", remedy=f"delete it and run `{made_by}` again") from cause
+        raise InputError(
+            str(path),
+            found=f"damaged JSON ({cause})",
+            expected="a result",
+            remedy=f"delete it and run `{made_by}` again",
+        ) from cause
 
 
 def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:

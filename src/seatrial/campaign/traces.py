@@ -36,15 +36,19 @@ def filter_complaints(dataset: xr.Dataset) -> list[str]:
     """What is wrong with the filter's run, in words."""
     said = []
     if dataset.attrs["failures"] > 0:
-        said.append(f"the filter lost a positive covariance at {dataset.attrs['failures']} samples: its traces are not to be used; "
-                    "narrow the priors or raise the sensor noise")
+        said.append(
+            f"the filter lost a positive covariance at {dataset.attrs['failures']} samples: its traces are not to be used; "
+            "narrow the priors or raise the sensor noise"
+        )
     nis, count = dataset["nis"].values, dataset["n_measured"].values
     ratio = float(nis[count > 0].sum() / max(count.sum(), 1))
     error = np.sqrt(2.0 / max(count.sum(), 1))
     if abs(ratio - 1.0) > max(5.0 * error, 0.2):
         word = "smaller" if ratio < 1 else "larger"
-        said.append(f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1): "
-                    f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}, or expect model error")
+        said.append(
+            f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1): "
+            f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}, or expect model error"
+        )
     return said
 
 
@@ -64,16 +68,38 @@ def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Datase
         chol[d:, d:] = belief.chol_cov
         initial = Gaussian(np.concatenate([initial_state(campaign, model, record), belief.mean]), chol)
         space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
-        control = np.column_stack([np.asarray(delay_control(record.channel(name), delay / record.step[0])) for name in model.controls])
+        control = np.column_stack(
+            [np.asarray(delay_control(record.channel(name), delay / record.step[0])) for name in model.controls]
+        )
         measured = np.column_stack([record.channel(channel) for channel in campaign.channels])
         trace = run_filter(SquareRootUnscentedKalmanFilter(), space, control, measured, record.step)
         belief = trace.final.marginal(d)
         failures += int(trace.failures)
-        pieces.append({"time": record.time, "record": np.full(record.time.size, index), "nis": trace.nis, "n_measured": trace.n_measured,
-                       "mean": np.asarray(trace.means)[:, d:] * scales, "sd": np.asarray(trace.sds)[:, d:] * scales,
-                       "state": np.asarray(trace.means)[:, :d], "innovation": trace.innovations})
+        pieces.append(
+            {
+                "time": record.time,
+                "record": np.full(record.time.size, index),
+                "nis": trace.nis,
+                "n_measured": trace.n_measured,
+                "mean": np.asarray(trace.means)[:, d:] * scales,
+                "sd": np.asarray(trace.sds)[:, d:] * scales,
+                "state": np.asarray(trace.means)[:, :d],
+                "innovation": trace.innovations,
+            }
+        )
     columns = {name: np.concatenate([np.asarray(piece[name]) for piece in pieces]) for name in pieces[0]}
-    dims = {"mean": ("sample", "coefficient"), "sd": ("sample", "coefficient"), "state": ("sample", "state_name"), "innovation": ("sample", "channel")}
-    return xr.Dataset({name: (dims.get(name, ("sample",)), values) for name, values in columns.items()},
-                      coords={"coefficient": names, "state_name": list(model.states), "channel": list(campaign.channels)},
-                      attrs={"failures": failures, "records": json.dumps([record.label for record in trials.fit]), "filter": "square-root UKF"})
+    dims = {
+        "mean": ("sample", "coefficient"),
+        "sd": ("sample", "coefficient"),
+        "state": ("sample", "state_name"),
+        "innovation": ("sample", "channel"),
+    }
+    return xr.Dataset(
+        {name: (dims.get(name, ("sample",)), values) for name, values in columns.items()},
+        coords={"coefficient": names, "state_name": list(model.states), "channel": list(campaign.channels)},
+        attrs={
+            "failures": failures,
+            "records": json.dumps([record.label for record in trials.fit]),
+            "filter": "square-root UKF",
+        },
+    )

@@ -46,7 +46,9 @@ def simulate_trial(campaign: Campaign, watch: Watch) -> Trials:
         InputError: a campaign that imports real logs instead.
     """
     if campaign.source.imported is not None:
-        raise InputError(str(campaign.path), found="[import]", expected="[truth], to simulate", remedy="use `seatrial import`")
+        raise InputError(
+            str(campaign.path), found="[import]", expected="[truth], to simulate", remedy="use `seatrial import`"
+        )
     store = Store(campaign.folder)
     source = campaign.source
     key = key_of("simulate", design_key(campaign), source.truth, source.campaign.seed)
@@ -58,18 +60,30 @@ def simulate_trial(campaign: Campaign, watch: Watch) -> Trials:
         model = campaign.model(campaign.structures[0])
         params = {term.text: source.truth.get(term.text, 0.0) for term in model.coefficients}
         start = np.array([campaign.hull.trim.get(state, 0.0) for state in model.states])
-        states = np.asarray(simulate(model, params, control[:, None], np.full(time.size, campaign.family.sample_time), start))
+        states = np.asarray(
+            simulate(model, params, control[:, None], np.full(time.size, campaign.family.sample_time), start)
+        )
         if not np.isfinite(states).all():
-            raise InputError(campaign.where("truth"), found="a simulated vehicle that diverges", expected="damping that dissipates",
-                             remedy="check signs: negative damping coefficients dissipate")
+            raise InputError(
+                campaign.where("truth"),
+                found="a simulated vehicle that diverges",
+                expected="damping that dissipates",
+                remedy="check signs: negative damping coefficients dissipate",
+            )
         mask = campaign.measured_mask(time)
         columns = {campaign.family.control: control}
         for index, channel in enumerate(campaign.channels):
             exact = np.asarray(model.output(channel, params, tuple(states.T), (control,)))
-            noise = campaign.noise(channel) * np.asarray(jax.random.normal(random_key(campaign, f"noise {channel}"), exact.shape))
+            noise = campaign.noise(channel) * np.asarray(
+                jax.random.normal(random_key(campaign, f"noise {channel}"), exact.shape)
+            )
             columns[channel] = np.where(mask[:, index] > 0, exact + noise, np.nan)
         settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
-        provenance = Provenance("simulated", key, {"manoeuvre": manoeuvre.name, **settings, "truth": source.truth, "seed": source.campaign.seed})
+        provenance = Provenance(
+            "simulated",
+            key,
+            {"manoeuvre": manoeuvre.name, **settings, "truth": source.truth, "seed": source.campaign.seed},
+        )
         _write(path, make_record(time, columns, _channels(columns), provenance, "trial"), key)
     return Trials((read_record(path),), (), key)
 
@@ -82,31 +96,50 @@ def import_trials(campaign: Campaign, watch: Watch) -> Trials:
     """
     table = campaign.source.imported
     if table is None:
-        raise InputError(str(campaign.path), found="[truth]", expected="[import], to read logs", remedy="use `seatrial simulate`")
+        raise InputError(
+            str(campaign.path), found="[truth]", expected="[import], to read logs", remedy="use `seatrial simulate`"
+        )
     runs = [*table.fit, *table.predict]
     if len(set(runs)) < len(runs):
-        raise InputError(campaign.where("import"), found="a run named twice in fit and predict", expected="each run once",
-                         remedy="a run that was fitted cannot also be a test of prediction")
+        raise InputError(
+            campaign.where("import"),
+            found="a run named twice in fit and predict",
+            expected="each run once",
+            remedy="a run that was fitted cannot also be a test of prediction",
+        )
     records, keys = [], []
     for run in runs:
         record, key = _import_run(campaign, run)
         watch.say(f"run {run}: {record.time.size} samples, {record.time[-1]:.1f} s")
         records.append(record)
         keys.append(key)
-    return Trials(tuple(records[:len(table.fit)]), tuple(records[len(table.fit):]), key_of("import", keys, table.fit))
+    return Trials(tuple(records[: len(table.fit)]), tuple(records[len(table.fit) :]), key_of("import", keys, table.fit))
 
 
 def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
     table = campaign.source.imported
     assert table is not None
     if not run or any(character in run for character in "/\\\0") or run.startswith("."):
-        raise InputError(campaign.where("import"), found=f"run {run!r}", expected="a plain name", remedy="it becomes a file name: use letters and digits")
+        raise InputError(
+            campaign.where("import"),
+            found=f"run {run!r}",
+            expected="a plain name",
+            remedy="it becomes a file name: use letters and digits",
+        )
     paths = [_locate(campaign, file, run, index) for index, file in enumerate(table.files)]
-    key = key_of("record", run, [sha256_of(path) for path in paths], table.model_dump(include={"step", "start", "end", "files"}))
+    key = key_of(
+        "record", run, [sha256_of(path) for path in paths], table.model_dump(include={"step", "start", "end", "files"})
+    )
     path = Store(campaign.folder).record(run)
     if not is_current(path, key):
-        sources = [_source(campaign, file, path, index) for index, (file, path) in enumerate(zip(table.files, paths, strict=True))]
-        seconds = {name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}") for name in ("step", "start", "end")}
+        sources = [
+            _source(campaign, file, path, index)
+            for index, (file, path) in enumerate(zip(table.files, paths, strict=True))
+        ]
+        seconds = {
+            name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}")
+            for name in ("step", "start", "end")
+        }
         _write(path, align([read_csv(source) for source in sources], **seconds, label=run), key)
     return read_record(path), key
 
@@ -115,11 +148,20 @@ def _locate(campaign: Campaign, file: FileTable, run: str, index: int) -> Path:
     where = campaign.where(f"import.files[{index}].path")
     text = os.path.expandvars(file.path.replace("{run}", run))
     if "$" in text:
-        raise InputError(where, found=f'"{file.path}" with a variable that is not set', expected="environment variables that are set",
-                         remedy="export the variable, or write the path out")
+        raise InputError(
+            where,
+            found=f'"{file.path}" with a variable that is not set',
+            expected="environment variables that are set",
+            remedy="export the variable, or write the path out",
+        )
     path = campaign.folder / Path(text).expanduser()
     if not path.is_file():
-        raise InputError(where, found=f"no file {path}", expected="an existing file", remedy="correct the path; it is relative to the campaign's folder")
+        raise InputError(
+            where,
+            found=f"no file {path}",
+            expected="an existing file",
+            remedy="correct the path; it is relative to the campaign's folder",
+        )
     return path
 
 
@@ -128,16 +170,35 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
     known = (*model.controls, *model.channel_units())
     for name in file.channels:
         if name not in known:
-            raise InputError(campaign.where(f"import.files[{index}].channels.{name}"), found=f'channel "{name}"', expected="one of " + ", ".join(known),
-                             remedy=nearest(name, known))
-    channels = {name: ColumnMap(column.column, column.unit, "control" if name in model.controls else "measurement", scale=column.scale)
-                for name, column in file.channels.items()}
-    return LogSource(path, file.time.column, file.time.unit, channels, clock=file.clock, delimiter=file.delimiter,
-                     encoding=file.encoding, skip_rows=file.skip_rows)
+            raise InputError(
+                campaign.where(f"import.files[{index}].channels.{name}"),
+                found=f'channel "{name}"',
+                expected="one of " + ", ".join(known),
+                remedy=nearest(name, known),
+            )
+    channels = {
+        name: ColumnMap(
+            column.column, column.unit, "control" if name in model.controls else "measurement", scale=column.scale
+        )
+        for name, column in file.channels.items()
+    }
+    return LogSource(
+        path,
+        file.time.column,
+        file.time.unit,
+        channels,
+        clock=file.clock,
+        delimiter=file.delimiter,
+        encoding=file.encoding,
+        skip_rows=file.skip_rows,
+    )
 
 
 def _channels(columns: Sequence[str] | dict) -> tuple[Channel, ...]:
-    return tuple(Channel(name, signal_unit(name), "control" if name in SIGNALS and name not in ("u",) else "measurement") for name in columns)
+    return tuple(
+        Channel(name, signal_unit(name), "control" if name in SIGNALS and name not in ("u",) else "measurement")
+        for name in columns
+    )
 
 
 def _write(path: Path, record: Record, key: str) -> None:

@@ -84,9 +84,12 @@ class CoefficientName:
         """
         axis, separator, rest = text.partition("_")
         if axis not in AXES or not separator:
-            raise InputError(f'coefficient name "{text}"', found=f'"{axis}" where the axis stands',
-                             expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
-                             remedy="write for example X_u, X_uabsu, T_nabsn or N_delta_r")
+            raise InputError(
+                f'coefficient name "{text}"',
+                found=f'"{axis}" where the axis stands',
+                expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
+                remedy="write for example X_u, X_uabsu, T_nabsn or N_delta_r",
+            )
         factors = () if rest == "0" else _factors(text, rest, offset=len(axis) + 1)
         return cls(text, axis, factors, _key(factors))
 
@@ -146,8 +149,11 @@ def _factors(text: str, rest: str, offset: int) -> tuple[Factor, ...]:
         match = _FACTOR.match(rest, position)
         if match is None or (match["dot"] and (match["signal"] not in RATES or match["change"])):
             raise _malformed(text, offset + position)
-        factors.append(Factor(match["signal"], bool(match["abs"]), bool(match["change"]), bool(match["dot"]),
-                              int(match["power"] or 1)))
+        factors.append(
+            Factor(
+                match["signal"], bool(match["abs"]), bool(match["change"]), bool(match["dot"]), int(match["power"] or 1)
+            )
+        )
         position = match.end()
     if not factors:
         raise _malformed(text, offset)
@@ -157,11 +163,14 @@ def _factors(text: str, rest: str, offset: int) -> tuple[Factor, ...]:
 def _malformed(text: str, position: int) -> InputError:
     rest = text[position:]
     found = f'"{rest}", which cannot be read' if rest else "nothing after the axis"
-    return InputError(f'coefficient name "{text}", character {position + 1}\n  {text}\n  {" " * position}^',
-                      found=found,
-                      expected="[abs][d]signal[dot][2-9] with a signal among " + " ".join(SIGNALS)
-                      + ' (dot only on u v w p q r), or "0" for a constant force',
-                      remedy=nearest(rest, SIGNALS) if rest else "name the signals, as in X_uabsu")
+    return InputError(
+        f'coefficient name "{text}", character {position + 1}\n  {text}\n  {" " * position}^',
+        found=found,
+        expected="[abs][d]signal[dot][2-9] with a signal among "
+        + " ".join(SIGNALS)
+        + ' (dot only on u v w p q r), or "0" for a constant force',
+        remedy=nearest(rest, SIGNALS) if rest else "name the signals, as in X_uabsu",
+    )
 
 
 def _key(factors: tuple[Factor, ...]) -> tuple:

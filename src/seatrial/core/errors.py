@@ -1,7 +1,8 @@
 """Errors that say where, what was found, what was expected and how to mend it."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class SeatrialError(Exception):
@@ -21,6 +22,16 @@ class InputError(SeatrialError):
     def __init__(self, where: str, *, found: str, expected: str, remedy: str):
         self.where, self.found, self.expected, self.remedy = where, found, expected, remedy
         super().__init__(f"{where}\n  found:    {found}\n  expected: {expected}\n  remedy:   {remedy}")
+
+
+@contextmanager
+def located(place: str) -> Iterator[None]:
+    """Put the place (file and key) before the `where` of any input error raised inside the block."""
+    try:
+        yield
+    except InputError as error:
+        where = f"{place}: {error.where}"
+        raise InputError(where, found=error.found, expected=error.expected, remedy=error.remedy) from error.__cause__
 
 
 class NumericalError(SeatrialError):

@@ -76,13 +76,21 @@ class Record:
             return self.control[:, self.controls.index(name)]
         if name in self.measured:
             return self.measurement[:, self.measured.index(name)]
-        raise InputError(f'record "{self.label}"', found=f'no channel "{name}"',
-                         expected="one of " + ", ".join(self.controls + self.measured),
-                         remedy="map the channel when importing, or drop what needs it")
+        raise InputError(
+            f'record "{self.label}"',
+            found=f'no channel "{name}"',
+            expected="one of " + ", ".join(self.controls + self.measured),
+            remedy="map the channel when importing, or drop what needs it",
+        )
 
 
-def make_record(time: np.ndarray, columns: Mapping[str, np.ndarray], channels: tuple[Channel, ...],
-                provenance: Provenance, label: str = "trial") -> Record:
+def make_record(
+    time: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    channels: tuple[Channel, ...],
+    provenance: Provenance,
+    label: str = "trial",
+) -> Record:
     """Build a record from columns and check it.
 
     Args:
@@ -104,8 +112,11 @@ def make_record(time: np.ndarray, columns: Mapping[str, np.ndarray], channels: t
         _check_column(np.asarray(columns[channel.name], float), channel, time, where)
 
     def stack(group: tuple[Channel, ...]) -> np.ndarray:
-        return np.column_stack([np.asarray(columns[channel.name], float) for channel in group]) if group \
+        return (
+            np.column_stack([np.asarray(columns[channel.name], float) for channel in group])
+            if group
             else np.empty((time.size, 0))
+        )
 
     return Record(time, stack(controls), stack(measured), controls + measured, provenance, label)
 
@@ -122,43 +133,71 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
         InputError: naming the first offending row and how many there are.
     """
     if time.size < 3:
-        raise InputError(where, found=f"{time.size} samples", expected="at least 3",
-                         remedy="check the file, the time range and the channel map")
+        raise InputError(
+            where,
+            found=f"{time.size} samples",
+            expected="at least 3",
+            remedy="check the file, the time range and the channel map",
+        )
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time)))
-        raise InputError(f"{where}, row {first_row + row}", found=f"time {time[row]}", expected="a finite number of seconds",
-                         remedy="remove the row or mend the clock")
+        raise InputError(
+            f"{where}, row {first_row + row}",
+            found=f"time {time[row]}",
+            expected="a finite number of seconds",
+            remedy="remove the row or mend the clock",
+        )
     step = np.diff(time)
     if (step <= 0).any():
         row = int(np.argmax(step <= 0))
         kind = "the same time stamp as the row before" if step[row] == 0 else "time running backwards"
-        raise InputError(f"{where}, row {first_row + row + 1}",
-                         found=f"{kind} ({time[row]!r} s, then {time[row + 1]!r} s); {int((step <= 0).sum())} such rows",
-                         expected="strictly increasing time",
-                         remedy='use another time column, or say how to mend the clock (clock = "even" or "drop_repeated")')
+        raise InputError(
+            f"{where}, row {first_row + row + 1}",
+            found=f"{kind} ({time[row]!r} s, then {time[row + 1]!r} s); {int((step <= 0).sum())} such rows",
+            expected="strictly increasing time",
+            remedy='use another time column, or say how to mend the clock (clock = "even" or "drop_repeated")',
+        )
 
 
 def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where: str) -> None:
     where = f'{where}, channel "{channel.name}"'
     if values.shape != time.shape:
-        raise InputError(where, found=f"shape {values.shape}", expected=f"shape {time.shape}, one value per time stamp",
-                         remedy="align the channel with the time axis")
+        raise InputError(
+            where,
+            found=f"shape {values.shape}",
+            expected=f"shape {time.shape}, one value per time stamp",
+            remedy="align the channel with the time axis",
+        )
     finite = np.isfinite(values)
     if not finite.any():
-        raise InputError(where, found="no finite value", expected="measurements", remedy="map another column, or drop the channel")
+        raise InputError(
+            where, found="no finite value", expected="measurements", remedy="map another column, or drop the channel"
+        )
     if channel.role == "control" and not finite.all():
         row = int(np.argmin(finite))
-        raise InputError(f"{where}, sample {row + 1}", found=f"a gap at t = {time[row]:g} s", expected="a control at every sample",
-                         remedy="trim the record to where the control is known")
+        raise InputError(
+            f"{where}, sample {row + 1}",
+            found=f"a gap at t = {time[row]:g} s",
+            expected="a control at every sample",
+            remedy="trim the record to where the control is known",
+        )
     _check_garbage(values[finite], channel, where)
 
 
 def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
     """Refuse a measurement that never moves, or whose values no instrument of SI units gives (1e-155 m/s)."""
     if channel.role == "measurement" and values.size > 1 and np.ptp(values) == 0:
-        raise InputError(where, found=f"{values[0]!r} in every sample", expected="a measurement that varies",
-                         remedy="map another column, or drop the channel")
+        raise InputError(
+            where,
+            found=f"{values[0]!r} in every sample",
+            expected="a measurement that varies",
+            remedy="map another column, or drop the channel",
+        )
     size = np.max(np.abs(values))
     if size > 0 and not 1e-6 < size < 1e9 and channel.role == "measurement":
-        raise InputError(where, found=f"values of at most {size:.1e} {channel.unit}", expected="magnitudes a vehicle can have",
-                         remedy="the column holds garbage or the unit is wrong: map another column or correct the unit")
+        raise InputError(
+            where,
+            found=f"values of at most {size:.1e} {channel.unit}",
+            expected="magnitudes a vehicle can have",
+            remedy="the column holds garbage or the unit is wrong: map another column or correct the unit",
+        )

@@ -15,12 +15,22 @@ FORMAT = "seatrial record 1"
 
 def record_dataset(record: Record) -> xr.Dataset:
     """Return the record as a dataset over `time`, with unit and role of each channel as attributes."""
-    columns = {channel.name: ("time", record.channel(channel.name), {"units": channel.unit, "role": channel.role})
-               for channel in record.channels}
+    columns = {
+        channel.name: ("time", record.channel(channel.name), {"units": channel.unit, "role": channel.role})
+        for channel in record.channels
+    }
     provenance = record.provenance
-    return xr.Dataset(columns, coords={"time": ("time", record.time, {"long_name": "time", "axis": "T", "unit": "s"})}, attrs={
-        "format": FORMAT, "label": record.label, "source": provenance.source, "sha256": provenance.sha256,
-        "options": json.dumps(provenance.options, sort_keys=True)})
+    return xr.Dataset(
+        columns,
+        coords={"time": ("time", record.time, {"long_name": "time", "axis": "T", "unit": "s"})},
+        attrs={
+            "format": FORMAT,
+            "label": record.label,
+            "source": provenance.source,
+            "sha256": provenance.sha256,
+            "options": json.dumps(provenance.options, sort_keys=True),
+        },
+    )
 
 
 def write_record(record: Record, path: Path) -> None:
@@ -37,10 +47,16 @@ def read_record(path: Path) -> Record:
     """
     dataset = open_dataset(path)
     if dataset.attrs.get("format") != FORMAT:
-        raise InputError(str(path), found=f'format {dataset.attrs.get("format", "not stated")!r}', expected=repr(FORMAT),
-                         remedy="import the file with `seatrial import`, or write it with this version")
-    channels = tuple(Channel(str(name), str(column.attrs["units"]), column.attrs["role"])
-                     for name, column in dataset.data_vars.items())
+        raise InputError(
+            str(path),
+            found=f"format {dataset.attrs.get('format', 'not stated')!r}",
+            expected=repr(FORMAT),
+            remedy="import the file with `seatrial import`, or write it with this version",
+        )
+    channels = tuple(
+        Channel(str(name), str(column.attrs["units"]), column.attrs["role"])
+        for name, column in dataset.data_vars.items()
+    )
     provenance = Provenance(dataset.attrs["source"], dataset.attrs["sha256"], json.loads(dataset.attrs["options"]))
     columns = {str(name): np.asarray(column) for name, column in dataset.data_vars.items()}
     return make_record(np.asarray(dataset["time"]), columns, channels, provenance, dataset.attrs["label"])
@@ -53,9 +69,15 @@ def open_dataset(path: Path) -> xr.Dataset:
         InputError: no such file, or one that is truncated or not NetCDF.
     """
     if not path.is_file():
-        raise InputError(str(path), found="no such file", expected="a NetCDF file", remedy="run the step that writes it")
+        raise InputError(
+            str(path), found="no such file", expected="a NetCDF file", remedy="run the step that writes it"
+        )
     try:
         return xr.load_dataset(path, engine="h5netcdf", decode_times=False)
     except (OSError, KeyError, ValueError, RuntimeError) as cause:
-        raise InputError(str(path), found=f"{path.stat().st_size} bytes that cannot be read as NetCDF ({cause})",
-                         expected="a whole NetCDF-4 file", remedy="the file is truncated or of another kind: write it again") from cause
+        raise InputError(
+            str(path),
+            found=f"{path.stat().st_size} bytes that cannot be read as NetCDF ({cause})",
+            expected="a whole NetCDF-4 file",
+            remedy="the file is truncated or of another kind: write it again",
+        ) from cause

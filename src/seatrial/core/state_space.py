@@ -43,5 +43,7 @@ class StateSpace:
 
 
 jax.tree_util.register_dataclass(
-    StateSpace, data_fields=["initial", "process_sd", "measurement_sd"],
-    meta_fields=["states", "outputs", "n_dynamic", "transition", "observe"])
+    StateSpace,
+    data_fields=["initial", "process_sd", "measurement_sd"],
+    meta_fields=["states", "outputs", "n_dynamic", "transition", "observe"],
+)

@@ -42,8 +42,17 @@ _DEFINITIONS = (
     "watt = J / s = W",
     "percent = 0.01 = %",
 )
-UNITS = tuple(sorted({part for line in _DEFINITIONS for part in (line.split(" = ")[0], line.split(" = ")[-1])
-                      if re.fullmatch(r"[A-Za-z_]+", part)} - {"pi"}))
+UNITS = tuple(
+    sorted(
+        {
+            part
+            for line in _DEFINITIONS
+            for part in (line.split(" = ")[0], line.split(" = ")[-1])
+            if re.fullmatch(r"[A-Za-z_]+", part)
+        }
+        - {"pi"}
+    )
+)
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -61,9 +70,12 @@ def to_si(value: float, unit: str, expected_unit: str, where: str) -> float:
     """
     source, target = _parse(unit, where), _parse(expected_unit, where)
     if source.dimensionality != target.dimensionality:
-        raise InputError(where, found=f'unit "{unit}" ({_dimension(source)})',
-                         expected=f'a unit like "{expected_unit}" ({_dimension(target)})',
-                         remedy=f"convert the value, or correct the unit; SI here is {expected_unit}")
+        raise InputError(
+            where,
+            found=f'unit "{unit}" ({_dimension(source)})',
+            expected=f'a unit like "{expected_unit}" ({_dimension(target)})',
+            remedy=f"convert the value, or correct the unit; SI here is {expected_unit}",
+        )
     # pint's float arithmetic on `value` would round 100 rpm and 100*rpm differently; one multiplication is enough.
     return float(value) * float(_registry().convert(1.0, source, target))
 
@@ -77,12 +89,20 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
     if isinstance(text, int | float) and not isinstance(text, bool):
         if expected_unit == "1":
             return float(text)
-        raise InputError(where, found=f"{text!r} without a unit", expected=f'a quantity such as "{text} {expected_unit}"',
-                         remedy="write the number and its unit as one string")
+        raise InputError(
+            where,
+            found=f"{text!r} without a unit",
+            expected=f'a quantity such as "{text} {expected_unit}"',
+            remedy="write the number and its unit as one string",
+        )
     match = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
     if match is None:
-        raise InputError(where, found=repr(text), expected=f'a quantity such as "1.5 {expected_unit}"',
-                         remedy="write a number, a space and a unit")
+        raise InputError(
+            where,
+            found=repr(text),
+            expected=f'a quantity such as "1.5 {expected_unit}"',
+            remedy="write a number, a space and a unit",
+        )
     return to_si(float(match[1]), match[2] or "1", expected_unit, where)
 
 
@@ -94,16 +114,23 @@ def _parse(unit: str, where: str) -> "pint.Unit":
         return _registry().parse_units("")
     for word in re.findall(r"[A-Za-z_%]+", text):
         if word not in UNITS:
-            raise InputError(where, found=f'unknown unit "{word}"' + (f' in "{unit}"' if word != text else ""),
-                             expected="units such as " + ", ".join(("m/s", "kn", "rpm", "rad/s", "deg", "N", "kg/s", "ms")),
-                             remedy=nearest(word, UNITS))
+            raise InputError(
+                where,
+                found=f'unknown unit "{word}"' + (f' in "{unit}"' if word != text else ""),
+                expected="units such as " + ", ".join(("m/s", "kn", "rpm", "rad/s", "deg", "N", "kg/s", "ms")),
+                remedy=nearest(word, UNITS),
+            )
     try:
         if "//" in text or re.search(r"\d\d", text):
             raise ValueError(text)
         return _registry().parse_units(text.replace("%", "percent"))
     except (pint.PintError, ValueError, TypeError, AttributeError, SyntaxError, AssertionError) as cause:
-        raise InputError(where, found=f'unit "{unit}" that cannot be read', expected="a product or quotient of units",
-                         remedy='write it like "kg/s" or "N/(rev/s)^2"') from cause
+        raise InputError(
+            where,
+            found=f'unit "{unit}" that cannot be read',
+            expected="a product or quotient of units",
+            remedy='write it like "kg/s" or "N/(rev/s)^2"',
+        ) from cause
 
 
 def _dimension(unit: "pint.Unit") -> str:

@@ -36,12 +36,14 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> N
         for bound, beyond in _suspect_bounds(parameter, values[parameter.name]):
             gain = _log_likelihood(posterior, {**values, parameter.name: beyond}) - _log_likelihood(posterior, values)
             if gain > GAIN:
-                raise InputError(f"{where}, key prior.{parameter.name}",
-                                 found=f"the data push {parameter.name} against its bound {bound:.4g} {parameter.unit}; beyond it, "
-                                 f"at {beyond:.4g}, they are {gain:.0f} nats more likely",
-                                 expected="a prior that contains what the data say",
-                                 remedy="widen the prior, or check units, signs and the channel map: "
-                                 "a prior this certain should not be wrong")
+                raise InputError(
+                    f"{where}, key prior.{parameter.name}",
+                    found=f"the data push {parameter.name} against its bound {bound:.4g} {parameter.unit}; beyond it, "
+                    f"at {beyond:.4g}, they are {gain:.0f} nats more likely",
+                    expected="a prior that contains what the data say",
+                    remedy="widen the prior, or check units, signs and the channel map: "
+                    "a prior this certain should not be wrong",
+                )
 
 
 def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"]) -> list[str]:
@@ -58,20 +60,27 @@ def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.nda
     for i, parameter in enumerate(posterior.parameters):
         ratio = sd[i] / parameter.prior.sd
         if ratio > CONTRACTION:
-            said.append(f"the data cannot inform {parameter.name}: its standard deviation is {ratio:.0%} of the prior's, so the stated value is the prior's; "
-                        "run a trial that excites it, or fix it")
+            said.append(
+                f"the data cannot inform {parameter.name}: its standard deviation is {ratio:.0%} of the prior's, "
+                "so the stated value is the prior's; run a trial that excites it, or fix it"
+            )
     prior_precision = -np.asarray(jax.hessian(posterior.log_prior)(jnp.asarray(mode.z)))
     eigenvalues, vectors = np.linalg.eigh(mode.precision - prior_precision)
     if eigenvalues[0] < 1e-10 * eigenvalues[-1]:
         direction = vectors[:, 0]
         involved = [f"{weight:+.2f} {name}" for name, weight in zip(names, direction, strict=True) if abs(weight) > 0.1]
-        said.append("one combination is invisible in these data whatever their length (structural): " + " ".join(involved) +
-                    " in units of the prior standard deviations; fix one of these, or measure something else")
+        said.append(
+            "one combination is invisible in these data whatever their length (structural): "
+            + " ".join(involved)
+            + " in units of the prior standard deviations; fix one of these, or measure something else"
+        )
     correlation = np.corrcoef(draws.T) if len(names) > 1 else np.ones((1, 1))
     for i, j in combinations(range(len(names)), 2):
         if abs(correlation[i, j]) > CORRELATION:
-            said.append(f"{names[i]} and {names[j]} are known together rather than each (correlation {correlation[i, j]:+.3f}): "
-                        "use them as a pair; a trial over a wider range of speeds would separate them")
+            said.append(
+                f"{names[i]} and {names[j]} are known together rather than each (correlation {correlation[i, j]:+.3f}): "
+                "use them as a pair; a trial over a wider range of speeds would separate them"
+            )
     return said
 
 
@@ -81,9 +90,17 @@ def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, flo
     width = upper - lower
     if not np.isfinite(width):
         return []
-    pairs = [(bound, bound + sign * 0.1 * width) for bound, sign in ((lower, -1.0), (upper, 1.0)) if abs(value - bound) <= EDGE * width]
+    pairs = [
+        (bound, bound + sign * 0.1 * width)
+        for bound, sign in ((lower, -1.0), (upper, 1.0))
+        if abs(value - bound) <= EDGE * width
+    ]
     return [(bound, beyond) for bound, beyond in pairs if not (lower >= 0 >= beyond)]
 
 
 def _log_likelihood(posterior: Posterior, values: dict[str, float]) -> float:
-    return float(jax.jit(lambda p, v: p.likelihood(v, p.data))(posterior, {name: jnp.asarray(value) for name, value in values.items()}))
+    return float(
+        jax.jit(lambda p, v: p.likelihood(v, p.data))(
+            posterior, {name: jnp.asarray(value) for name, value in values.items()}
+        )
+    )

@@ -54,8 +54,10 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     candidates = posterior.sample_prior(key, starts)
     densities = np.asarray(_densities(posterior, candidates))
     if not np.isfinite(densities).any():
-        raise NumericalError(f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges. "
-                             "Narrow the prior to damping that dissipates (negative coefficients), or check units.")
+        raise NumericalError(
+            f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges. "
+            "Narrow the prior to damping that dissipates (negative coefficients), or check units."
+        )
     order = np.argsort(-np.where(np.isfinite(densities), densities, -np.inf))[:tries]
     found = [_climb(posterior, np.asarray(candidates[i])) for i in order if np.isfinite(densities[i])]
     z, log_density = max(found, key=lambda pair: pair[1])
@@ -65,8 +67,16 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     precision = -0.5 * (hessian + hessian.T)
     cov, log_volume, flat = _invert(precision)
     slope = np.diag(np.asarray(jax.jacfwd(posterior.constrain)(jnp.asarray(z))))
-    return Mode(z, precision, cov, log_density, log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
-                np.asarray(posterior.constrain(jnp.asarray(z))), np.abs(slope) * np.sqrt(np.diag(cov)), flat)
+    return Mode(
+        z,
+        precision,
+        cov,
+        log_density,
+        log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
+        np.asarray(posterior.constrain(jnp.asarray(z))),
+        np.abs(slope) * np.sqrt(np.diag(cov)),
+        flat,
+    )
 
 
 @jax.jit
@@ -93,9 +103,14 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
     def finite(value: np.ndarray) -> np.ndarray:
         return np.nan_to_num(np.asarray(value), nan=0.0, posinf=1e100, neginf=-1e100)
 
-    result = minimize(lambda z: float(finite(-_density(posterior, z))), start, method="trust-exact",
-                      jac=lambda z: -finite(_gradient(posterior, z)), hess=lambda z: -finite(_hessian(posterior, z)),
-                      options={"gtol": 1e-6, "maxiter": 300})
+    result = minimize(
+        lambda z: float(finite(-_density(posterior, z))),
+        start,
+        method="trust-exact",
+        jac=lambda z: -finite(_gradient(posterior, z)),
+        hess=lambda z: -finite(_hessian(posterior, z)),
+        options={"gtol": 1e-6, "maxiter": 300},
+    )
     return result.x, float(_density(posterior, result.x))
 
 

@@ -83,14 +83,23 @@ class OutputError:
     def _white(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
         """Sums of squares in one time loop that keeps nothing else."""
         params = {name.text: values[name.text] for name in self.model.coefficients}
-        control = tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control) if self.delay else trial.control
+        control = (
+            tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control)
+            if self.delay
+            else trial.control
+        )
 
         def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
             state, squares = carry
             held, measured, present, step = sample
-            residuals = [y - self.model.output(name, params, state, held) for name, y in zip(self.channels, measured, strict=True)]
-            squares = tuple(total + (e * e if complete else weight * (e * e)) for total, e, weight, complete
-                            in zip(squares, residuals, present, self.complete[index], strict=True))
+            residuals = [
+                y - self.model.output(name, params, state, held)
+                for name, y in zip(self.channels, measured, strict=True)
+            ]
+            squares = tuple(
+                total + (e * e if complete else weight * (e * e))
+                for total, e, weight, complete in zip(squares, residuals, present, self.complete[index], strict=True)
+            )
             return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), squares), None
 
         start = tuple(jnp.asarray(x, float) for x in self._start(values, trial, index))
@@ -105,7 +114,9 @@ class OutputError:
     def _coloured(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
         """Innovations of the residual process at the measured samples of each channel."""
         start = jnp.stack([jnp.asarray(x, float) for x in self._start(values, trial, index)])
-        outputs = simulate_outputs(self.model, self.channels, self.delay, values, start, jnp.stack(trial.control, -1), trial.step)
+        outputs = simulate_outputs(
+            self.model, self.channels, self.delay, values, start, jnp.stack(trial.control, -1), trial.step
+        )
         total = jnp.zeros(())
         for c, channel in enumerate(self.channels):
             samples, sd = trial.samples[c], values[noise_name(channel)]
@@ -148,11 +159,20 @@ def trial_data(record: Record, model: VehicleModel, channels: Sequence[str], ini
         samples=tuple(jnp.asarray(index) for index in samples),
         gaps=tuple(jnp.asarray(np.concatenate([[np.inf], np.diff(record.time[index])])) for index in samples),
         step=jnp.asarray(record.step),
-        initial=tuple(jnp.asarray(x, float) for x in initial))
+        initial=tuple(jnp.asarray(x, float) for x in initial),
+    )
 
 
-def output_error(model: VehicleModel, records: Sequence[Record], channels: Sequence[str], initial: Sequence[Sequence[float]], *,
-                 colour: NoiseColour = "white", delay: bool = False, free_initial: bool = False) -> tuple[OutputError, tuple[TrialData, ...]]:
+def output_error(
+    model: VehicleModel,
+    records: Sequence[Record],
+    channels: Sequence[str],
+    initial: Sequence[Sequence[float]],
+    *,
+    colour: NoiseColour = "white",
+    delay: bool = False,
+    free_initial: bool = False,
+) -> tuple[OutputError, tuple[TrialData, ...]]:
     """Likelihood of several trials fitted jointly, and its data.
 
     Args:
@@ -171,9 +191,12 @@ def output_error(model: VehicleModel, records: Sequence[Record], channels: Seque
     for record in records if delay else ():
         step = np.diff(record.time)
         if np.ptp(step) > 1e-6 * step[0]:
-            raise InputError(f'record "{record.label}"', found=f"time steps from {step.min():g} to {step.max():g} s",
-                             expected="a uniform step, since the delay is a parameter",
-                             remedy="import the record with a fixed `step`, or estimate without `delay`")
+            raise InputError(
+                f'record "{record.label}"',
+                found=f"time steps from {step.min():g} to {step.max():g} s",
+                expected="a uniform step, since the delay is a parameter",
+                remedy="import the record with a fixed `step`, or estimate without `delay`",
+            )
     complete = tuple(tuple(bool(np.isfinite(record.channel(name)).all()) for name in channels) for record in records)
     labels = tuple(record.label for record in records)
     return OutputError(model, tuple(channels), colour, delay, complete, labels, free_initial), data

@@ -53,7 +53,9 @@ class Posterior:
 
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Unconstrained vectors of parameter values inside the support."""
-        return jnp.stack([parameter.prior.unconstrain(values[..., i]) for i, parameter in enumerate(self.parameters)], -1)
+        return jnp.stack(
+            [parameter.prior.unconstrain(values[..., i]) for i, parameter in enumerate(self.parameters)], -1
+        )
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
         """Log prior density of z, the log-Jacobian included."""
@@ -71,7 +73,9 @@ class Posterior:
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
         """Unconstrained draws from the prior."""
         keys = jax.random.split(key, self.dim)
-        return jnp.stack([parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)], -1)
+        return jnp.stack(
+            [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)], -1
+        )
 
 
 jax.tree_util.register_dataclass(Posterior, data_fields=["data"], meta_fields=["parameters", "likelihood"])

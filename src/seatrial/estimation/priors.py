@@ -102,6 +102,49 @@ class Uniform:
 
 
 @dataclass(frozen=True)
+class LogUniform:
+    """Uniform in the logarithm between two positive bounds: for scales, such as noise or a correlation time."""
+
+    lower: float
+    upper: float
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """See `Prior.bounds`."""
+        return self.lower, self.upper
+
+    @property
+    def mean(self) -> float:
+        """See `Prior.mean`."""
+        return (self.upper - self.lower) / log(self.upper / self.lower)
+
+    @property
+    def sd(self) -> float:
+        """See `Prior.sd`."""
+        return sqrt((self.upper**2 - self.lower**2) / (2.0 * log(self.upper / self.lower)) - self.mean**2)
+
+    @property
+    def _log(self) -> Uniform:
+        return Uniform(log(self.lower), log(self.upper))
+
+    def constrain(self, z: Any) -> Any:
+        """See `Prior.constrain`."""
+        return jnp.exp(self._log.constrain(z))
+
+    def unconstrain(self, value: Any) -> Any:
+        """See `Prior.unconstrain`."""
+        return self._log.unconstrain(jnp.log(value))
+
+    def log_density(self, z: Any) -> Any:
+        """See `Prior.log_density`."""
+        return self._log.log_density(z)
+
+    def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """See `Prior.sample`."""
+        return self._log.sample(key, shape)
+
+
+@dataclass(frozen=True)
 class Normal:
     """Normal by mean and standard deviation; z is standard normal."""
 

@@ -11,8 +11,15 @@ from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 
 
-def simulate_outputs(model: VehicleModel, channels: tuple[str, ...], delayed: bool, values: Mapping[str, Any],
-                     initial: Float[Array, " n_states"], control: Float[Array, "n n_controls"], step: Float[Array, " n"]) -> Float[Array, "n m"]:
+def simulate_outputs(
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    delayed: bool,
+    values: Mapping[str, Any],
+    initial: Float[Array, " n_states"],
+    control: Float[Array, "n n_controls"],
+    step: Float[Array, " n"],
+) -> Float[Array, "n m"]:
     """Outputs at every sample, SI.
 
     Args:
@@ -43,7 +50,9 @@ def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Flo
 
     The mean over each step of a command that is held between samples: exact, and continuous in the delay.
     """
+    n = control.shape[0]
     whole = jnp.floor(samples)
-    share = samples - whole
-    index = jnp.arange(control.shape[0]) - whole.astype(int)
-    return (1.0 - share) * control[jnp.maximum(index, 0)] + share * control[jnp.maximum(index - 1, 0)]
+    share, first = samples - whole, n - whole.astype(int)
+    held = jnp.concatenate([jnp.full(n, control[0]), control])
+    here, before = (jax.lax.dynamic_slice(held, (start,), (n,)) for start in (first, first - 1))
+    return (1.0 - share) * here + share * before

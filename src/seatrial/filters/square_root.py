@@ -19,7 +19,16 @@ from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, gate, mask_missing, whiten
 from seatrial.filters.unscented import weighted_mean
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
-from seatrial.numerics.triangular import Scalar, Triangle, Vector, dot, is_zero, rank_one_downdate, times, triangular_factor
+from seatrial.numerics.triangular import (
+    Scalar,
+    Triangle,
+    Vector,
+    dot,
+    is_zero,
+    rank_one_downdate,
+    times,
+    triangular_factor,
+)
 
 Bounds = tuple[tuple[float, float], ...]
 
@@ -112,5 +121,5 @@ class SquareRootUnscentedKalmanFilter:
 
 
 def _difference(a: Scalar, b: Scalar) -> Scalar:
-    """a - b, a structural zero where both are the same object: a component no sigma point of the pair moves."""
+    """A - b, a structural zero where both are the same object: a component no sigma point of the pair moves."""
     return 0.0 if a is b else a - b

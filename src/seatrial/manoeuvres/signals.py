@@ -9,7 +9,9 @@ from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 
-def repeated_doublet_signal(time: Any, trim: Any, amplitude: Any, period: Any, *, start: Any, active: Any, ramp: Any = 0.0) -> Any:
+def repeated_doublet_signal(
+    time: Any, trim: Any, amplitude: Any, period: Any, *, start: Any, active: Any, ramp: Any = 0.0
+) -> Any:
     """Whole doublets about trim: +amplitude for half a period, -amplitude for the other half, then trim.
 
     Only doublets that end within `active` seconds of `start` are run: their number is floor(active / period), which jumps
@@ -38,8 +40,17 @@ def repeated_doublet_signal(time: Any, trim: Any, amplitude: Any, period: Any, *
     return trim + amplitude * jnp.where(count > 0, shape, 0.0)
 
 
-def repeated_doublet(control: str, *, trim: float, amplitude: float, period: float, duration: float, active: float,
-                     start: float = 1.0, ramp: float = 0.0) -> Manoeuvre:
+def repeated_doublet(
+    control: str,
+    *,
+    trim: float,
+    amplitude: float,
+    period: float,
+    duration: float,
+    active: float,
+    start: float = 1.0,
+    ramp: float = 0.0,
+) -> Manoeuvre:
     """Repeated doublet from trim, followed by a settle time of `duration - start - active` at least.
 
     Raises:
@@ -48,14 +59,26 @@ def repeated_doublet(control: str, *, trim: float, amplitude: float, period: flo
     settings = {"trim": trim, "amplitude": amplitude, "period": period, "start": start, "active": active, "ramp": ramp}
     where = "manoeuvre repeated_doublet"
     if not 0 < period <= active * (1 + 1e-9):
-        raise InputError(where, found=f"period {period:g} s", expected=f"more than 0 and at most the active time, {active:g} s",
-                         remedy="shorten the period or lengthen the active time, so that one whole doublet fits")
+        raise InputError(
+            where,
+            found=f"period {period:g} s",
+            expected=f"more than 0 and at most the active time, {active:g} s",
+            remedy="shorten the period or lengthen the active time, so that one whole doublet fits",
+        )
     if start < 0 or start + active > duration * (1 + 1e-9):
-        raise InputError(where, found=f"start {start:g} s + active {active:g} s", expected=f"an end within the duration, {duration:g} s",
-                         remedy="lengthen the duration: the quiet tail after the doublets is informative too")
+        raise InputError(
+            where,
+            found=f"start {start:g} s + active {active:g} s",
+            expected=f"an end within the duration, {duration:g} s",
+            remedy="lengthen the duration: the quiet tail after the doublets is informative too",
+        )
     if not 0 <= ramp <= 0.5 * period:
-        raise InputError(where, found=f"edges of {ramp:g} s", expected=f"at most half a period, {0.5 * period:g} s",
-                         remedy="lengthen the period or shorten the ramp")
+        raise InputError(
+            where,
+            found=f"edges of {ramp:g} s",
+            expected=f"at most half a period, {0.5 * period:g} s",
+            remedy="lengthen the period or shorten the ramp",
+        )
 
     def signal(time: np.ndarray) -> np.ndarray:
         return np.asarray(repeated_doublet_signal(time, **settings))
@@ -63,15 +86,21 @@ def repeated_doublet(control: str, *, trim: float, amplitude: float, period: flo
     return Manoeuvre("repeated doublet", control, duration, settings, signal)
 
 
-def random_steps(control: str, *, trim: float, amplitude: float, hold: float, duration: float, seed: int, start: float = 0.0) -> Manoeuvre:
+def random_steps(
+    control: str, *, trim: float, amplitude: float, hold: float, duration: float, seed: int, start: float = 0.0
+) -> Manoeuvre:
     """Random steps: levels uniform in trim ± amplitude, each held for `hold` seconds, from `start` on.
 
     Raises:
         InputError: a hold that is not positive, or longer than the trial.
     """
     if not 0 < hold <= duration:
-        raise InputError("manoeuvre random_steps", found=f"hold {hold:g} s", expected=f"more than 0 and at most the duration, {duration:g} s",
-                         remedy="two to three seconds excite a vehicle of 3 s time constant well")
+        raise InputError(
+            "manoeuvre random_steps",
+            found=f"hold {hold:g} s",
+            expected=f"more than 0 and at most the duration, {duration:g} s",
+            remedy="two to three seconds excite a vehicle of 3 s time constant well",
+        )
     n_levels = int(np.ceil((duration - start) / hold + 1e-9))
     levels = trim + amplitude * np.random.default_rng(seed).uniform(-1.0, 1.0, n_levels)
 

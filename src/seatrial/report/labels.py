@@ -7,12 +7,25 @@ Single letters are variables and lean; digits, bars and what stands in `\mathrm`
 """
 
 import re
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-GREEK = {"Delta": "Δ", "alpha": "α", "beta": "β", "delta": "δ", "eta": "η", "nu": "ν", "phi": "φ", "psi": "ψ", "rho": "ρ",
-         "sigma": "σ", "tau": "τ", "theta": "θ"}
+from markupsafe import Markup, escape
+
+GREEK = {
+    "Delta": "Δ",
+    "alpha": "α",
+    "beta": "β",
+    "delta": "δ",
+    "eta": "η",
+    "nu": "ν",
+    "phi": "φ",
+    "psi": "ψ",
+    "rho": "ρ",
+    "sigma": "σ",
+    "tau": "τ",
+    "theta": "θ",
+}
 DOT_ABOVE = "\u0307"
 _TOKEN = re.compile(r"\\[A-Za-z]+|.", re.DOTALL)
 _TAGS = {"sub": "sub", "sup": "sup", "variable": "i"}
@@ -25,10 +38,10 @@ class Node(NamedTuple):
     content: "str | tuple[Node, ...]"
 
 
-def label_html(label: str) -> str:
+def label_html(label: str) -> Markup:
     """Return a label as safe HTML: `X_{u|u|}` gives `<i>X</i><sub><i>u</i>|<i>u</i>|</sub>`."""
     nodes, suffix = _parse(label)
-    return f'<span class="symbol">{"".join(map(_html, nodes))}{escape(suffix)}</span>'
+    return Markup(f'<span class="symbol">{"".join(map(_html, nodes))}{escape(suffix)}</span>')
 
 
 def label_mathtext(label: str) -> str:
@@ -43,7 +56,7 @@ def label_text(label: str) -> str:
     return "".join(map(_text, nodes)).strip() + suffix
 
 
-def name_html(text: str, labels: dict[str, str]) -> str:
+def name_html(text: str, labels: Mapping[str, str]) -> Markup:
     """Escape a sentence and print every parameter name in it by its label.
 
     Args:
@@ -55,9 +68,9 @@ def name_html(text: str, labels: dict[str, str]) -> str:
     names = "|".join(re.escape(name) for name in sorted(labels, key=len, reverse=True))
     pieces, last = [], 0
     for match in re.finditer(rf"(?<![\w.])({names})(?![\w\[])", text):
-        pieces += [escape(text[last:match.start()]), label_html(labels[match[1]])]
+        pieces += [escape(text[last : match.start()]), label_html(labels[match[1]])]
         last = match.end()
-    return "".join(pieces) + escape(text[last:])
+    return Markup("").join([*pieces, escape(text[last:])])
 
 
 def _parse(label: str) -> tuple[tuple[Node, ...], str]:
@@ -94,7 +107,7 @@ def _item(tokens: list[str]) -> Node:
 
 def _html(node: Node) -> str:
     if isinstance(node.content, str):
-        return f"<i>{escape(node.content)}</i>" if node.kind == "variable" else escape(node.content)
+        return f"<i>{escape(node.content)}</i>" if node.kind == "variable" else str(escape(node.content))
     inside = "".join(map(_html, node.content))
     if node.kind == "dot":
         return f"<i>{escape(_texts(node.content))}{DOT_ABOVE}</i>"

@@ -1,11 +1,13 @@
 """Numbers as an engineer writes them: a value rounded to its uncertainty, powers of ten pulled out, units with raised powers."""
 
 import re
-from html import escape
 from math import floor, isfinite, log10
+
+from markupsafe import Markup, escape
 
 MINUS = "\u2212"
 DASH = "\u2013"
+NARROW_SPACE = "\u202f"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -51,6 +53,14 @@ def short(value: float, digits: int = 3) -> str:
     return text + times_ten(exponent)
 
 
+def plain(value: float) -> str:
+    """Write a number that a user gave, without zeros that say nothing: `−8.8`, `0`, `2 × 10⁻⁴`."""
+    if not isfinite(value):
+        return DASH
+    exponent = 0 if value == 0 or 1e-3 <= abs(value) < 1e5 else floor(log10(abs(value)))
+    return _minus(f"{value / 10.0**exponent:.6g}") + times_ten(exponent)
+
+
 def times_ten(exponent: int) -> str:
     """Write ` × 10⁻⁴`; empty for no power of ten."""
     return f" × 10{str(exponent).translate(_RAISED)}" if exponent else ""
@@ -69,14 +79,20 @@ def probability(value: float, error: float = 0.0) -> str:
     return f"{value:.{decimals}f}"
 
 
+def decimals(value: float, count: int) -> str:
+    """Write a number with so many decimals and a proper minus."""
+    return _minus(f"{value:.{count}f}") if isfinite(value) else DASH
+
+
 def percent(value: float) -> str:
     """Write a share as a percentage, a proper minus included."""
     return _minus(f"{100 * value:.0f} %") if isfinite(value) else DASH
 
 
-def unit_html(unit: str) -> str:
+def unit_html(unit: str) -> Markup:
     """Return a unit as safe HTML: `kg m/rad^2` gives `kg m/rad<sup>2</sup>`, a pure number `–`."""
-    return DASH if unit in ("", "1") else re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", escape(unit)).replace(" ", "\u202f")
+    raised = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", str(escape(unit)))
+    return Markup(DASH if unit in ("", "1") else raised.replace(" ", NARROW_SPACE))
 
 
 def unit_text(unit: str) -> str:

@@ -16,10 +16,13 @@ if TYPE_CHECKING:
 
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(?:url\(#|href="#)([^)"]*)')
+_TAG = re.compile(r"<[^>]*>")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _FONT = re.compile(r"'DejaVu Sans'[^;\"]*")
 _VARIABLE = {light: f"var(--{name})" for name, (light, _) in PALETTE.items()}
 _COLOUR = re.compile("|".join(_VARIABLE))
+_STYLE = re.compile(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", re.DOTALL)
+"""Matplotlib's style sheet would apply to the whole page; the page has its own."""
 
 
 def inline_svg(figure: "Figure", name: str, title: str, description: str = "") -> Markup:
@@ -32,14 +35,17 @@ def inline_svg(figure: "Figure", name: str, title: str, description: str = "") -
         description: what it shows, likewise.
     """
     text = draw_svg(figure, name)
-    head, body = text[text.index("<svg"):].split(">", 1)
+    head, body = text[text.index("<svg") :].split(">", 1)
     box = re.search(r'viewBox="([^"]*)"', head)
     assert box is not None
+    body = _STYLE.sub("", body)
     body = _COLOUR.sub(lambda match: _VARIABLE[match[0]], _FONT.sub("var(--figure-font)", body))
     described = f'<title id="{name}-title">{escape(title)}</title>'
     described += f'<desc id="{name}-desc">{escape(description)}</desc>' if description else ""
-    labelled = f'{name}-title {name}-desc' if description else f"{name}-title"
-    return Markup(f'<svg viewBox="{box[1]}" role="img" aria-labelledby="{labelled}" focusable="false">{described}{_own_ids(body, name)}')
+    labelled = f"{name}-title {name}-desc" if description else f"{name}-title"
+    return Markup(
+        f'<svg viewBox="{box[1]}" role="img" aria-labelledby="{labelled}" focusable="false">{described}{_own_ids(body, name)}'
+    )
 
 
 def draw_svg(figure: "Figure", salt: str = "seatrial") -> str:
@@ -48,9 +54,14 @@ def draw_svg(figure: "Figure", salt: str = "seatrial") -> str:
 
     stream = io.StringIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt, "path.simplify": True}):
-        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        figure.savefig(
+            stream,
+            format="svg",
+            transparent=True,
+            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+        )
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", stream.getvalue(), flags=re.DOTALL)
-    return re.sub(r"\s*\n\s*", "\n", _NUMBER.sub(lambda match: _round(match[0]), text))
+    return re.sub(r"\s*\n\s*", "\n", _TAG.sub(lambda tag: _NUMBER.sub(_round, tag[0]), text))
 
 
 def _own_ids(body: str, name: str) -> str:
@@ -60,6 +71,6 @@ def _own_ids(body: str, name: str) -> str:
     return re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", body)
 
 
-def _round(number: str) -> str:
-    text = f"{float(number):.2f}".rstrip("0").rstrip(".")
+def _round(number: re.Match) -> str:
+    text = f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text

@@ -94,8 +94,13 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: Metropoli
     iteration = run.iteration + BLOCK
     if iteration <= settings.warmup:
         return run._replace(state=state, iteration=iteration)
-    return Run(state, iteration, np.concatenate([run.z, np.asarray(z)]), np.concatenate([run.log_density, np.asarray(log_density)]),
-               np.concatenate([run.acceptance, np.asarray(acceptance)]))
+    return Run(
+        state,
+        iteration,
+        np.concatenate([run.z, np.asarray(z)]),
+        np.concatenate([run.log_density, np.asarray(log_density)]),
+        np.concatenate([run.acceptance, np.asarray(acceptance)]),
+    )
 
 
 def is_finished(run: Run, settings: MetropolisSettings) -> bool:
@@ -108,8 +113,14 @@ def finish(run: Run) -> Draws:
     return Draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
 
 
-def sample_adaptive_metropolis(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"], key: jax.Array,
-                               settings: MetropolisSettings, progress: Progress = no_progress) -> Draws:
+def sample_adaptive_metropolis(
+    target: Target,
+    starts: Float[Array, "chains d"],
+    cov: Float[Array, "d d"],
+    key: jax.Array,
+    settings: MetropolisSettings,
+    progress: Progress = no_progress,
+) -> Draws:
     """Sample without checkpoints: `start_chains`, then `advance_chains` until `is_finished`."""
     run = start_chains(target, starts, cov)
     while not is_finished(run, settings):

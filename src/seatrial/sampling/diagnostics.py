@@ -37,7 +37,8 @@ def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
         ess_bulk=np.array([array_stats.ess(x, method="bulk") for x in per_parameter], float),
         ess_tail=np.array([array_stats.ess(x, method="tail", prob=(0.05, 0.95)) for x in per_parameter], float),
         geweke=np.array([float(np.sqrt(np.mean([geweke_score(chain) ** 2 for chain in x]))) for x in per_parameter]),
-        mcse=np.array([array_stats.mcse(x) for x in per_parameter], float))
+        mcse=np.array([array_stats.mcse(x) for x in per_parameter], float),
+    )
 
 
 def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float = 0.5) -> float:
@@ -46,7 +47,7 @@ def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float
     The difference of the means of the first 10 % and the last 50 % over its standard error, from the spectral density at
     zero: with the plain variance of the draws, as sometimes printed, the score cannot fail.
     """
-    early, late = chain[: int(first * chain.size)], chain[chain.size - int(last * chain.size):]
+    early, late = chain[: int(first * chain.size)], chain[chain.size - int(last * chain.size) :]
     variance = _variance_of_mean(early) + _variance_of_mean(late)
     return float((early.mean() - late.mean()) / np.sqrt(variance)) if variance > 0 else float("inf")
 
@@ -56,14 +57,20 @@ def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
     said = []
     for i, name in enumerate(names):
         if not np.isfinite(health.r_hat[i]):
-            said.append(f"the chains of {name} never moved: the proposal is far too wide or the density is flat or broken; "
-                        "check the prior and the data")
+            said.append(
+                f"the chains of {name} never moved: the proposal is far too wide or the density is flat or broken; "
+                "check the prior and the data"
+            )
         elif health.r_hat[i] > MAX_R_HAT:
-            said.append(f"the chains disagree about {name} (R-hat {health.r_hat[i]:.3f}, at most {MAX_R_HAT}): run longer, "
-                        "or look for two separate explanations of the data")
+            said.append(
+                f"the chains disagree about {name} (R-hat {health.r_hat[i]:.3f}, at most {MAX_R_HAT}): run longer, "
+                "or look for two separate explanations of the data"
+            )
         elif min(health.ess_bulk[i], health.ess_tail[i]) < MIN_ESS:
-            said.append(f"too few independent draws of {name} ({min(health.ess_bulk[i], health.ess_tail[i]):.0f} effective, at least "
-                        f"{MIN_ESS:.0f}): ask for more draws")
+            said.append(
+                f"too few independent draws of {name} ({min(health.ess_bulk[i], health.ess_tail[i]):.0f} effective, at least "
+                f"{MIN_ESS:.0f}): ask for more draws"
+            )
     return said
 
 
@@ -77,7 +84,7 @@ def _variance_of_mean(x: np.ndarray) -> float:
     covariances = np.array([centred[: n - lag] @ centred[lag:] / n for lag in range(max_order + 1)])
     variance, coefficients, best = covariances[0], np.empty(0), (n * np.log(covariances[0]), covariances[0])
     for order in range(1, max_order + 1):
-        reflection = (covariances[order] - coefficients @ covariances[order - 1:0:-1]) / variance
+        reflection = (covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]) / variance
         coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
         variance = variance * (1 - reflection**2)
         if variance <= 1e-14 * covariances[0]:

@@ -39,18 +39,25 @@ class EvidenceSettings:
     smc: SMCSettings = SMCSettings()
 
 
-def smc_evidence(target: Target, key: jax.Array, settings: EvidenceSettings = EvidenceSettings(),
-                 progress: Progress = no_progress) -> Evidence:
+def smc_evidence(
+    target: Target, key: jax.Array, settings: EvidenceSettings = EvidenceSettings(), progress: Progress = no_progress
+) -> Evidence:
     """Evidence by repeated tempered SMC.
 
     Raises:
         NumericalError: fewer than two repeats, or a run that cannot leave the prior.
     """
-    runs = []
-    for repeat in range(settings.repeats):
-        runs.append(sample_tempered_smc(target, jax.random.fold_in(key, repeat), settings.smc,
-                                        lambda done, total, r=repeat: progress(r * total + done, settings.repeats * total)))
-    return combine_runs(runs)
+    return combine_runs(
+        [
+            sample_tempered_smc(
+                target,
+                jax.random.fold_in(key, repeat),
+                settings.smc,
+                lambda done, total, r=repeat: progress(r * total + done, settings.repeats * total),
+            )
+            for repeat in range(settings.repeats)
+        ]
+    )
 
 
 def combine_runs(runs: list[SMCResult]) -> Evidence:
@@ -64,7 +71,9 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
     """
     n = len(runs)
     if n < 2:
-        raise NumericalError("evidence needs at least two independent runs, or its error is unknown: set repeats to 2 or more")
+        raise NumericalError(
+            "evidence needs at least two independent runs, or its error is unknown: set repeats to 2 or more"
+        )
     logs = np.array([run.log_evidence for run in runs])
     top = logs.max()
     weights = np.exp(logs - top)
@@ -78,6 +87,10 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
         complaints.append(f"repeats differ by {spread:.1f} nats: use more particles or moves")
     if acceptance < 0.05:
         complaints.append(f"the moves were accepted only {acceptance:.0%} of the time: use more moves")
-    diagnostics = {"log_values": logs.tolist(), "spread": spread, "lowest_acceptance": acceptance,
-                   "temperatures": [int(run.temperatures.size) for run in runs]}
+    diagnostics = {
+        "log_values": logs.tolist(),
+        "spread": spread,
+        "lowest_acceptance": acceptance,
+        "temperatures": [int(run.temperatures.size) for run in runs],
+    }
     return Evidence(log_value, std_error, "adaptive tempered SMC", diagnostics, "; ".join(complaints))

@@ -53,10 +53,21 @@ def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optio
     inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
     verdicts = [term_verdict(term, inclusion[term], inclusion_error[term]) for term in optional]
     verdicts += pair_verdicts(has, probability)
-    verdicts += [f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
-                 for structure, evidence in zip(structures, evidences, strict=True) if evidence.status]
-    return Selection(tuple(structures), tuple(evidences), probability, np.linalg.norm(jacobian * errors, axis=1), inclusion,
-                     inclusion_error, int(np.argmax(probability)), tuple(verdicts))
+    verdicts += [
+        f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
+        for structure, evidence in zip(structures, evidences, strict=True)
+        if evidence.status
+    ]
+    return Selection(
+        tuple(structures),
+        tuple(evidences),
+        probability,
+        np.linalg.norm(jacobian * errors, axis=1),
+        inclusion,
+        inclusion_error,
+        int(np.argmax(probability)),
+        tuple(verdicts),
+    )
 
 
 def term_verdict(term: str, inclusion: float, error: float) -> str:
@@ -79,7 +90,13 @@ def pair_verdicts(has: Mapping[str, np.ndarray], probability: np.ndarray) -> lis
         only_a = float((has[a] * (1 - has[b])) @ probability)
         only_b = float((has[b] * (1 - has[a])) @ probability)
         both = float((has[a] * has[b]) @ probability)
-        if only_a + only_b + both >= DECIDED and max(only_a + both, only_b + both) < DECIDED and min(only_a, only_b) > 1 - DECIDED:
-            said.append(f"these records cannot separate {a} from {b}: at least one is needed (probability {only_a + only_b + both:.2f}), "
-                        f"{a} alone {only_a:.2f}, {b} alone {only_b:.2f}, both {both:.2f}")
+        if (
+            only_a + only_b + both >= DECIDED
+            and max(only_a + both, only_b + both) < DECIDED
+            and min(only_a, only_b) > 1 - DECIDED
+        ):
+            said.append(
+                f"these records cannot separate {a} from {b}: at least one is needed (probability {only_a + only_b + both:.2f}), "
+                f"{a} alone {only_a:.2f}, {b} alone {only_b:.2f}, both {both:.2f}"
+            )
     return said

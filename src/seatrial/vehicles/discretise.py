@@ -11,8 +11,15 @@ from seatrial.numerics.integrate import Integrator, rk4_step
 from seatrial.vehicles.model import VehicleModel
 
 
-def discretise(model: VehicleModel, outputs: Sequence[str], initial: Gaussian, process_sd: Float[Array, " n"],
-               measurement_sd: Float[Array, " m"], scales: Sequence[float] = (), integrator: Integrator = rk4_step) -> StateSpace:
+def discretise(
+    model: VehicleModel,
+    outputs: Sequence[str],
+    initial: Gaussian,
+    process_sd: Float[Array, " n"],
+    measurement_sd: Float[Array, " m"],
+    scales: Sequence[float] = (),
+    integrator: Integrator = rk4_step,
+) -> StateSpace:
     """Return the joint state space of the vehicle's states and its free coefficients, the paper's eqs. (15) and (16).
 
     Args:
@@ -24,14 +31,19 @@ def discretise(model: VehicleModel, outputs: Sequence[str], initial: Gaussian, p
         scales: SI value of one filter unit of each coefficient (1e-4 for T_nabsn in 1e-4 kg m/rad^2); empty for all 1.
         integrator: step of the dynamic states.
     """
-    transition, observe = _functions(model, tuple(outputs), tuple(scales) or (1.0,) * len(model.coefficients), integrator)
+    transition, observe = _functions(
+        model, tuple(outputs), tuple(scales) or (1.0,) * len(model.coefficients), integrator
+    )
     names = model.states + tuple(coefficient.text for coefficient in model.coefficients)
-    return StateSpace(initial, process_sd, measurement_sd, names, tuple(outputs), len(model.states), transition, observe)
+    return StateSpace(
+        initial, process_sd, measurement_sd, names, tuple(outputs), len(model.states), transition, observe
+    )
 
 
 @lru_cache(maxsize=64)
-def _functions(model: VehicleModel, outputs: tuple[str, ...], scales: tuple[float, ...],
-               integrator: Integrator) -> tuple[Transition, Observe]:
+def _functions(
+    model: VehicleModel, outputs: tuple[str, ...], scales: tuple[float, ...], integrator: Integrator
+) -> tuple[Transition, Observe]:
     """Cached, so that the same model gives the same function objects and compiled code is found again."""
     n = len(model.states)
 

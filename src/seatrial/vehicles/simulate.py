@@ -10,8 +10,14 @@ from seatrial.numerics.integrate import Integrator, rk4_step
 from seatrial.vehicles.model import Params, VehicleModel
 
 
-def simulate(model: VehicleModel, params: Params, control: Float[Array, "n n_controls"], step: Float[Array, " n"],
-             initial: Float[Array, " n_states"], integrator: Integrator = rk4_step) -> Float[Array, "n n_states"]:
+def simulate(
+    model: VehicleModel,
+    params: Params,
+    control: Float[Array, "n n_controls"],
+    step: Float[Array, " n"],
+    initial: Float[Array, " n_states"],
+    integrator: Integrator = rk4_step,
+) -> Float[Array, "n n_states"]:
     """Trajectory at the sample times; row 0 is the initial state. May be batched with `jax.vmap`.
 
     Args:

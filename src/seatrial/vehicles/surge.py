@@ -66,8 +66,12 @@ def surge_vehicle(hull: SurgeHull, terms: Sequence[str]) -> VehicleModel:
             effective_mass = effective_mass - values[term.text]
         return (force / effective_mass,)
 
-    constants = (("mass", mass), ("thrust_deduction", hull.thrust_deduction), *hull.fixed.items(),
-                 *((f"trim {name}", value) for name, value in hull.trim.items()))
+    constants = (
+        ("mass", mass),
+        ("thrust_deduction", hull.thrust_deduction),
+        *hull.fixed.items(),
+        *((f"trim {name}", value) for name, value in hull.trim.items()),
+    )
     return VehicleModel(hull.name, ("u",), used, free, constants, hull.mass is None, derivative)
 
 
@@ -77,38 +81,67 @@ def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], li
     Raises:
         InputError: no equilibrium there, for example because the damping does not dissipate.
     """
+
     def rate(u: float) -> float:
         return float(model.derivative(params, (u,), tuple(control))[0])
 
     if rate(-limit) * rate(limit) > 0 or not isfinite(rate(limit)):
-        raise InputError(f'vehicle "{model.name}", trim', found=f"du/dt of the same sign at -{limit:g} and +{limit:g} m/s",
-                         expected="drag that balances the thrust at some speed",
-                         remedy="check the signs of the damping coefficients: negative dissipates")
+        raise InputError(
+            f'vehicle "{model.name}", trim',
+            found=f"du/dt of the same sign at -{limit:g} and +{limit:g} m/s",
+            expected="drag that balances the thrust at some speed",
+            remedy="check the signs of the damping coefficients: negative dissipates",
+        )
     return float(brentq(rate, -limit, limit, xtol=1e-14, rtol=1e-14))
 
 
 def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
     where = f'vehicle "{hull.name}"'
     if hull.mass is not None and not (isfinite(hull.mass) and hull.mass > 0):
-        raise InputError(f"{where}, mass", found=f"{hull.mass} kg", expected="a positive mass", remedy='give the dry mass, or "unknown"')
+        raise InputError(
+            f"{where}, mass",
+            found=f"{hull.mass} kg",
+            expected="a positive mass",
+            remedy='give the dry mass, or "unknown"',
+        )
     if not 0 <= hull.thrust_deduction < 1:
-        raise InputError(f"{where}, thrust_deduction", found=str(hull.thrust_deduction), expected="a number from 0 to below 1",
-                         remedy="0.1 is typical of a torpedo-shaped vehicle")
+        raise InputError(
+            f"{where}, thrust_deduction",
+            found=str(hull.thrust_deduction),
+            expected="a number from 0 to below 1",
+            remedy="0.1 is typical of a torpedo-shaped vehicle",
+        )
     available = {"u", "n", "tau_X", *hull.trim}
     seen: dict[CoefficientName, str] = {}
     for term in terms:
         if term.axis not in ("X", "T"):
-            raise InputError(f"{where}, term {term.text}", found=f'axis "{term.axis}"', expected="X or T: this is the surge model",
-                             remedy="leave the term out")
+            raise InputError(
+                f"{where}, term {term.text}",
+                found=f'axis "{term.axis}"',
+                expected="X or T: this is the surge model",
+                remedy="leave the term out",
+            )
         for signal in term.signals:
             if signal not in available:
-                raise InputError(f"{where}, term {term.text}", found=f'signal "{signal}"', expected="one of " + ", ".join(sorted(available)),
-                                 remedy="the surge model knows the surge speed, the propeller speed and a commanded surge force")
+                raise InputError(
+                    f"{where}, term {term.text}",
+                    found=f'signal "{signal}"',
+                    expected="one of " + ", ".join(sorted(available)),
+                    remedy="the surge model knows the surge speed, the propeller speed and a commanded surge force",
+                )
         for signal in term.trim_signals:
             if signal not in hull.trim:
-                raise InputError(f"{where}, term {term.text}", found=f'no trim value of "{signal}"', expected=f"trim.{signal}",
-                                 remedy="give the trim point, since the term is a change from it")
+                raise InputError(
+                    f"{where}, term {term.text}",
+                    found=f'no trim value of "{signal}"',
+                    expected=f"trim.{signal}",
+                    remedy="give the trim point, since the term is a change from it",
+                )
         if term in seen:
-            raise InputError(f"{where}, term {term.text}", found=f"the same regressor as {seen[term]}", expected="each regressor once",
-                             remedy="leave one of the two out")
+            raise InputError(
+                f"{where}, term {term.text}",
+                found=f"the same regressor as {seen[term]}",
+                expected="each regressor once",
+                remedy="leave one of the two out",
+            )
         seen[term] = term.text

@@ -20,9 +20,19 @@ def init_campaign(folder: Path, template: str) -> Path:
         InputError: no such template, or a folder that holds a campaign already.
     """
     if template not in template_names():
-        raise InputError(f'template "{template}"', found="no such template", expected=", ".join(template_names()), remedy=nearest(template, template_names()))
+        raise InputError(
+            f'template "{template}"',
+            found="no such template",
+            expected=", ".join(template_names()),
+            remedy=nearest(template, template_names()),
+        )
     path = folder / FILE_NAME
     if path.exists():
-        raise InputError(str(path), found="a campaign already", expected="a folder without one", remedy="choose another folder, or delete the file")
+        raise InputError(
+            str(path),
+            found="a campaign already",
+            expected="a folder without one",
+            remedy="choose another folder, or delete the file",
+        )
     write_text(path, files(__name__).joinpath(f"{template}.toml").read_text(encoding="utf-8"))
     return path

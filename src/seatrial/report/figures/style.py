@@ -28,15 +28,24 @@ PALETTE: dict[str, tuple[str, str]] = {
 """Name to (light, dark)."""
 INK, MUTED, RULE, PAPER, DOTS, BLUE, ORANGE, PURPLE, HATCH = (light for light, _ in PALETTE.values())
 POINT = 1 / 72
-WIDE, NARROW = 380, 300
+WIDE, NARROW = 380, 270
 """Widths of a figure, in points."""
 FONT, SMALL = 10, 9
 BAND = 0.22
 """Opacity of bands."""
 
 
-def new_figure(width: float, heights: Sequence[float], *, left: float = 48, right: float = 8, top: float = 8, bottom: float = 36,
-               gap: float = 14, share_x: bool = True) -> "tuple[Figure, list[Axes]]":
+def new_figure(
+    width: float,
+    heights: Sequence[float],
+    *,
+    left: float = 48,
+    right: float = 8,
+    top: float = 8,
+    bottom: float = 36,
+    gap: float = 14,
+    share_x: bool = True,
+) -> "tuple[Figure, list[Axes]]":
     """Return a figure with a column of axes of the given heights; all sizes in points.
 
     Margins are fixed rather than fitted, so that the axes of neighbouring figures align.
@@ -83,7 +92,9 @@ def label_axes(axes: "Axes", x: str = "", y: str = "") -> None:
         axes.set_ylabel(y, fontsize=FONT, color=INK, labelpad=4)
 
 
-def draw_dots(axes: "Axes", x: np.ndarray, y: np.ndarray, *, color: str = DOTS, size: float = 1.7, label: str = "") -> "PathPatch":
+def draw_dots(
+    axes: "Axes", x: np.ndarray, y: np.ndarray, *, color: str = DOTS, size: float = 1.7, label: str = ""
+) -> "PathPatch":
     """Draw many dots as one path of very short round-capped strokes: a twentieth of the bytes of as many markers."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -115,7 +126,11 @@ def thin_steps(values: np.ndarray, most: int = 1500) -> np.ndarray:
     if corners.size <= most:
         return corners
     stretches = np.array_split(np.arange(count), max(1, most // 2))
-    extremes = [stretch[[int(np.argmin(values[stretch])), int(np.argmax(values[stretch]))]] for stretch in stretches if stretch.size]
+    extremes = [
+        stretch[[int(np.argmin(values[stretch])), int(np.argmax(values[stretch]))]]
+        for stretch in stretches
+        if stretch.size
+    ]
     return np.unique(np.concatenate([[0], *extremes, [count - 1]]))
 
 

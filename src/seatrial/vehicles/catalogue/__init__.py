@@ -34,13 +34,21 @@ def catalogue_vehicle(name: str) -> CatalogueEntry:
         InputError: no vehicle of that name.
     """
     if name not in catalogue_names():
-        raise InputError(f'vehicle "{name}"', found="no such vehicle in the catalogue", expected=", ".join(catalogue_names()),
-                         remedy=nearest(name, catalogue_names()))
+        raise InputError(
+            f'vehicle "{name}"',
+            found="no such vehicle in the catalogue",
+            expected=", ".join(catalogue_names()),
+            remedy=nearest(name, catalogue_names()),
+        )
     table = tomllib.loads(files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8"))
     where = f"catalogue {name}"
     trim = {signal: quantity(text, signal_unit(signal), where) for signal, text in table["trim"].items()}
-    hull = SurgeHull(table["name"], quantity(table["mass"], "kg", where), table["thrust_deduction"], table["fixed"], trim)
+    hull = SurgeHull(
+        table["name"], quantity(table["mass"], "kg", where), table["thrust_deduction"], table["fixed"], trim
+    )
     coefficients = {CoefficientName.parse(key).text: float(value) for key, value in table["coefficients"].items()}
     model = surge_vehicle(hull, tuple(coefficients))
     speed = trim_speed(model, coefficients, [trim[control] for control in model.controls])
-    return CatalogueEntry(SurgeHull(hull.name, hull.mass, hull.thrust_deduction, hull.fixed, {"u": speed, **trim}), coefficients)
+    return CatalogueEntry(
+        SurgeHull(hull.name, hull.mass, hull.thrust_deduction, hull.fixed, {"u": speed, **trim}), coefficients
+    )

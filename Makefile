@@ -1,0 +1,53 @@
+# `make run` and `make test` set up everything they need: Python 3.11 to 3.13 and make are enough.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := outputs/remus100
+
+.PHONY: run test quick lint types imports examples bench figures lock clean
+
+run: $(VENV)/ready
+	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
+	@$(BIN)/seatrial run $(DEMO)
+
+test: $(VENV)/ready
+	$(BIN)/python -m pytest -m "not thorough"
+	$(BIN)/python -m pytest -m thorough
+
+quick: $(VENV)/ready
+	$(BIN)/python -m pytest -m "not thorough"
+
+lint: $(VENV)/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/ready
+	$(BIN)/basedpyright
+
+imports: $(VENV)/ready
+	$(BIN)/lint-imports
+
+examples: $(VENV)/ready
+	$(BIN)/python examples/run_all.py
+
+bench: $(VENV)/ready
+	$(BIN)/python benchmarks/run.py
+
+figures: $(VENV)/ready
+	$(BIN)/python docs/figures.py
+
+# Exact versions, without the address of any index.
+lock: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet uv
+	$(BIN)/uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --upgrade \
+		--no-header --no-annotate --no-emit-index-url --no-emit-find-links --output-file requirements.lock
+
+$(VENV)/ready: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if (3, 11) <= v < (3, 14) else f"seatrial needs Python 3.11 to 3.13; this is {v.major}.{v.minor}. Try: make PYTHON=python3.11 run")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+clean:
+	rm -rf $(VENV) outputs .pytest_cache .ruff_cache build dist

@@ -1,0 +1,76 @@
+"""What the prediction leaves over: residuals in units of the predicted standard deviation, and their autocorrelation."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.report.figures.fit import Z90, Predicted
+from seatrial.report.figures.style import BAND, BLUE, DOTS, MUTED, ORANGE, WIDE, draw_dots, label_axes, new_figure, thin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_LAGS = 60
+
+
+def record_residuals(
+    time: np.ndarray, channels: Sequence[Predicted], held_back: bool = False, most: int = 1500
+) -> "Figure":
+    """Draw a panel of residuals over time for each channel, then one of all autocorrelations over lag.
+
+    Args:
+        time: s, shape (n,).
+        channels: what was measured and predicted.
+        held_back: whether the record was kept out of the fit.
+        most: number of samples worth drawing.
+    """
+    figure, axes = new_figure(WIDE, [*[120.0] * len(channels), 58.0], gap=38, share_x=False)
+    colour = ORANGE if held_back else BLUE
+    for panel, channel in zip(axes, channels, strict=False):
+        present = np.flatnonzero(np.isfinite(channel.residual))
+        present = present[thin(present.size, most)]
+        residual = channel.residual[present]
+        reach = max(4.0, 1.08 * float(np.abs(residual).max(initial=0.0)))
+        panel.axhspan(-Z90, Z90, color=colour, alpha=BAND, linewidth=0, label="90 % of samples belong here")
+        panel.axhline(0.0, color=MUTED, linewidth=0.8)
+        draw_dots(panel, time[present], residual, color=DOTS, label="residual")
+        panel.set(xlim=(float(time[0]), float(time[-1])), ylim=(-reach, reach))
+        label_axes(
+            panel,
+            "time [s]",
+            "residual [sd]" if len(channels) == 1 else f"{channel.label.split(' [')[0]} residual [sd]",
+        )
+    for channel in channels:
+        lag, correlation, count = autocorrelation(time, channel.residual)
+        if lag.size == 0:
+            continue
+        axes[-1].axhspan(
+            -2 / np.sqrt(count), 2 / np.sqrt(count), color=MUTED, alpha=BAND, linewidth=0, label="white noise"
+        )
+        axes[-1].vlines(lag, 0, correlation, color=colour, linewidth=1.4, label="autocorrelation")
+        axes[-1].margins(x=0.02)
+    axes[-1].axhline(0.0, color=MUTED, linewidth=0.8)
+    axes[-1].set_ylim(-0.55, 1.0)
+    axes[-1].set_yticks([-0.5, 0, 0.5, 1])
+    label_axes(axes[-1], "lag [s]", "autocorr.")
+    return figure
+
+
+def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Autocorrelation of the samples that are present, from one sample apart on.
+
+    Returns:
+        lags (number of samples times their median spacing, s), correlations, and the number of samples.
+    """
+    present = np.isfinite(residual)
+    values, at = residual[present] - residual[present].mean() if present.any() else residual[present], time[present]
+    total = float(values @ values)
+    if values.size < 8 or total == 0.0:
+        return np.empty(0), np.empty(0), int(values.size)
+    lags = np.arange(1, min(MOST_LAGS, values.size // 3) + 1)
+    return (
+        lags * float(np.median(np.diff(at))),
+        np.array([values[lag:] @ values[:-lag] for lag in lags]) / total,
+        int(values.size),
+    )

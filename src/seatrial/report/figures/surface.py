@@ -1,0 +1,132 @@
+"""How informative every design of a sweep is: entropy reduction over period and amplitude."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.report.figures.style import (
+    BLUE,
+    FONT,
+    HATCH,
+    INK,
+    MUTED,
+    PAPER,
+    SMALL,
+    WIDE,
+    draw_dots,
+    label_axes,
+    new_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS, LEVELS = "viridis", 12
+
+
+def design_surface(
+    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], amplitude_label: str
+) -> "Figure":
+    """Draw the entropy reduction as filled contours, the best design as a star, and hatch what the limits forbid.
+
+    Args:
+        period: s, shape (P,).
+        amplitude: change from trim, in the unit of its label, shape (A,).
+        gain: nats, NaN where a limit is broken, shape (A, P).
+        best: indices of the best design.
+        amplitude_label: label of the amplitude, unit included.
+    """
+    if min(gain.shape) < 2:
+        return _line(period, amplitude, gain, best, amplitude_label)
+    figure, (axes,) = new_figure(WIDE, [190], right=78)
+    axes.grid(False)
+    if np.isnan(gain).any():
+        _hatch(axes)
+    contours = axes.contourf(period, amplitude, gain, levels=_levels(gain), cmap=COLOURS, zorder=1)
+    contours.set_edgecolor("face")
+    at_amplitude, at_period = np.meshgrid(amplitude, period, indexing="ij")
+    tried = np.isfinite(gain)
+    draw_dots(axes, at_period[tried], at_amplitude[tried], color=PAPER, size=1.3).set(alpha=0.45, zorder=2)
+    axes.plot(
+        period[best[1]],
+        amplitude[best[0]],
+        marker="*",
+        markersize=15,
+        color="#ffffff",
+        markeredgecolor="#000000",
+        markeredgewidth=0.9,
+        linestyle="none",
+        clip_on=False,
+        zorder=5,
+        label="best design",
+    )
+    axes.set(xlim=(period[0], period[-1]), ylim=(amplitude[0], amplitude[-1]))
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+    label_axes(axes, "period of one doublet [s]", amplitude_label)
+    _bar(figure, contours)
+    return figure
+
+
+def _levels(gain: np.ndarray) -> np.ndarray:
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = float(np.nanmin(gain)), float(np.nanmax(gain))
+    spread = max(high - low, 1e-6 * max(abs(high), 1.0))
+    return MaxNLocator(LEVELS).tick_values(high - spread, high)
+
+
+def _hatch(axes: "Axes") -> None:
+    """Hatch the whole frame; contours of allowed designs cover their part of it."""
+    from matplotlib.patches import Rectangle
+
+    axes.add_patch(
+        Rectangle(
+            (0, 0),
+            1,
+            1,
+            transform=axes.transAxes,
+            facecolor="none",
+            edgecolor=HATCH,
+            hatch="////",
+            linewidth=0,
+            zorder=0,
+            label="breaks a limit",
+        )
+    )
+
+
+def _bar(figure: "Figure", contours) -> None:
+    place = figure.axes[0].get_position()
+    holder = figure.add_axes((place.x1 + 0.03, place.y0, 0.032, place.height))
+    bar = figure.colorbar(contours, cax=holder)
+    bar.outline.set_visible(False)
+    bar.solids.set_edgecolor("face")
+    bar.ax.tick_params(colors=MUTED, labelsize=SMALL, length=2, width=0.6, labelcolor=INK)
+    bar.set_label("entropy reduction [nat]", fontsize=FONT, color=INK, labelpad=5)
+
+
+def _line(
+    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], amplitude_label: str
+) -> "Figure":
+    """Draw a sweep over one setting only."""
+    over_period = gain.shape[0] == 1
+    x = period if over_period else amplitude
+    figure, (axes,) = new_figure(WIDE, [170])
+    axes.plot(x, gain.ravel(), color=BLUE, linewidth=1.6, marker="o", markersize=3)
+    axes.plot(
+        x[best[1] if over_period else best[0]],
+        gain[best],
+        marker="*",
+        markersize=15,
+        color="#ffffff",
+        markeredgecolor="#000000",
+        linestyle="none",
+        clip_on=False,
+        zorder=5,
+        label="best design",
+    )
+    axes.margins(x=0.03)
+    label_axes(axes, "period of one doublet [s]" if over_period else amplitude_label, "entropy reduction [nat]")
+    return figure

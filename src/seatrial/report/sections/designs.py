@@ -1,0 +1,191 @@
+"""The trial that was run and the next one: how informative every design is, and what the chosen one looks like."""
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from seatrial.campaign.loop import ENOUGH, Outcome
+from seatrial.campaign.shown import shown_unit
+from seatrial.core.record import Record
+from seatrial.design.sweep import Sweep
+from seatrial.report.drawing import Drawing, draw, labels_of, signal_axis, signal_symbol, units_of
+from seatrial.report.figures.coverage import covered
+from seatrial.report.figures.inputs import control_over_time
+from seatrial.report.figures.style import unit_label
+from seatrial.report.figures.surface import design_surface
+from seatrial.report.labels import label_html
+from seatrial.report.numbers import percent, rounded, short, times_ten, unit_html
+
+
+def trial_section(outcome: Outcome) -> dict[str, Any]:
+    """What `trial.html` prints."""
+    first = outcome.first
+    content: dict[str, Any] = {"simulated": first is not None, "records": record_rows(outcome)}
+    if first is None:
+        return content | {"figures": _coverage(outcome)}
+    filtered = [str(name) for name in outcome.filter["coefficient"].values]
+    full = outcome.estimates[0]
+    before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
+    reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
+    return content | {
+        "figures": sweep_drawings(outcome, first, "first"),
+        "words": design_words(first),
+        "structure": full.structure.label,
+        "rows": _sd_rows(outcome, filtered, before, first.final_sd[first.best], reached),
+    }
+
+
+def next_section(outcome: Outcome) -> dict[str, Any]:
+    """What `next.html` prints."""
+    trial = outcome.summary["next_trial"]
+    names = list(trial["sd_before"])
+    gain = trial["gain_nat"]
+    words = (
+        trial["words"]
+        if gain < ENOUGH
+        else f"{design_words(outcome.next)}: expected to reduce the entropy of the coefficients by {short(gain)} nat"
+    )
+    return {
+        "figures": sweep_drawings(outcome, outcome.next, "next"),
+        "enough": gain < ENOUGH,
+        "gain": short(gain),
+        "shrinks": percent(1 - np.exp(-gain)),
+        "words": words[:1].upper() + words[1:],
+        "structure": outcome.chosen.structure.label,
+        "rows": _sd_rows(outcome, names, list(trial["sd_before"].values()), list(trial["sd_after"].values())),
+    }
+
+
+def sweep_drawings(outcome: Outcome, sweep: Sweep, name: str) -> list[Drawing]:
+    """Surface and chosen control of a sweep."""
+    row, column = sweep.best
+    control = sweep.family.control
+    factor, unit = shown_unit(control)
+    forbidden = int(np.isnan(sweep.gain).sum())
+    caption = f"Each of {sweep.gain.size} designs, the best marked by a star"
+    caption += f"; hatched: {forbidden} designs that break a limit." if forbidden else "; none breaks a limit."
+    edges = [
+        name
+        for name, at, grid in (("amplitude", row, sweep.amplitude), ("period", column, sweep.period))
+        if grid.size > 1 and at in (0, grid.size - 1)
+    ]
+    if edges:
+        caption += (
+            f" The best {' and '.join(edges)} {'lies' if len(edges) == 1 else 'lie'} on the edge of what was searched."
+        )
+    surface = design_surface(
+        sweep.period,
+        sweep.amplitude * factor,
+        sweep.gain,
+        sweep.best,
+        unit_label(f"amplitude of {signal_symbol(control)}", unit),
+    )
+    time, values = sweep.best_manoeuvre().sample(sweep.family.sample_time)
+    limits = outcome.campaign.limits()
+    bounds = tuple(None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
+    chosen = control_over_time(time, values * factor, signal_axis(control), (bounds[0], bounds[1]))
+    return [
+        draw(
+            surface,
+            f"{name}-surface",
+            "Entropy reduction over period and amplitude of the doublets",
+            caption,
+            "What each design would teach",
+        ),
+        draw(
+            chosen,
+            f"{name}-input",
+            "Control of the best design over time",
+            f"{design_words(sweep)}.",
+            "The best design",
+        ),
+    ]
+
+
+def design_words(sweep: Sweep) -> str:
+    """Name the best design in the units of the boundary."""
+    row, column = sweep.best
+    factor, unit = shown_unit(sweep.family.control)
+    return (
+        f"Repeated doublets of ±{sweep.amplitude[row] * factor:.4g} {unit} about {sweep.family.trim * factor:.4g} {unit}, "
+        f"period {sweep.period[column]:.3g} s"
+    )
+
+
+def record_rows(outcome: Outcome) -> list[dict[str, Any]]:
+    """One row for each record: how it was used, how long it is and what it covers."""
+    fitted = {record.label for record in outcome.trials.fit}
+    return [
+        {
+            "label": record.label,
+            "held_back": record.label not in fitted,
+            "seconds": f"{record.time[-1] - record.time[0]:.1f}",
+            "samples": record.time.size,
+            "step": _step(record),
+            "ranges": [(name, *_range(record, name)) for name in (*record.controls, *record.measured)],
+        }
+        for record in (*outcome.trials.fit, *outcome.trials.predict)
+    ]
+
+
+def _step(record: Record) -> str:
+    step = np.diff(record.time)
+    return (
+        short(float(np.median(step)))
+        if np.ptp(step) <= 1e-6 * step[0]
+        else f"{short(step.min())} to {short(step.max())}"
+    )
+
+
+def _range(record: Record, name: str) -> tuple[str, str]:
+    factor, unit = shown_unit(name)
+    values = record.channel(name) * factor
+    return f"{short(float(np.nanmin(values)))} to {short(float(np.nanmax(values)))}", unit
+
+
+def _coverage(outcome: Outcome) -> list[Drawing]:
+    control, channel = outcome.trials.fit[0].controls[0], outcome.campaign.channels[0]
+    factors = shown_unit(control)[0], shown_unit(channel)[0]
+    groups = [
+        [(record.channel(control) * factors[0], record.channel(channel) * factors[1]) for record in records]
+        for records in (outcome.trials.fit, outcome.trials.predict)
+    ]
+    figure = covered(groups[0], groups[1], (signal_axis(control), signal_axis(channel)))
+    return [
+        draw(
+            figure,
+            "covered",
+            f"Measured {channel} against control {control} of all records",
+            "All samples of the fitted records, and of those held back. Where held-back samples lie outside the fitted ones, their "
+            "prediction is extrapolation.",
+            "What the records cover",
+        )
+    ]
+
+
+def _sd_rows(
+    outcome: Outcome, names: list[str], before: list[float], after: Any, reached: list[float] | None = None
+) -> list[dict[str, Any]]:
+    labels, units = labels_of(outcome), units_of(outcome)
+    rows = []
+    for index, name in enumerate(names):
+        exponent = rounded(0.0, before[index])[2]
+        numbers = [
+            short(value * 10.0**-exponent, 2)
+            for value in (before[index], after[index], *([reached[index]] if reached else []))
+        ]
+        rows.append(
+            {
+                "name": name,
+                "label": label_html(labels.get(name, name)),
+                "unit": Markup(times_ten(exponent).strip("× ") + " ") + unit_html(units[name])
+                if exponent
+                else unit_html(units[name]),
+                "before": numbers[0],
+                "after": numbers[1],
+                "reached": numbers[2] if reached else "",
+                "left": percent(after[index] / before[index]),
+            }
+        )
+    return rows

@@ -1,0 +1,104 @@
+"""How the results were computed: what to check, what to repeat, and where everything lies."""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from seatrial import __version__
+from seatrial.campaign.config import FILE_NAME
+from seatrial.campaign.loop import Outcome
+from seatrial.campaign.store import Store
+from seatrial.report.numbers import percent, short
+from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
+
+
+def section(outcome: Outcome) -> dict[str, Any]:
+    """What `method.html` prints."""
+    source = outcome.campaign.source
+    estimation, selection = source.estimation, source.selection
+    measured = outcome.filter["n_measured"].values
+    ratio = float(outcome.filter["nis"].values[measured > 0].sum() / max(measured.sum(), 1))
+    return {
+        "version": __version__,
+        "seed": source.campaign.seed,
+        "vehicle": outcome.campaign.hull.name,
+        "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
+        "chains": estimation.chains,
+        "warmup": estimation.warmup,
+        "draws": estimation.draws,
+        "residuals": estimation.residuals,
+        "initial": estimation.initial,
+        "particles": selection.particles,
+        "repeats": selection.repeats,
+        "filter": outcome.filter.attrs["filter"],
+        "failures": int(outcome.filter.attrs["failures"]),
+        "nis": short(ratio),
+        "max_r_hat": MAX_R_HAT,
+        "min_ess": f"{MIN_ESS:.0f}",
+        "records": [_provenance(record) for record in (*outcome.trials.fit, *outcome.trials.predict)],
+        "files": _files(outcome),
+        "mass": outcome.campaign.hull.mass,
+    }
+
+
+def _health(outcome: Outcome, index: int) -> dict[str, Any]:
+    estimate, evidence = outcome.estimates[index], outcome.selection.evidences[index]
+    data = estimate.data
+    worst = int(np.argmax(np.nan_to_num(data["r_hat"].values, nan=np.inf)))
+    r_hat, ess = (
+        float(data["r_hat"].values[worst]),
+        float(min(data["ess_bulk"].values.min(), data["ess_tail"].values.min())),
+    )
+    return {
+        "label": estimate.structure.label,
+        "chosen": index == outcome.selection.chosen,
+        "r_hat": f"{r_hat:.3f}",
+        "worst": estimate.names[worst],
+        "r_hat_bad": not r_hat <= MAX_R_HAT,
+        "ess": f"{ess:.0f}",
+        "ess_bad": not ess >= MIN_ESS,
+        "geweke": f"{float(np.max(data['geweke'].values)):.2f}",
+        "acceptance": percent(float(data.attrs["acceptance"])),
+        "laplace": f"{float(data.attrs['laplace_log_evidence']):.1f}",
+        "evidence": f"{evidence.log_value:.1f}",
+        "spread": short(float(evidence.diagnostics.get("spread", np.nan)), 2),
+        "spread_bad": bool(evidence.status),
+        "temperatures": ", ".join(map(str, evidence.diagnostics.get("temperatures", []))),
+    }
+
+
+def _provenance(record: Any) -> dict[str, Any]:
+    provenance = record.provenance
+    return {
+        "label": record.label,
+        "source": provenance.source,
+        "sha256": provenance.sha256,
+        "options": json.dumps(dict(provenance.options), indent=2, sort_keys=True, ensure_ascii=False, default=str),
+    }
+
+
+def _files(outcome: Outcome) -> list[tuple[str, str]]:
+    """Files that exist, relative to the campaign's folder, and what they hold."""
+    store = Store(outcome.campaign.folder)
+    folder = outcome.campaign.folder
+    listed = [
+        (folder / FILE_NAME, "what was known, asked and allowed"),
+        *(
+            (store.record(record.label), f"record {record.label}")
+            for record in (*outcome.trials.fit, *outcome.trials.predict)
+        ),
+        (store.design, "designs swept for the trial"),
+        (store.schedule(store.design), "control of the trial over time, SI"),
+        *(
+            (store.posterior(estimate.structure.label), f"draws of {estimate.structure.label}")
+            for estimate in outcome.estimates
+        ),
+        (store.selection, "evidences, probabilities and verdicts"),
+        (store.filter, "filter traces"),
+        (store.predictions, "fitted and predicted records"),
+        (store.next_design, "designs swept for the next trial"),
+        (store.schedule(store.next_design), "control of the next trial over time, SI"),
+        (store.summary, "everything above in numbers, SI"),
+    ]
+    return [(path.relative_to(folder).as_posix(), words) for path, words in listed if path.is_file()]

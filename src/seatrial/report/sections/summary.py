@@ -1,0 +1,171 @@
+"""Title, the answer in one sentence, the numbers at a glance, and what the data say."""
+
+from typing import Any, NamedTuple
+
+from markupsafe import Markup, escape
+
+from seatrial.campaign.loop import ENOUGH, Outcome
+from seatrial.campaign.shown import shown_unit
+from seatrial.report.drawing import labels_of
+from seatrial.report.labels import label_html, name_html
+from seatrial.report.numbers import percent, probability, rounded, times_ten, unit_html
+from seatrial.selection.verdict import DECIDED
+
+MOST_NAMED = 4
+MOST_SAID = 5
+
+
+class Finding(NamedTuple):
+    """One sentence of the summary; `kind` is alarm, finding or caution."""
+
+    kind: str
+    text: Markup
+
+
+def section(outcome: Outcome) -> dict[str, Any]:
+    """What `summary.html` prints."""
+    findings = find(outcome)
+    alarms = [item for item in findings if item.kind == "alarm"]
+    return {
+        "name": outcome.campaign.source.campaign.name,
+        "answer": answer(outcome),
+        "glance": glance(outcome),
+        "alarms": alarms[:MOST_SAID],
+        "more_alarms": alarms[MOST_SAID:],
+        "findings": [item for item in findings if item.kind == "finding"],
+        "cautions": [item for item in findings if item.kind == "caution"],
+    }
+
+
+def answer(outcome: Outcome) -> Markup:
+    """Say in one sentence what was found, or that nothing may be used yet."""
+    alarms = outcome.summary["alarms"]
+    if alarms:
+        checks = "health check" if len(alarms) == 1 else "health checks"
+        return Markup("Do not use these numbers yet: {} {} failed, the gravest of which are listed below.").format(
+            len(alarms), checks
+        )
+    rows = [row for row in outcome.summary["coefficients"] if row["name"] in outcome.chosen.structure.terms]
+    if len(rows) > MOST_NAMED:
+        worst = max(rows, key=lambda row: row["sd"] / abs(row["mean"]))
+        said = Markup("{} coefficients, the least certain of which, {}, is known to {}").format(
+            len(rows), label_html(worst["label"]), percent(worst["sd"] / abs(worst["mean"]))
+        )
+    else:
+        said = _enumerate([coefficient(row) for row in rows])
+    return Markup("{} {} {}{}.").format(
+        _basis(outcome), "give" if _basis(outcome)[0].isdigit() else "gives", said, _certainty(outcome)
+    )
+
+
+def coefficient(row: dict[str, Any]) -> Markup:
+    """Write one coefficient as an equation: symbol, value, standard deviation and unit."""
+    value, sd, exponent = rounded(row["mean"], row["sd"])
+    number = f"({value} ± {sd}){times_ten(exponent)}" if exponent else f"{value} ± {sd}"
+    unit = "" if row["unit"] in ("", "1") else Markup("\u202f") + unit_html(row["unit"])
+    return Markup('<span class="together">{} = {}{}</span>').format(label_html(row["label"]), number, unit)
+
+
+def find(outcome: Outcome) -> list[Finding]:
+    """Alarms, then verdicts, then cautions; what is said of the chosen structure first."""
+    labels, summary, selection = labels_of(outcome), outcome.summary, outcome.selection
+    repeated = {
+        f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
+        for structure, evidence in zip(selection.structures, selection.evidences, strict=True)
+    }
+    chosen = outcome.chosen.structure.label
+    alarms = sorted(summary["alarms"], key=lambda text: (not text.startswith("evidence"), f"{chosen}: " not in text))
+    verdicts = [text for text in summary["verdicts"] if text not in repeated]
+    if len(outcome.campaign.structures) == 1:
+        verdicts.append("only one model was compared: whether its terms are needed was not asked")
+    said = [("alarm", alarms), ("finding", verdicts), ("caution", summary["cautions"])]
+    return [Finding(kind, _sentence(text, labels)) for kind, texts in said for text in texts]
+
+
+def glance(outcome: Outcome) -> list[dict[str, Any]]:
+    """A few numbers with their names, each with a link to where they come from."""
+    selection, trials = outcome.selection, outcome.trials
+    held_back = [fit for fit in outcome.fits if fit.held_back]
+    fitted = [fit for fit in outcome.fits if not fit.held_back]
+    seconds = sum(float(record.time[-1] - record.time[0]) for record in trials.fit)
+    simulated = outcome.campaign.source.imported is None
+    at = selection.chosen
+    items = [
+        {
+            "name": "Data",
+            "value": f"{len(trials.fit)} run{'s' * (len(trials.fit) != 1)}, {seconds:.0f} s",
+            "href": "#fit",
+            "note": "simulated" if simulated else f"{len(trials.predict)} more held back for testing",
+        },
+        {
+            "name": "Model",
+            "value": outcome.chosen.structure.label,
+            "href": "#models",
+            "note": f"probability {probability(selection.probability[at], selection.probability_error[at])} among {len(selection.structures)} models",
+        },
+        {
+            "name": "Held-back motion explained" if held_back else "Fitted motion explained",
+            "href": "#fit",
+            "value": _span([fit.explained for fit in held_back or fitted]),
+            "note": f"{_span([fit.coverage for fit in held_back or fitted])} of samples inside the 90 % band",
+        },
+        _next(outcome),
+    ]
+    return items
+
+
+def _next(outcome: Outcome) -> dict[str, Any]:
+    trial = outcome.summary["next_trial"]
+    if trial["gain_nat"] < ENOUGH:
+        return {
+            "name": "Next trial",
+            "value": "another kind",
+            "href": "#next",
+            "note": "this family of designs would teach little",
+        }
+    factor, unit = shown_unit(trial["control"])
+    left = [
+        after / before for after, before in zip(trial["sd_after"].values(), trial["sd_before"].values(), strict=True)
+    ]
+    return {
+        "name": "Next trial",
+        "value": f"±{trial['amplitude'] * factor:.4g} {unit}, {trial['period']:.3g} s",
+        "href": "#next",
+        "note": f"doublets; standard deviations to {_span(left)} of now",
+    }
+
+
+def _span(shares: list[float]) -> str:
+    low, high = percent(min(shares)), percent(max(shares))
+    return low if low == high else f"{low.removesuffix(' %')} to {high}"
+
+
+def _basis(outcome: Outcome) -> str:
+    trials = outcome.trials
+    seconds = sum(float(record.time[-1] - record.time[0]) for record in trials.fit)
+    if outcome.campaign.source.imported is None:
+        return f"One simulated trial of {seconds:.0f} s"
+    return f"{len(trials.fit)} runs of {seconds:.0f} s in all" if len(trials.fit) > 1 else f"One run of {seconds:.0f} s"
+
+
+def _certainty(outcome: Outcome) -> Markup:
+    selection = outcome.selection
+    if len(selection.structures) == 1:
+        return Markup("")
+    p, error = (float(column[selection.chosen]) for column in (selection.probability, selection.probability_error))
+    if p >= DECIDED:
+        return Markup("; the data support this model with probability {}").format(probability(p, error))
+    return Markup("; this model is the most probable of {}, but at {} not settled").format(
+        len(selection.structures), probability(p, error)
+    )
+
+
+def _enumerate(parts: list[Markup]) -> Markup:
+    return parts[0] if len(parts) == 1 else Markup(", ").join(parts[:-1]) + Markup(" and ") + parts[-1]
+
+
+def _sentence(text: str, labels: dict[str, str]) -> Markup:
+    """Print names by their labels, and begin with a capital unless it begins with a name."""
+    if text.split(" ", 1)[0] not in labels:
+        text = text[:1].upper() + text[1:]
+    return name_html(text, labels) + escape("" if text.endswith(".") else ".")

@@ -1,0 +1,71 @@
+"""A campaign small enough for tests: two seconds of chains instead of a minute."""
+
+from pathlib import Path
+
+SMALL = """
+[campaign]
+name = "small"
+seed = 3
+
+[vehicle]
+catalogue = "remus100_surge"
+
+[structure]
+always = ["X_uabsu", "T_nabsn"]
+optional = ["X_u"]
+
+[prior.X_u]
+distribution = "uniform"
+lower = -3.6
+upper = 1.2
+
+[prior.X_uabsu]
+distribution = "uniform"
+lower = -8.8
+upper = 0.0
+
+[prior.T_nabsn]
+distribution = "uniform"
+lower = 2.0e-4
+upper = 12.0e-4
+
+[sensors.u]
+noise = "0.05 m/s"
+
+[limits.n]
+lower = "0 rpm"
+upper = "1500 rpm"
+
+[design]
+control = "n"
+duration = "30 s"
+active = "20 s"
+sample_time = "0.1 s"
+amplitude = { from = "100 rpm", to = "200 rpm", points = 3 }
+period = { from = "2 s", to = "20 s", points = 4 }
+
+[truth]
+X_u = -1.21
+X_uabsu = -2.93
+T_nabsn = 6.28e-4
+
+[estimation]
+chains = 16
+warmup = 500
+draws = 4000
+
+[selection]
+particles = 256
+repeats = 2
+"""
+
+
+def write_small(folder: Path, *replacements: tuple[str, str]) -> Path:
+    """Write the small campaign into a folder, some of its text replaced."""
+    text = SMALL
+    for old, new in replacements:
+        assert old in text, old
+        text = text.replace(old, new)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "campaign.toml").write_text(text)
+    return folder

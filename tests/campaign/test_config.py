@@ -1,0 +1,72 @@
+"""The campaign file: what is wrong with it is said with key, found, expected and remedy, before any work is done."""
+
+import pytest
+
+from seatrial.campaign.config import load_campaign
+from seatrial.campaign.templates import init_campaign, template_names
+from seatrial.core.errors import InputError
+from tests.campaign.small import write_small
+
+MISTAKES = {
+    "unknown key": (('seed = 3', 'seed = 3\nsede = 4'), 'unknown key "sede"', 'did you mean "seed"?'),
+    "unknown key in a named table": (('noise = "0.05 m/s"', 'noize = "0.05 m/s"'), "sensors.u.", "noise"),
+    "unknown nested key": (('points = 3', 'point = 3'), "design.amplitude.", "points"),
+    "unknown unit": (('"100 rpm"', '"100 rpn"'), 'unknown unit "rpn"', 'did you mean "rpm"?'),
+    "unit of another dimension": (('upper = "1500 rpm"', 'upper = "1500 m"'), "limits.n.upper", "rad/s"),
+    "number without unit": (('duration = "30 s"', "duration = 30"), "design.duration", "strings"),
+    "malformed TOML": (("seed = 3", "seed = = 3"), "malformed TOML", "line 4"),
+    "missing table": (("[sensors.u]", "[sensor.u]"), "sensor", "sensors"),
+    "malformed term": (('"X_u"]', '"X_uu_"]'), "character", "X_uu_"),
+    "repeated term": (('"X_u"]', '"X_absuu"]'), "same regressor", "X_uabsu"),
+    "term of another axis": (('"X_u"]', '"Y_v"]'), 'axis "Y"', "surge"),
+    "term without a prior": (('"X_u"]', '"X_uu"]'), "prior.X_uu", "add [prior.X_uu]"),
+    "prior nothing uses": (("[prior.X_u]", "[prior.X_w]"), "prior.X_", "prior"),
+    "prior upside down": (("lower = -3.6", "lower = 3.6"), "prior.X_u", "lower below upper"),
+    "prior incomplete": (("lower = -3.6\n", ""), "lower missing", "lower and upper"),
+    "improper prior": (("lower = -3.6", "lower = -inf"), "finite", "no evidence"),
+    "unknown vehicle": (('"remus100_surge"', '"remus10_surge"'), "no such vehicle", 'did you mean "remus100_surge"?'),
+    "unknown channel": (("[sensors.u]", "[sensors.w]"), 'channel "w"', "udot"),
+    "unknown control": (('control = "n"', 'control = "delta_r"'), "design.control", "n"),
+    "limit of another control": (("[limits.n]", "[limits.m]"), "limits.m", "use one of: n"),
+    "no quiet tail": (('active = "20 s"', 'active = "40 s"'), "design.active", "lengthen"),
+    "truth of an unknown term": (("X_u = -1.21", "X_w = -1.21"), "truth.X_w", "did you mean"),
+    "no noise": (('noise = "0.05 m/s"', 'noise = "0 m/s"'), "sensors.u.noise", "more than 0"),
+    "chains that are no multiple": (("warmup = 500", "warmup = 530"), "estimation.warmup", "multiple of 100"),
+    "neither truth nor import": (("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4", ""), "neither", "[import]"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named_with_its_remedy(tmp_path, name):
+    replacement, *words = MISTAKES[name]
+    with pytest.raises(InputError) as raised:
+        load_campaign(write_small(tmp_path, replacement))
+    text = str(raised.value)
+    assert "campaign.toml" in text
+    assert "remedy" in text
+    for word in words:
+        assert word in text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["campaign.toml"]
+
+
+def test_a_folder_without_a_campaign_names_init(tmp_path):
+    with pytest.raises(InputError, match="seatrial init"):
+        load_campaign(tmp_path)
+
+
+@pytest.mark.parametrize("template", template_names())
+def test_templates_are_valid_and_never_overwrite(tmp_path, template):
+    init_campaign(tmp_path / "new", template)
+    load_campaign(tmp_path / "new")
+    with pytest.raises(InputError, match="a campaign already"):
+        init_campaign(tmp_path / "new", template)
+
+
+def test_quantities_become_si(tmp_path):
+    campaign = load_campaign(write_small(tmp_path))
+    amplitude, period = campaign.grid()
+    assert amplitude[-1] == pytest.approx(200 * 2 * 3.141592653589793 / 60, rel=1e-15)
+    assert period.tolist() == pytest.approx([2, 8, 14, 20])
+    assert campaign.limits().upper == pytest.approx(157.07963267948966)
+    assert campaign.limits().rate is None
+    assert campaign.family.trim == 125.0

@@ -1,0 +1,108 @@
+"""The whole loop on a small campaign: what it leaves on disk, what it recomputes, and that a kill changes nothing."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from seatrial.campaign.config import load_campaign
+from seatrial.campaign.loop import run_loop
+from seatrial.campaign.store import Store, stamp_of
+from seatrial.campaign.watch import Silent
+from tests.campaign.small import write_small
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = write_small(tmp_path_factory.mktemp("loop") / "small")
+    return folder, run_loop(load_campaign(folder), Silent())
+
+
+def test_truth_is_inside_the_stated_uncertainty(finished):
+    _, outcome = finished
+    truth = outcome.campaign.source.truth
+    for row in outcome.summary["coefficients"]:
+        if row["name"] in truth:
+            assert abs(row["mean"] - truth[row["name"]]) < 4 * row["sd"]
+
+
+def test_probabilities_and_words_are_complete(finished):
+    _, outcome = finished
+    summary = outcome.summary
+    assert sum(item["probability"] for item in summary["structures"]) == pytest.approx(1.0)
+    assert len(summary["structures"]) == 2
+    assert any("X_u" in verdict for verdict in summary["verdicts"])
+    assert summary["next_trial"]["gain_nat"] > 0
+    assert summary["alarms"] == []
+
+
+def test_results_are_plain_files_others_can_read(finished):
+    folder, _ = finished
+    store = Store(folder)
+    record = xr.load_dataset(store.record("trial"), engine="h5netcdf")
+    assert record["u"].attrs["units"] == "m/s"
+    assert json.loads(store.summary.read_text())["name"] == "small"
+    schedule = np.loadtxt(store.schedule(store.design), delimiter=",", skiprows=1)
+    assert (np.diff(schedule[:, 0]) > 0).all()
+    assert not list(folder.rglob("*.part"))
+    assert not list(store.checkpoint("x").parent.glob("*.npz"))
+
+
+def test_the_schedule_holds_every_edge_of_the_trial(finished):
+    folder, outcome = finished
+    store = Store(folder)
+    schedule = np.loadtxt(store.schedule(store.design), delimiter=",", skiprows=1)
+    time_, control = outcome.first.best_manoeuvre().sample(outcome.first.family.sample_time)
+    np.testing.assert_allclose(np.interp(time_, *schedule.T), control, rtol=1e-9)
+
+
+def test_a_second_run_computes_nothing(finished):
+    folder, _ = finished
+    before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
+    run_loop(load_campaign(folder), Silent())
+    assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
+
+
+def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
+    folder, _ = finished
+    copy = tmp_path / "copy"
+    subprocess.run(["cp", "-r", str(folder), str(copy)], check=True)
+    stamps = {name: stamp_of(copy / "results" / name) for name in ("design.nc", "records/trial.nc", "posterior/M-0.nc", "selection.json")}
+    text = (copy / "campaign.toml").read_text().replace("repeats = 2", "repeats = 3")
+    (copy / "campaign.toml").write_text(text)
+    run_loop(load_campaign(copy), Silent())
+    changed = {name for name, stamp in stamps.items() if stamp_of(copy / "results" / name) != stamp}
+    assert changed == {"selection.json"}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("stop_when", ["checkpoints/posterior-M-0.npz", "checkpoints/evidence-M-0-0.npz"])
+def test_killed_in_the_middle_it_ends_with_the_same_bits(finished, tmp_path, stop_when):
+    folder, _ = finished
+    copy = write_small(tmp_path / "killed")
+    command = [sys.executable, "-m", "seatrial", "run", "--quiet", str(copy)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 300
+    while not (copy / "results" / stop_when).exists():
+        assert process.poll() is None, "it finished before it could be killed"
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not (copy / "results" / "summary.json").exists()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    for name in ("posterior/M-0.nc", "posterior/M-1.nc", "records/trial.nc", "design.nc", "next.nc"):
+        ours, theirs = (xr.load_dataset(base / "results" / name, engine="h5netcdf") for base in (folder, copy))
+        xr.testing.assert_identical(ours, theirs)
+    assert _numbers(folder) == _numbers(copy)
+
+
+def _numbers(folder: Path) -> dict:
+    return json.loads((folder / "results" / "summary.json").read_text())

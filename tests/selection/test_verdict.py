@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+from scipy.special import softmax
+
+from seatrial.selection.evidence import Evidence
+from seatrial.selection.structures import all_structures
+from seatrial.selection.verdict import pair_verdicts, select, term_verdict
+
+OPTIONAL = ("X_u", "X_uabsu")
+STRUCTURES = all_structures(["T_nabsn"], OPTIONAL)
+"""Full, without X_u, without X_uabsu, neither."""
+
+
+def selection(logs, errors=(0.0,) * 4, status=("",) * 4):
+    evidences = [Evidence(z, e, "given", status=s) for z, e, s in zip(logs, errors, status, strict=True)]
+    return select(STRUCTURES, evidences, OPTIONAL)
+
+
+@pytest.mark.parametrize("shift", [0.0, 6951.0, -9e4])
+def test_probabilities_are_the_softmax_of_the_log_evidences(shift):
+    logs = np.array([-1.0, 0.5, 0.0, -3.0])
+    found = selection(logs + shift)
+    assert found.probability == pytest.approx(softmax(logs), abs=1e-10)
+    assert found.inclusion == pytest.approx({"X_u": softmax(logs)[[0, 2]].sum(), "X_uabsu": softmax(logs)[:2].sum()})
+    assert STRUCTURES[found.chosen].terms == ("T_nabsn", "X_uabsu")
+
+
+def test_hopeless_structures_have_no_probability():
+    assert selection([0.0, -2000.0, -800.0, -np.inf]).probability.tolist() == [1, 0, 0, 0]
+
+
+def test_errors_against_brute_force():
+    """First order against 200 000 simulated sets of log evidences; the curvature left out is below 3 % here."""
+    logs, errors = np.array([0.0, 0.4, -0.7, -0.2]), np.array([0.05, 0.02, 0.08, 0.01])
+    found = selection(logs, errors)
+    drawn = softmax(logs + errors * np.random.default_rng(0).normal(size=(200_000, 4)), axis=1)
+    assert found.probability_error == pytest.approx(drawn.std(axis=0), rel=0.03)
+    assert found.inclusion_error == pytest.approx(
+        {"X_u": drawn[:, [0, 2]].sum(1).std(), "X_uabsu": drawn[:, :2].sum(1).std()}, rel=0.03)
+
+
+def test_one_structure_is_certain_whatever_its_error():
+    found = select(all_structures(["X_u"], []), [Evidence(3.0, 0.5, "given")], ())
+    assert (found.probability.tolist(), found.probability_error.tolist(), found.verdicts) == ([1.0], [0.0], ())
+
+
+@pytest.mark.parametrize(("inclusion", "words"), [
+    (0.999, "the data support X_du3: probability 1.00 with it (± 0.013)"),
+    (0.95, "the data support X_du3: probability 0.95 with it"),
+    (0.9499, "the data favour X_du3, but do not settle it: probability 0.95 with it"),
+    (0.75, "the data favour X_du3, but do not settle it: probability 0.75 with it"),
+    (0.7499, "the data cannot decide about X_du3: probability 0.75 with it, 0.25 without"),
+    (0.498, "the data cannot decide about X_du3: probability 0.50 with it, 0.50 without"),
+    (0.2501, "the data cannot decide about X_du3: probability 0.25 with it, 0.75 without"),
+    (0.25, "the data do not support X_du3: probability 0.75 without it"),
+    (0.0, "the data do not support X_du3: probability 1.00 without it (± 0.013)")])
+def test_words_at_each_threshold(inclusion, words):
+    assert term_verdict("X_du3", inclusion, 0.0126).startswith(words)
+
+
+def test_pair_that_cannot_be_separated():
+    """Either term alone explains the data; without both they are inexplicable."""
+    found = selection([-3.0, 0.0, 0.0, -50.0])
+    assert "cannot separate X_u from X_uabsu: at least one is needed (probability 1.00)" in found.verdicts[2]
+    assert "X_u alone 0.49, X_uabsu alone 0.49, both 0.02" in found.verdicts[2]
+
+
+@pytest.mark.parametrize("logs", [[0.0, 0.0, 0.0, 0.0], [0.0, -9.0, -9.0, -9.0], [-9.0, 0.0, -9.0, -50.0],
+                                  [0.0, 0.0, -9.0, -9.0]],
+                         ids=["undecided", "both needed", "second needed", "first undecided"])
+def test_no_pair_verdict_where_the_data_are_clear_or_say_nothing(logs):
+    assert len(selection(logs).verdicts) == 2
+
+
+def test_pairs_are_all_looked_at():
+    a, b, c = np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, 1.0])
+    said = pair_verdicts({"X_u": a, "X_du3": b, "X_uabsu": c}, np.array([0.5, 0.01, 0.49]))
+    assert len(said) == 1
+    assert "X_u from X_uabsu" in said[0]
+
+
+def test_unhealthy_evidence_is_named():
+    status = ("", "", "repeats differ by 2.1 nats: use more particles or moves", "")
+    last = selection([0.0, 0.1, 0.2, 0.3], status=status).verdicts[-1]
+    assert last == "the evidence of M-2 is not to be trusted: repeats differ by 2.1 nats: use more particles or moves"
