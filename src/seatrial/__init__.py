@@ -1,4 +1,4 @@
-"""seatrial: design trials, estimate hydrodynamic coefficients with honest uncertainty, select the terms the data support.
+"""seatrial: design trials, estimate hydrodynamic coefficients with honest uncertainty, select the terms.
 
 Importing the package is cheap: JAX and the rest load when a name that needs them is first used.
 """
@@ -13,17 +13,47 @@ engine.configure()
 __version__ = "0.1.0"
 
 _HOME = {
+    "load_campaign": "seatrial.campaign.config",
+    "init_campaign": "seatrial.campaign.templates",
+    "design_first": "seatrial.campaign.designs",
+    "get_trials": "seatrial.campaign.trials",
+    "estimate_all": "seatrial.campaign.estimate",
+    "select_structure": "seatrial.campaign.choose",
+    "run_loop": "seatrial.campaign.loop",
+    "write_report": "seatrial.report.page",
     "CoefficientName": "seatrial.core.coefficients",
     "Record": "seatrial.core.record",
     "SeatrialError": "seatrial.core.errors",
     "InputError": "seatrial.core.errors",
 }
-__all__ = ["CoefficientName", "InputError", "Record", "SeatrialError", "__version__"]
+__all__ = [
+    "CoefficientName",
+    "InputError",
+    "Record",
+    "SeatrialError",
+    "__version__",
+    "design_first",
+    "estimate_all",
+    "get_trials",
+    "init_campaign",
+    "load_campaign",
+    "run_loop",
+    "select_structure",
+    "write_report",
+]
 
 if TYPE_CHECKING:
+    from seatrial.campaign.choose import select_structure
+    from seatrial.campaign.config import load_campaign
+    from seatrial.campaign.designs import design_first
+    from seatrial.campaign.estimate import estimate_all
+    from seatrial.campaign.loop import run_loop
+    from seatrial.campaign.templates import init_campaign
+    from seatrial.campaign.trials import get_trials
     from seatrial.core.coefficients import CoefficientName
     from seatrial.core.errors import InputError, SeatrialError
     from seatrial.core.record import Record
+    from seatrial.report.page import write_report
 
 
 def __getattr__(name: str) -> Any:

@@ -10,7 +10,9 @@ from seatrial.design.entropy import entropy_reduction
 
 def random_gaussian(seed, n=4, scale=1.0):
     rng = np.random.default_rng(seed)
-    return Gaussian(jnp.asarray(rng.normal(size=n)), scale * jnp.asarray(np.tril(rng.normal(size=(n, n))) + 3 * np.eye(n)))
+    return Gaussian(
+        jnp.asarray(rng.normal(size=n)), scale * jnp.asarray(np.tril(rng.normal(size=(n, n))) + 3 * np.eye(n))
+    )
 
 
 def cov(gaussian):
@@ -47,10 +49,14 @@ def test_unit_of_a_coefficient_does_not_matter():
     before, after = random_gaussian(5, scale=4.0), random_gaussian(6)
     scale = jnp.diag(jnp.array([1.0, 1e-4, 1.0, 1e3]))
     rescaled = [Gaussian(scale @ g.mean, scale @ g.chol_cov) for g in (before, after)]
-    assert float(entropy_reduction(*rescaled, 1)) == pytest.approx(float(entropy_reduction(before, after, 1)), rel=1e-10)
+    assert float(entropy_reduction(*rescaled, 1)) == pytest.approx(
+        float(entropy_reduction(before, after, 1)), rel=1e-10
+    )
 
 
 def test_batch():
     before, afters = random_gaussian(7, scale=4.0), [random_gaussian(seed) for seed in range(3)]
     batch = jax.tree.map(lambda *x: jnp.stack(x), *afters)
-    assert np.allclose(entropy_reduction(before, batch, 1), [entropy_reduction(before, g, 1) for g in afters], rtol=1e-13)
+    assert np.allclose(
+        entropy_reduction(before, batch, 1), [entropy_reduction(before, g, 1) for g in afters], rtol=1e-13
+    )

@@ -25,12 +25,14 @@ AMPLITUDES, PERIODS = np.array([100.0, 200.0]) * RPM, np.array([3.0, 10.0])
 
 def paper_space(prior_sd=PRIOR_SD, mean=TRUTH):
     """State space of the golden entropies: u and udot measured with sd 0.1, Euler steps."""
-    return discretise(paper_model(), ("u", "udot"), independent(mean, prior_sd), PROCESS_SD, np.array([0.1, 0.1]), SCALES,
-                      euler_step)
+    return discretise(
+        paper_model(), ("u", "udot"), independent(mean, prior_sd), PROCESS_SD, np.array([0.1, 0.1]), SCALES, euler_step
+    )
 
 
 def textbook_gain(method, amplitude, period, family=SHORT, prior_sd=PRIOR_SD, mean=TRUTH, truth=TRUTH, seen=(1.0, 1.0)):
     """Entropy reduction of one doublet by a textbook filter over the motion of a plain Euler loop; and that motion."""
+
     def rate(u, control, x):
         return surge_rate(u, control / (2 * np.pi), *x[1:])
 
@@ -40,19 +42,29 @@ def textbook_gain(method, amplitude, period, family=SHORT, prior_sd=PRIOR_SD, me
     for c in control[:-1]:
         speed.append(speed[-1] + family.sample_time * rate(speed[-1], c, truth))
     measured = np.column_stack([speed, rate(np.array(speed), control, truth)])
-    problem = Problem(mean, np.diag(prior_sd**2),
-                      lambda x, c, h: np.array([x[0] + h * rate(x[0], c, x), *x[1:]]),
-                      lambda x, c: np.array([x[0], rate(x[0], c, x)]), np.diag(PROCESS_SD**2), 0.01 * np.eye(2))
+    problem = Problem(
+        mean,
+        np.diag(prior_sd**2),
+        lambda x, c, h: np.array([x[0] + h * rate(x[0], c, x), *x[1:]]),
+        lambda x, c: np.array([x[0], rate(x[0], c, x)]),
+        np.diag(PROCESS_SD**2),
+        0.01 * np.eye(2),
+    )
     last = method(problem, control, np.where(seen, measured, np.nan), np.full(time.size, family.sample_time)).covs[-1]
     gain = 0.5 * (2 * np.log(prior_sd[1:]).sum() - np.linalg.slogdet(last[1:, 1:])[1])
     return gain, np.abs(speed).max(), np.sqrt(np.diag(last)[1:])
 
 
 BELIEF_SD = np.array([0.1, 1.0, 1.0, 0.02])
-FILTERS = {"extended": (ExtendedKalmanFilter(), extended),
-           "square root": (SquareRootUnscentedKalmanFilter(), unscented)}
-each_filter = pytest.mark.parametrize(("method", "naive"), [
-    FILTERS["extended"], pytest.param(*FILTERS["square root"], marks=pytest.mark.thorough)], ids=FILTERS)
+FILTERS = {
+    "extended": (ExtendedKalmanFilter(), extended),
+    "square root": (SquareRootUnscentedKalmanFilter(), unscented),
+}
+each_filter = pytest.mark.parametrize(
+    ("method", "naive"),
+    [FILTERS["extended"], pytest.param(*FILTERS["square root"], marks=pytest.mark.thorough)],
+    ids=FILTERS,
+)
 
 
 @each_filter
@@ -93,8 +105,15 @@ DECAY, COVARIANCE = 0.9, np.array([[0.5, 0.2, 0.0], [0.2, 2.0, -0.3], [0.0, -0.3
 def linear_space():
     """x' = 0.9 x + a c + b c^2 measured with sd 0.3: linear in the state and the coefficients a and b."""
     return StateSpace(
-        Gaussian(jnp.array([0.1, 0.4, -0.2]), jnp.asarray(np.linalg.cholesky(COVARIANCE))), np.zeros(3), np.array([0.3]),
-        ("x", "a", "b"), ("x",), 1, lambda x, c, h: (DECAY * x[0] + x[1] * c[0] + x[2] * c[0] ** 2,), lambda x, c: (x[0],))
+        Gaussian(jnp.array([0.1, 0.4, -0.2]), jnp.asarray(np.linalg.cholesky(COVARIANCE))),
+        np.zeros(3),
+        np.array([0.3]),
+        ("x", "a", "b"),
+        ("x",),
+        1,
+        lambda x, c, h: (DECAY * x[0] + x[1] * c[0] + x[2] * c[0] ** 2,),
+        lambda x, c: (x[0],),
+    )
 
 
 @pytest.mark.parametrize("every", [1, 3])
@@ -120,13 +139,21 @@ def test_linear_gaussian_gain_is_that_of_the_fisher_information(every):
 GOLDEN = DoubletFamily("n", N0, duration=60.0, active=40.0, sample_time=0.01)
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [
-    (ExtendedKalmanFilter(), 0.05),
-    pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.thorough)], ids=FILTERS)
+@pytest.mark.parametrize(
+    ("method", "tolerance"),
+    [(ExtendedKalmanFilter(), 0.05), pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.thorough)],
+    ids=FILTERS,
+)
 def test_golden_entropies(method, tolerance):
     """The golden numbers are the square-root filter's."""
-    sweep = sweep_doublets(paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]), GOLDEN, AMPLITUDES, np.array([1.0, 10.0, 20.0]),
-                           method=method, truth=TRUTH)
+    sweep = sweep_doublets(
+        paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]),
+        GOLDEN,
+        AMPLITUDES,
+        np.array([1.0, 10.0, 20.0]),
+        method=method,
+        truth=TRUTH,
+    )
     assert sweep.gain[0, 0] == pytest.approx(21.582, abs=tolerance)
     assert sweep.gain[1, 1:] == pytest.approx([25.078, 25.249], abs=tolerance)
     assert sweep.best == (1, 2)
@@ -150,8 +177,9 @@ def test_golden_surface(active, ridges):
     """20 x 20 designs: more amplitude is always better; at 200 rpm ridges stand where one more doublet just fits."""
     family = DoubletFamily("n", N0, duration=60.0, active=active, sample_time=0.01)
     periods = np.arange(1.0, 21.0)
-    sweep = sweep_doublets(paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]), family, np.linspace(100, 200, 20) * RPM, periods,
-                           truth=TRUTH)
+    sweep = sweep_doublets(
+        paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]), family, np.linspace(100, 200, 20) * RPM, periods, truth=TRUTH
+    )
     assert (np.diff(sweep.gain, axis=0) > 0).all()
     assert [periods[i] for i in peaks(sweep.gain[-1])] == ridges
     if active == 40:
@@ -166,11 +194,16 @@ def limited(limits, amplitudes=(1.0, 2.0, 4.0), periods=(2.0, 5.0, 12.0), family
     return sweep_doublets(linear_space(), family, np.array(amplitudes), np.array(periods), limits)
 
 
-@pytest.mark.parametrize(("limits", "feasible"), [
-    (Limits(), [[1, 1, 0]] * 3),
-    (Limits(upper=3.0), [[1, 1, 0], [1, 1, 0], [0, 0, 0]]),
-    (Limits(lower=-0.5), [[1, 1, 0], [0, 0, 0], [0, 0, 0]]),
-    (Limits(rate=4.0), [[1, 1, 0], [1, 1, 0], [0, 0, 0]])], ids=["none", "upper", "lower", "rate"])
+@pytest.mark.parametrize(
+    ("limits", "feasible"),
+    [
+        (Limits(), [[1, 1, 0]] * 3),
+        (Limits(upper=3.0), [[1, 1, 0], [1, 1, 0], [0, 0, 0]]),
+        (Limits(lower=-0.5), [[1, 1, 0], [0, 0, 0], [0, 0, 0]]),
+        (Limits(rate=4.0), [[1, 1, 0], [1, 1, 0], [0, 0, 0]]),
+    ],
+    ids=["none", "upper", "lower", "rate"],
+)
 def test_designs_outside_the_limits_have_no_gain(limits, feasible):
     """The control reaches 1 + A and 1 - A, its steepest edge 2 A in 1 s; a period of 12 s does not fit into 10 s."""
     sweep = limited(limits)
@@ -179,10 +212,14 @@ def test_designs_outside_the_limits_have_no_gain(limits, feasible):
     assert (sweep.gain[np.isfinite(sweep.gain)] == limited(Limits()).gain[np.isfinite(sweep.gain)]).all()
 
 
-@pytest.mark.parametrize(("limits", "found"), [
-    (Limits(upper=1.5), ["upper limit 1.5, but the gentlest design reaches 2"]),
-    (Limits(lower=0.25), ["lower limit 0.25, but the gentlest design reaches 0"]),
-    (Limits(upper=1.5, rate=0.5), ["upper limit 1.5", "rate limit 0.5, but the gentlest design reaches 2"])])
+@pytest.mark.parametrize(
+    ("limits", "found"),
+    [
+        (Limits(upper=1.5), ["upper limit 1.5, but the gentlest design reaches 2"]),
+        (Limits(lower=0.25), ["lower limit 0.25, but the gentlest design reaches 0"]),
+        (Limits(upper=1.5, rate=0.5), ["upper limit 1.5", "rate limit 0.5, but the gentlest design reaches 2"]),
+    ],
+)
 def test_no_design_inside_the_limits(limits, found):
     with pytest.raises(InputError, match="control c") as caught:
         limited(limits, periods=(5.0, 12.0))

@@ -28,19 +28,25 @@ def checked(prior, centre, sd):
     check_prior_contains_data(*problem({"a": prior}, [centre], [[sd**-2]]), "trial.toml")
 
 
-@pytest.mark.parametrize(("prior", "centre", "sd"), [
-    (Uniform(-1.0, 1.0), 0.5, 0.01),
-    (Uniform(-1.0, 1.0), 0.99, 0.05),
-    (Uniform(-1.0, 1.0), 3.0, 1.0),
-    (Uniform(0.0, 1.0), 1e-3, 1e-3),
-    (Normal(0.0, 1.0), 50.0, 0.01)],
-    ids=["inside", "inside by little", "outside but vague", "near zero from above", "unbounded"])
+@pytest.mark.parametrize(
+    ("prior", "centre", "sd"),
+    [
+        (Uniform(-1.0, 1.0), 0.5, 0.01),
+        (Uniform(-1.0, 1.0), 0.99, 0.05),
+        (Uniform(-1.0, 1.0), 3.0, 1.0),
+        (Uniform(0.0, 1.0), 1e-3, 1e-3),
+        (Normal(0.0, 1.0), 50.0, 0.01),
+    ],
+    ids=["inside", "inside by little", "outside but vague", "near zero from above", "unbounded"],
+)
 def test_priors_that_hold_the_data(prior, centre, sd):
     checked(prior, centre, sd)
 
 
-@pytest.mark.parametrize(("prior", "centre", "bound"), [
-    (Uniform(-1.0, 1.0), 3.0, "1"), (Uniform(-1.0, 1.0), -4.0, "-1"), (Uniform(-4.0, 0.0), 2.0, "0")])
+@pytest.mark.parametrize(
+    ("prior", "centre", "bound"),
+    [(Uniform(-1.0, 1.0), 3.0, "1"), (Uniform(-1.0, 1.0), -4.0, "-1"), (Uniform(-4.0, 0.0), 2.0, "0")],
+)
 def test_data_beyond_a_bound(prior, centre, bound):
     """The gain is that of a step from the bound to a tenth of the width beyond it."""
     with pytest.raises(InputError, match="nats more likely") as caught:

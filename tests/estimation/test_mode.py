@@ -36,6 +36,7 @@ def test_sharp_peak_in_a_wide_box():
 
 def test_highest_of_two_peaks():
     """The narrow peak of height 3 at 4 wins over the broad one; the prior pulls it inwards by 1/2501."""
+
     def two_peaks(values, data):
         a = values["a"]
         return jnp.logaddexp(-0.5 * ((a + 3) / 0.4) ** 2, jnp.log(3.0) - 0.5 * ((a - 4) / 0.1) ** 2)
@@ -54,8 +55,9 @@ def test_mode_beside_a_region_of_zero_likelihood():
 
 
 def test_direction_the_data_do_not_see_keeps_the_spread_of_the_prior():
-    target = posterior({"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)},
-                       lambda v, data: -0.5 * ((v["a"] - 0.9) / 0.01) ** 2)
+    target = posterior(
+        {"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)}, lambda v, data: -0.5 * ((v["a"] - 0.9) / 0.01) ** 2
+    )
     mode = find_mode(target, KEY)
     assert mode.flat
     assert mode.sd == pytest.approx([0.01, 12 / np.sqrt(12)], rel=1e-3)
@@ -71,9 +73,13 @@ def test_same_key_same_bits():
     assert find_mode(problem, KEY).z.tobytes() == find_mode(problem, KEY).z.tobytes()
 
 
-@pytest.mark.parametrize(("model", "means", "sds"), [
-    ("M-1", [-1.133, -2.962, 6.249], [0.103, 0.068, 0.044]),
-    pytest.param("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84], marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    ("model", "means", "sds"),
+    [
+        ("M-1", [-1.133, -2.962, 6.249], [0.103, 0.068, 0.044]),
+        pytest.param("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84], marks=pytest.mark.thorough),
+    ],
+)
 def test_golden_posterior(model, means, sds):
     """The mode lies within .1 sd of the golden mean, and its curvature gives the golden sds to 3 %."""
     mode = find_mode(golden_posterior(model), KEY)

@@ -113,8 +113,10 @@ def test_exact_solution_of_the_equation():
 def test_trials_add_up(colour):
     records = [trial(seed=1, gaps=(3,), label="a"), trial(EVEN, seed=2, label="b"), trial(seed=3, label="c")]
     starts = [(U0,), (1.2,), (0.4,)]
-    alone = [log_likelihood([record], COLOURED, initial=[start], colour=colour)
-             for record, start in zip(records, starts, strict=True)]
+    alone = [
+        log_likelihood([record], COLOURED, initial=[start], colour=colour)
+        for record, start in zip(records, starts, strict=True)
+    ]
     together = log_likelihood(records, COLOURED, initial=starts, colour=colour)
     assert together == pytest.approx(sum(alone), abs=1e-9)
     assert alone[1] != pytest.approx(log_likelihood([records[1]], COLOURED, colour=colour), abs=1)
@@ -215,8 +217,10 @@ def test_golden_log_likelihood():
     time, rev, speed = golden_motion()
     k = np.arange(6000)
     measured = speed + SIGMA * np.sqrt(2) * np.sin((1.3 * k**2) % (2 * np.pi))
-    midpoint, fourth_order = (white(measured - naive_speed(rev, np.full(6000, 0.01), method=method), SIGMA)
-                              for method in (naive_midpoint, naive_rk4))
+    midpoint, fourth_order = (
+        white(measured - naive_speed(rev, np.full(6000, 0.01), method=method), SIGMA)
+        for method in (naive_midpoint, naive_rk4)
+    )
     found = log_likelihood([make_trial(time, rev, u=measured)], {**TRUTH, "sigma_u": SIGMA}, ("u",))
     assert speed.sum() == pytest.approx(9444.227220583, abs=1e-6)
     assert midpoint == pytest.approx(7001.011008, abs=1e-6)

@@ -6,8 +6,14 @@ from scipy import stats
 
 from seatrial.estimation.priors import Normal, Uniform
 
-PRIORS = [Uniform(-3.0, 2.0), Uniform(0.0, 0.15), Uniform(-2e6, 1e6), Uniform(1e-5, 3e-5),
-          Normal(0.0, 1.0), Normal(-2e-4, 3e-6)]
+PRIORS = [
+    Uniform(-3.0, 2.0),
+    Uniform(0.0, 0.15),
+    Uniform(-2e6, 1e6),
+    Uniform(1e-5, 3e-5),
+    Normal(0.0, 1.0),
+    Normal(-2e-4, 3e-6),
+]
 Z = np.linspace(-45.0, 45.0, 900_001)
 each_prior = pytest.mark.parametrize("prior", PRIORS, ids=str)
 

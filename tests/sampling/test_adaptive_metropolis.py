@@ -73,6 +73,7 @@ def test_banana_against_quadrature():
 
 def test_posterior_cut_by_the_box_against_quadrature():
     """Half of the likelihood lies beyond the bounds, and b is cut once more by a region of zero likelihood."""
+
     def inside(a, b):
         return -0.5 * ((a - 1) / 0.2) ** 2 - 0.5 * ((b + 2 + a) / 0.5) ** 2
 
@@ -145,15 +146,25 @@ def test_proposal_is_frozen_after_warm_up():
 
 def test_progress_is_told():
     seen = []
-    sample_adaptive_metropolis(linear_gaussian(2).posterior, jnp.zeros((8, 2)), jnp.eye(2), KEY, SHORT,
-                               lambda done, total: seen.append((done, total)))
+    sample_adaptive_metropolis(
+        linear_gaussian(2).posterior,
+        jnp.zeros((8, 2)),
+        jnp.eye(2),
+        KEY,
+        SHORT,
+        lambda done, total: seen.append((done, total)),
+    )
     assert seen == [(100 * i, 700) for i in range(1, 8)]
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("model", "means", "sds"), [
-    ("M-1", [-1.133, -2.962, 6.249], [0.103, 0.068, 0.044]),
-    ("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84])])
+@pytest.mark.parametrize(
+    ("model", "means", "sds"),
+    [
+        ("M-1", [-1.133, -2.962, 6.249], [0.103, 0.068, 0.044]),
+        ("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84]),
+    ],
+)
 def test_golden_posterior(model, means, sds):
     target = golden_posterior(model)
     mode = find_mode(target, KEY)

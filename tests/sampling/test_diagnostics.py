@@ -14,8 +14,9 @@ def autoregressive(rho, shape, seed=0):
 
 def naive_r_hat(chains):
     """Rank-normalised split R-hat of Vehtari et al. (2021), the larger of that of the draws and of their distances."""
+
     def one(x):
-        halves = np.concatenate([x[:, : x.shape[1] // 2], x[:, x.shape[1] // 2:]])
+        halves = np.concatenate([x[:, : x.shape[1] // 2], x[:, x.shape[1] // 2 :]])
         z = stats.norm.ppf((stats.rankdata(halves).reshape(halves.shape) - 0.375) / (halves.size + 0.25))
         n = z.shape[1]
         within, between = z.var(axis=1, ddof=1).mean(), n * z.mean(axis=1).var(ddof=1)
@@ -62,7 +63,7 @@ def test_geweke_sees_a_drift_that_the_plain_variance_hides():
     n = 1000
     scores, printed = [], []
     for chain in np.random.default_rng(0).normal(size=(50, n)) + 2 * np.arange(n) / n:
-        early, late = chain[: n // 10], chain[n // 2:]
+        early, late = chain[: n // 10], chain[n // 2 :]
         scores.append(geweke_score(chain))
         printed.append((early.mean() - late.mean()) / np.sqrt(early.var() + late.var()))
     assert -1.1 * 1.4 / np.sqrt(12 / n) < np.mean(scores) < -9
@@ -74,7 +75,7 @@ def test_geweke_sees_a_drift_that_the_plain_variance_hides():
 @pytest.mark.parametrize(("first", "last"), [(0.1, 0.5), (0.25, 0.25)])
 def test_geweke_of_independent_draws_by_hand(first, last):
     chain = np.random.default_rng(5).normal(size=2000)
-    early, late = chain[: int(first * 2000)], chain[-int(last * 2000):]
+    early, late = chain[: int(first * 2000)], chain[-int(last * 2000) :]
     plain = (early.mean() - late.mean()) / np.sqrt(early.var() / early.size + late.var() / late.size)
     assert geweke_score(chain, first, last) == pytest.approx(plain, rel=0.1)
 
@@ -82,12 +83,20 @@ def test_geweke_of_independent_draws_by_hand(first, last):
 HEALTHY = {"r_hat": 1.001, "ess_bulk": 900.0, "ess_tail": 800.0, "geweke": 0.9, "mcse": 0.1}
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({}, []),
-    ({"r_hat": 1.02}, ["the chains disagree about X_u", "R-hat 1.020, at most 1.01", "run longer"]),
-    ({"r_hat": np.nan}, ["X_u never moved", "check the prior"]),
-    ({"ess_bulk": 120.0}, ["too few independent draws of X_u", "120 effective, at least 400", "ask for more draws"]),
-    ({"ess_tail": 399.0}, ["399 effective"])], ids=str)
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, []),
+        ({"r_hat": 1.02}, ["the chains disagree about X_u", "R-hat 1.020, at most 1.01", "run longer"]),
+        ({"r_hat": np.nan}, ["X_u never moved", "check the prior"]),
+        (
+            {"ess_bulk": 120.0},
+            ["too few independent draws of X_u", "120 effective, at least 400", "ask for more draws"],
+        ),
+        ({"ess_tail": 399.0}, ["399 effective"]),
+    ],
+    ids=str,
+)
 def test_complaints(change, words):
     bad = {**HEALTHY, **change}
     health = ChainHealth(**{name: np.array([HEALTHY[name], bad[name]]) for name in HEALTHY})

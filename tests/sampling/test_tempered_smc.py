@@ -45,8 +45,12 @@ def test_first_temperature_keeps_the_stated_share():
 
 def test_evidence_is_unbiased():
     """The mean of Z over 40 runs, relative to the truth, within 4 of its errors."""
-    ratio = np.exp([sample_tempered_smc(PAIR.posterior, jax.random.key(i), SMCSettings()).log_evidence
-                    - PAIR.log_evidence for i in range(40)])
+    ratio = np.exp(
+        [
+            sample_tempered_smc(PAIR.posterior, jax.random.key(i), SMCSettings()).log_evidence - PAIR.log_evidence
+            for i in range(40)
+        ]
+    )
     assert abs(ratio.mean() - 1) < 4 * ratio.std(ddof=1) / np.sqrt(40)
     assert ratio.std() < 0.15
 

@@ -60,9 +60,18 @@ def short_surge():
     return target, top + np.log(np.trapezoid(np.trapezoid(table, axes[1]), axes[0]) / volume)
 
 
-@pytest.mark.parametrize("problem", [
-    lambda: linear(2), lambda: linear(5), pytest.param(lambda: linear(10), marks=pytest.mark.thorough),
-    box, half_forbidden, short_surge], ids=["linear 2", "linear 5", "linear 10", "box", "half forbidden", "surge"])
+@pytest.mark.parametrize(
+    "problem",
+    [
+        lambda: linear(2),
+        lambda: linear(5),
+        pytest.param(lambda: linear(10), marks=pytest.mark.thorough),
+        box,
+        half_forbidden,
+        short_surge,
+    ],
+    ids=["linear 2", "linear 5", "linear 10", "box", "half forbidden", "surge"],
+)
 def test_known_evidence(problem):
     target, exact = problem()
     found = smc_evidence(target, jax.random.key(1))
@@ -71,8 +80,9 @@ def test_known_evidence(problem):
     assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@pytest.mark.parametrize("model", [
-    pytest.param(model, marks=pytest.mark.thorough) for model in ("M-1", "M-0 wide", "M-0 narrow")])
+@pytest.mark.parametrize(
+    "model", [pytest.param(model, marks=pytest.mark.thorough) for model in ("M-1", "M-0 wide", "M-0 narrow")]
+)
 def test_golden_evidence(model):
     found = smc_evidence(golden_posterior(model), jax.random.key(1))
     assert found.status == ""
@@ -137,11 +147,15 @@ def test_combination_of_extreme_logs(shift):
     assert shifted.std_error == pytest.approx(base.std_error, rel=1e-9)
 
 
-@pytest.mark.parametrize(("given", "words"), [
-    (runs(1.0, 1.1), ""),
-    (runs(1.0, 4.0), "repeats differ by 2.1 nats: use more particles or moves"),
-    (runs(1.0, 1.1, acceptance=0.02), "accepted only 2% of the time: use more moves"),
-    (runs(1.0, 4.0, acceptance=0.02), "; ")])
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (runs(1.0, 1.1), ""),
+        (runs(1.0, 4.0), "repeats differ by 2.1 nats: use more particles or moves"),
+        (runs(1.0, 1.1, acceptance=0.02), "accepted only 2% of the time: use more moves"),
+        (runs(1.0, 4.0, acceptance=0.02), "; "),
+    ],
+)
 def test_status(given, words):
     status = combine_runs(given).status
     assert words in status

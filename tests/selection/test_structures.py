@@ -9,7 +9,8 @@ def test_all_subsets_the_full_one_first():
         Structure("M-0", ("T_nabsn", "X_u", "X_du3")),
         Structure("M-1", ("T_nabsn", "X_du3")),
         Structure("M-2", ("T_nabsn", "X_u")),
-        Structure("M-3", ("T_nabsn",)))
+        Structure("M-3", ("T_nabsn",)),
+    )
 
 
 def test_the_empty_structure_is_no_candidate():
@@ -33,12 +34,16 @@ def test_as_many_structures_as_can_be_simulated():
     assert "`always`" in caught.value.remedy
 
 
-@pytest.mark.parametrize(("always", "optional", "message"), [
-    (["X_u"], ["X_u"], "term X_u\n.*same regressor as X_u"),
-    (["X_uu"], ["X_u2"], "term X_u2\n.*same regressor as X_uu"),
-    ([], ["X_uabsu", "X_du3", "X_absuu"], "term X_absuu\n.*same regressor as X_uabsu"),
-    (["X_uv2x"], [], 'coefficient name "X_uv2x", character 6'),
-    ([], [], "no term at all")])
+@pytest.mark.parametrize(
+    ("always", "optional", "message"),
+    [
+        (["X_u"], ["X_u"], "term X_u\n.*same regressor as X_u"),
+        (["X_uu"], ["X_u2"], "term X_u2\n.*same regressor as X_uu"),
+        ([], ["X_uabsu", "X_du3", "X_absuu"], "term X_absuu\n.*same regressor as X_uabsu"),
+        (["X_uv2x"], [], 'coefficient name "X_uv2x", character 6'),
+        ([], [], "no term at all"),
+    ],
+)
 def test_unusable_terms(always, optional, message):
     with pytest.raises(InputError, match=message):
         all_structures(always, optional)

@@ -36,7 +36,8 @@ def test_errors_against_brute_force():
     drawn = softmax(logs + errors * np.random.default_rng(0).normal(size=(200_000, 4)), axis=1)
     assert found.probability_error == pytest.approx(drawn.std(axis=0), rel=0.03)
     assert found.inclusion_error == pytest.approx(
-        {"X_u": drawn[:, [0, 2]].sum(1).std(), "X_uabsu": drawn[:, :2].sum(1).std()}, rel=0.03)
+        {"X_u": drawn[:, [0, 2]].sum(1).std(), "X_uabsu": drawn[:, :2].sum(1).std()}, rel=0.03
+    )
 
 
 def test_one_structure_is_certain_whatever_its_error():
@@ -44,16 +45,20 @@ def test_one_structure_is_certain_whatever_its_error():
     assert (found.probability.tolist(), found.probability_error.tolist(), found.verdicts) == ([1.0], [0.0], ())
 
 
-@pytest.mark.parametrize(("inclusion", "words"), [
-    (0.999, "the data support X_du3: probability 1.00 with it (± 0.013)"),
-    (0.95, "the data support X_du3: probability 0.95 with it"),
-    (0.9499, "the data favour X_du3, but do not settle it: probability 0.95 with it"),
-    (0.75, "the data favour X_du3, but do not settle it: probability 0.75 with it"),
-    (0.7499, "the data cannot decide about X_du3: probability 0.75 with it, 0.25 without"),
-    (0.498, "the data cannot decide about X_du3: probability 0.50 with it, 0.50 without"),
-    (0.2501, "the data cannot decide about X_du3: probability 0.25 with it, 0.75 without"),
-    (0.25, "the data do not support X_du3: probability 0.75 without it"),
-    (0.0, "the data do not support X_du3: probability 1.00 without it (± 0.013)")])
+@pytest.mark.parametrize(
+    ("inclusion", "words"),
+    [
+        (0.999, "the data support X_du3: probability 1.00 with it (± 0.013)"),
+        (0.95, "the data support X_du3: probability 0.95 with it"),
+        (0.9499, "the data favour X_du3, but do not settle it: probability 0.95 with it"),
+        (0.75, "the data favour X_du3, but do not settle it: probability 0.75 with it"),
+        (0.7499, "the data cannot decide about X_du3: probability 0.75 with it, 0.25 without"),
+        (0.498, "the data cannot decide about X_du3: probability 0.50 with it, 0.50 without"),
+        (0.2501, "the data cannot decide about X_du3: probability 0.25 with it, 0.75 without"),
+        (0.25, "the data do not support X_du3: probability 0.75 without it"),
+        (0.0, "the data do not support X_du3: probability 1.00 without it (± 0.013)"),
+    ],
+)
 def test_words_at_each_threshold(inclusion, words):
     assert term_verdict("X_du3", inclusion, 0.0126).startswith(words)
 
@@ -65,9 +70,11 @@ def test_pair_that_cannot_be_separated():
     assert "X_u alone 0.49, X_uabsu alone 0.49, both 0.02" in found.verdicts[2]
 
 
-@pytest.mark.parametrize("logs", [[0.0, 0.0, 0.0, 0.0], [0.0, -9.0, -9.0, -9.0], [-9.0, 0.0, -9.0, -50.0],
-                                  [0.0, 0.0, -9.0, -9.0]],
-                         ids=["undecided", "both needed", "second needed", "first undecided"])
+@pytest.mark.parametrize(
+    "logs",
+    [[0.0, 0.0, 0.0, 0.0], [0.0, -9.0, -9.0, -9.0], [-9.0, 0.0, -9.0, -50.0], [0.0, 0.0, -9.0, -9.0]],
+    ids=["undecided", "both needed", "second needed", "first undecided"],
+)
 def test_no_pair_verdict_where_the_data_are_clear_or_say_nothing(logs):
     assert len(selection(logs).verdicts) == 2
 

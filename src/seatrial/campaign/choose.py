@@ -17,7 +17,7 @@ from seatrial.campaign.store import (
     write_stamped_json,
 )
 from seatrial.campaign.trials import Trials
-from seatrial.campaign.watch import Watch, run_side_by_side
+from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
 from seatrial.sampling.target import Progress
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, combine_runs
@@ -25,7 +25,7 @@ from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select
 
 
-def select_structure(campaign: Campaign, trials: Trials, watch: Watch) -> Selection:
+def select_structure(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> Selection:
     """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
     store = Store(campaign.folder)
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}

@@ -7,7 +7,7 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
-from seatrial.campaign.watch import Watch
+from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError
 from seatrial.core.files import write_text
 from seatrial.core.gaussian import Gaussian
@@ -32,7 +32,7 @@ def design_key(campaign: Campaign) -> str:
     )
 
 
-def design_first(campaign: Campaign, watch: Watch) -> Sweep:
+def design_first(campaign: Campaign, watch: Watch = SILENT) -> Sweep:
     """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
     store, key = Store(campaign.folder), design_key(campaign)
     if is_current(store.design, key):

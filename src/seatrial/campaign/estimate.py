@@ -14,7 +14,7 @@ from seatrial.campaign.config import Campaign
 from seatrial.campaign.problem import build_posterior, random_key
 from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
 from seatrial.campaign.trials import Trials
-from seatrial.campaign.watch import Watch, run_side_by_side
+from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
 from seatrial.core.record_file import open_dataset
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.mode import Mode, find_mode
@@ -91,7 +91,7 @@ def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> st
     )
 
 
-def estimate_all(campaign: Campaign, trials: Trials, watch: Watch) -> list[Estimate]:
+def estimate_all(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> list[Estimate]:
     """Estimate every candidate structure, side by side; current results are read."""
     tasks = []
     for structure in campaign.structures:

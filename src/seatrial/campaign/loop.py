@@ -15,7 +15,7 @@ from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
 from seatrial.campaign.trials import Trials, get_trials
-from seatrial.campaign.watch import Watch
+from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.record_file import open_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
@@ -56,7 +56,7 @@ class Outcome:
     summary: dict[str, Any]
 
 
-def run_loop(campaign: Campaign, watch: Watch) -> Outcome:
+def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise."""
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)

@@ -13,7 +13,7 @@ from seatrial.campaign.designs import design_first, design_key
 from seatrial.campaign.problem import random_key
 from seatrial.campaign.schema import FileTable
 from seatrial.campaign.store import Store, is_current, key_of
-from seatrial.campaign.watch import Watch
+from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import atomic_path, sha256_of
 from seatrial.core.record import Channel, Provenance, Record, make_record
@@ -34,12 +34,12 @@ class Trials:
     key: str
 
 
-def get_trials(campaign: Campaign, watch: Watch) -> Trials:
+def get_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     """Simulate or import, as the campaign says."""
     return simulate_trial(campaign, watch) if campaign.source.imported is None else import_trials(campaign, watch)
 
 
-def simulate_trial(campaign: Campaign, watch: Watch) -> Trials:
+def simulate_trial(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     """Run the best design on the simulated truth and store the record.
 
     Raises:
@@ -88,7 +88,7 @@ def simulate_trial(campaign: Campaign, watch: Watch) -> Trials:
     return Trials((read_record(path),), (), key)
 
 
-def import_trials(campaign: Campaign, watch: Watch) -> Trials:
+def import_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     """Read every run's files and store the records; runs whose files and options have not changed are kept.
 
     Raises:

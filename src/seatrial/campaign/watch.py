@@ -33,6 +33,9 @@ class Silent:
         return lambda done, total: None
 
 
+SILENT = Silent()
+
+
 def run_side_by_side(tasks: Sequence[Callable[[], Result]]) -> list[Result]:
     """Run independent tasks on all cores and return their results in order.
 

@@ -36,12 +36,22 @@ class DoubletFamily:
 
     def signal(self, amplitude: Array, period: Array, time: Array) -> Array:
         """Control at the given times; settings and times broadcast."""
-        return repeated_doublet_signal(time, self.trim, amplitude, period, start=self.start, active=self.active, ramp=self.ramp)
+        return repeated_doublet_signal(
+            time, self.trim, amplitude, period, start=self.start, active=self.active, ramp=self.ramp
+        )
 
     def manoeuvre(self, amplitude: float, period: float) -> Manoeuvre:
         """One member of the family."""
-        return repeated_doublet(self.control, trim=self.trim, amplitude=amplitude, period=period, duration=self.duration,
-                                active=self.active, start=self.start, ramp=self.ramp)
+        return repeated_doublet(
+            self.control,
+            trim=self.trim,
+            amplitude=amplitude,
+            period=period,
+            duration=self.duration,
+            active=self.active,
+            start=self.start,
+            ramp=self.ramp,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +86,16 @@ class Sweep:
         return self.family.manoeuvre(float(self.amplitude[row]), float(self.period[column]))
 
 
-def sweep_doublets(space: StateSpace, family: DoubletFamily, amplitude: Float[np.ndarray, " A"], period: Float[np.ndarray, " P"],
-                   limits: Limits = Limits(), method: Filter = SquareRootUnscentedKalmanFilter(),
-                   measured: Float[np.ndarray, "n m"] | None = None, truth: Float[np.ndarray, " d"] | None = None) -> Sweep:
+def sweep_doublets(
+    space: StateSpace,
+    family: DoubletFamily,
+    amplitude: Float[np.ndarray, " A"],
+    period: Float[np.ndarray, " P"],
+    limits: Limits = Limits(),
+    method: Filter = SquareRootUnscentedKalmanFilter(),
+    measured: Float[np.ndarray, "n m"] | None = None,
+    truth: Float[np.ndarray, " d"] | None = None,
+) -> Sweep:
     """Predict every design's entropy reduction by running the filter over the motion the current belief expects.
 
     Args:
@@ -100,34 +117,64 @@ def sweep_doublets(space: StateSpace, family: DoubletFamily, amplitude: Float[np
     time = family.time()
     mask = np.ones((time.size, len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
-    gain, peak, sd, failures = map(np.asarray, _predict(method, family)(
-        space, start, jnp.asarray(amplitudes), jnp.asarray(periods), jnp.asarray(time), jnp.asarray(np.where(mask > 0, 0.0, np.nan))))
+    gain, peak, sd, failures = map(
+        np.asarray,
+        _predict(method, family)(
+            space,
+            start,
+            jnp.asarray(amplitudes),
+            jnp.asarray(periods),
+            jnp.asarray(time),
+            jnp.asarray(np.where(mask > 0, 0.0, np.nan)),
+        ),
+    )
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
         worst = int(np.argmax(broken))
-        raise NumericalError(f"the filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude {amplitudes[worst]:.4g} "
-                             f"and period {periods[worst]:.4g} s (SI): the expected motion diverges or the prior is too wide for it; "
-                             "narrow the priors")
+        raise NumericalError(
+            f"the filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude {amplitudes[worst]:.4g} "
+            f"and period {periods[worst]:.4g} s (SI): the expected motion diverges or the prior is too wide for it; "
+            "narrow the priors"
+        )
     shape = (len(amplitude), len(period))
-    return Sweep(family, np.asarray(amplitude, float), np.asarray(period, float), np.where(allowed, gain, np.nan).reshape(shape),
-                 peak.reshape(shape), sd.reshape(*shape, -1))
+    return Sweep(
+        family,
+        np.asarray(amplitude, float),
+        np.asarray(period, float),
+        np.where(allowed, gain, np.nan).reshape(shape),
+        peak.reshape(shape),
+        sd.reshape(*shape, -1),
+    )
 
 
 def _allowed(family: DoubletFamily, amplitudes: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
     if (periods > family.active * (1 + 1e-9)).all():
-        raise InputError("design grid", found=f"periods from {periods.min():g} s", expected=f"at most the active time, {family.active:g} s",
-                         remedy="shorten the periods or lengthen `active`")
+        raise InputError(
+            "design grid",
+            found=f"periods from {periods.min():g} s",
+            expected=f"at most the active time, {family.active:g} s",
+            remedy="shorten the periods or lengthen `active`",
+        )
     controls = np.asarray(family.signal(amplitudes[:, None], periods[:, None], family.time()[None, :]))
     excesses = [limits.excess(control, family.sample_time) for control in controls]
-    allowed = np.array([not excess for excess in excesses]) & (periods <= family.active * (1 + 1e-9)) & (periods >= 2 * family.ramp)
+    allowed = (
+        np.array([not excess for excess in excesses])
+        & (periods <= family.active * (1 + 1e-9))
+        & (periods >= 2 * family.ramp)
+    )
     if not allowed.any():
         found = []
         for name in sorted({name for excess in excesses for name in excess}):
-            reached, bound = min((excess[name] for excess in excesses if name in excess), key=lambda pair: abs(pair[0] - pair[1]))
+            reached, bound = min(
+                (excess[name] for excess in excesses if name in excess), key=lambda pair: abs(pair[0] - pair[1])
+            )
             found.append(f"{name} limit {bound:.6g}, but the gentlest design reaches {reached:.6g}")
-        raise InputError(f"design grid, control {family.control}", found="; ".join(found) + " (SI)",
-                         expected="at least one design inside the limits",
-                         remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it")
+        raise InputError(
+            f"design grid, control {family.control}",
+            found="; ".join(found) + " (SI)",
+            expected="at least one design inside the limits",
+            remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it",
+        )
     return allowed
 
 

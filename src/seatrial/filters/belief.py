@@ -78,7 +78,8 @@ def mask_missing(space: StateSpace, measurement: Vector, predicted: Sequence[Sca
         weight=tuple(p * 1.0 for p in present),
         noise_sd=tuple(jnp.where(p, space.measurement_sd[i], 1.0) for i, p in enumerate(present)),
         innovation=tuple(jnp.where(p, d, 0.0) for p, d in zip(present, difference, strict=True)),
-        reported=tuple(jnp.where(p, d, jnp.nan) for p, d in zip(present, difference, strict=True)))
+        reported=tuple(jnp.where(p, d, jnp.nan) for p, d in zip(present, difference, strict=True)),
+    )
 
 
 def gate(weight: Scalar, value: Scalar) -> Scalar:
@@ -92,7 +93,9 @@ def whiten(factor: Triangle, masked: Masked, failed: Scalar = False, clipped: Sc
     nis = dot(white, white)
     n_measured = sum(masked.weight)
     log_likelihood = -0.5 * (nis + n_measured * LOG_2PI) - log_diagonal(factor)
-    return white, Update(log_likelihood, nis, n_measured, masked.reported, failed | ~jnp.isfinite(log_likelihood), clipped)
+    return white, Update(
+        log_likelihood, nis, n_measured, masked.reported, failed | ~jnp.isfinite(log_likelihood), clipped
+    )
 
 
 def condition(belief: Belief, factor: Triangle, cross: Sequence[Vector], masked: Masked) -> tuple[Belief, Update]:
@@ -107,5 +110,7 @@ def condition(belief: Belief, factor: Triangle, cross: Sequence[Vector], masked:
     white, update = whiten(factor, masked)
     gains = [solve_lower(factor, row) for row in cross]
     mean = tuple(x + dot(gain, white) for x, gain in zip(belief.mean, gains, strict=True))
-    covariance = tuple(tuple(p - dot(gains[i], gains[j]) for j, p in enumerate(row)) for i, row in enumerate(belief.spread))
+    covariance = tuple(
+        tuple(p - dot(gains[i], gains[j]) for j, p in enumerate(row)) for i, row in enumerate(belief.spread)
+    )
     return Belief(mean, covariance), update

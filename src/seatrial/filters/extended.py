@@ -1,7 +1,7 @@
 """Extended Kalman filter, with exact Jacobians by forward differentiation (Jazwinski 1970, section 8.3).
 
-    predict:  x = f(x),  P = F P F^T + Q
-    update:   S = H P H^T + R,  K = P H^T S^-1,  x = x + K (y - h(x)),  P = P - K S K^T
+predict:  x = f(x),  P = F P F^T + Q
+update:   S = H P H^T + R,  K = P H^T S^-1,  x = x + K (y - h(x)),  P = P - K S K^T
 """
 
 from collections.abc import Callable
@@ -28,7 +28,10 @@ class ExtendedKalmanFilter:
         carried = [tuple(dot(gradient, column) for column in covariance) for gradient in jacobian]
         rows = [[dot(carried[i], jacobian[j]) for j in range(i + 1)] for i in range(d)]
         rows += [[carried[j][i] if j < d else covariance[i][j] for j in range(i + 1)] for i in range(d, n)]
-        spread = tuple(tuple(p + space.process_sd[i] ** 2 if i == j else p for j, p in enumerate(row)) for i, row in enumerate(rows))
+        spread = tuple(
+            tuple(p + space.process_sd[i] ** 2 if i == j else p for j, p in enumerate(row))
+            for i, row in enumerate(rows)
+        )
         return Belief((*moved, *belief.mean[d:]), spread), 0
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
@@ -36,10 +39,17 @@ class ExtendedKalmanFilter:
         predicted, jacobian = _linearise(lambda x: space.observe(x, control), belief.mean)
         masked = mask_missing(space, measurement, predicted)
         covariance = _symmetric(belief.spread)
-        jacobian = [tuple(gate(w, entry) for entry in gradient) for w, gradient in zip(masked.weight, jacobian, strict=True)]
+        jacobian = [
+            tuple(gate(w, entry) for entry in gradient) for w, gradient in zip(masked.weight, jacobian, strict=True)
+        ]
         cross = [tuple(dot(row, gradient) for gradient in jacobian) for row in covariance]
-        innovation_cov = [[dot(gradient, [row[j] for row in cross]) + (masked.noise_sd[i] ** 2 if i == j else 0.0)
-                           for j in range(i + 1)] for i, gradient in enumerate(jacobian)]
+        innovation_cov = [
+            [
+                dot(gradient, [row[j] for row in cross]) + (masked.noise_sd[i] ** 2 if i == j else 0.0)
+                for j in range(i + 1)
+            ]
+            for i, gradient in enumerate(jacobian)
+        ]
         return condition(belief, cholesky(innovation_cov), cross, masked)
 
 
@@ -48,7 +58,9 @@ def _linearise(function: Callable[[Vector], Vector], point: Vector) -> tuple[Vec
     columns = []
     value: Vector = ()
     for i, x in enumerate(point):
-        value, column = jax.jvp(lambda xi, i=i: function((*point[:i], xi, *point[i + 1:])), (x,), (jax.numpy.ones_like(x),))
+        value, column = jax.jvp(
+            lambda xi, i=i: function((*point[:i], xi, *point[i + 1 :])), (x,), (jax.numpy.ones_like(x),)
+        )
         columns.append(column)
     return value, [tuple(column[i] for column in columns) for i in range(len(value))]
 

@@ -47,8 +47,13 @@ class FilterSummary(NamedTuple):
     failures: Float[Array, ""]
 
 
-def run_filter(method: Filter, space: StateSpace, control: Float[Array, "n n_controls"], measurement: Float[Array, "n m"],
-               step: Float[Array, " n"]) -> FilterTrace:
+def run_filter(
+    method: Filter,
+    space: StateSpace,
+    control: Float[Array, "n n_controls"],
+    measurement: Float[Array, "n m"],
+    step: Float[Array, " n"],
+) -> FilterTrace:
     """Run a filter over a record and keep everything. May be batched with `jax.vmap` over any array.
 
     Args:
@@ -61,8 +66,13 @@ def run_filter(method: Filter, space: StateSpace, control: Float[Array, "n n_con
     return _runner(method, True)(space, control, measurement, step)
 
 
-def summarise_filter(method: Filter, space: StateSpace, control: Float[Array, "n n_controls"], measurement: Float[Array, "n m"],
-                     step: Float[Array, " n"]) -> FilterSummary:
+def summarise_filter(
+    method: Filter,
+    space: StateSpace,
+    control: Float[Array, "n n_controls"],
+    measurement: Float[Array, "n m"],
+    step: Float[Array, " n"],
+) -> FilterSummary:
     """Run a filter and keep only the total log-likelihood and the final belief; arguments as `run_filter`."""
     return _runner(method, False)(space, control, measurement, step)
 
@@ -81,27 +91,50 @@ def _runner(method: Filter, keep_trace: bool):
             carry = (_arrays(ahead), total, failures, jnp.asarray(clipped, float))
             if not keep_trace:
                 return carry, None
-            sds = tuple(jnp.sqrt(sum(x * x for x in row)) if method.square_root else jnp.sqrt(row[-1]) for row in after.spread)
-            return carry, (after.mean, sds, update.innovation, update.nis, update.n_measured, update.clipped + clipped_before)
+            sds = tuple(
+                jnp.sqrt(sum(x * x for x in row)) if method.square_root else jnp.sqrt(row[-1]) for row in after.spread
+            )
+            return carry, (
+                after.mean,
+                sds,
+                update.innovation,
+                update.nis,
+                update.n_measured,
+                update.clipped + clipped_before,
+            )
 
         start = Belief(tuple(space.initial.mean), _start(method, space.initial))
         zero = jnp.zeros(())
         samples = (tuple(control.T), tuple(measurement.T), step)
         n = measurement.shape[0]
-        carry, kept = jax.lax.scan(advance, (_arrays(start), zero, zero, zero), jax.tree.map(lambda x: x[:n - 1], samples))
+        carry, kept = jax.lax.scan(
+            advance, (_arrays(start), zero, zero, zero), jax.tree.map(lambda x: x[: n - 1], samples)
+        )
         belief, log_likelihood, failures, clipped = carry
         last = jax.tree.map(lambda x: x[n - 1], samples)
         after, update = method.update(space, belief, last[0], last[1])
-        final = Gaussian(jnp.stack(after.mean), to_matrix(after.spread if method.square_root else cholesky(after.spread)))
+        final = Gaussian(
+            jnp.stack(after.mean), to_matrix(after.spread if method.square_root else cholesky(after.spread))
+        )
         log_likelihood, failures = log_likelihood + update.log_likelihood, failures + update.failed * 1
         failures = failures + ~jnp.isfinite(final.chol_cov).all() * 1
         if not keep_trace:
             return FilterSummary(log_likelihood, final, failures)
         end = (after.mean, tuple(final.sd), update.innovation, update.nis, update.n_measured, update.clipped + clipped)
         means, sds, innovations, nis, n_measured, clips = jax.tree.map(
-            lambda a, b: jnp.concatenate([a, jnp.reshape(b, (1,)).astype(a.dtype)]), kept, end)
-        return FilterTrace(log_likelihood, final, jnp.stack(means, -1), jnp.stack(sds, -1), jnp.stack(innovations, -1), nis,
-                           n_measured, clips, failures)
+            lambda a, b: jnp.concatenate([a, jnp.reshape(b, (1,)).astype(a.dtype)]), kept, end
+        )
+        return FilterTrace(
+            log_likelihood,
+            final,
+            jnp.stack(means, -1),
+            jnp.stack(sds, -1),
+            jnp.stack(innovations, -1),
+            nis,
+            n_measured,
+            clips,
+            failures,
+        )
 
     return run
 

@@ -51,11 +51,18 @@ class SquareRootUnscentedKalmanFilter:
         d, n = space.n_dynamic, len(belief.mean)
         points, clipped = self._points(belief)
         images = [(*space.transition(point, control, step), *point[d:]) for point in points]
-        mean = weighted_mean(self.rule, n, images) if self.bounds else \
-            (*weighted_mean(self.rule, n, [image[:d] for image in images]), *belief.mean[d:])
+        mean = (
+            weighted_mean(self.rule, n, images)
+            if self.bounds
+            else (*weighted_mean(self.rule, n, [image[:d] for image in images]), *belief.mean[d:])
+        )
         noise = [[space.process_sd[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
         spread, failed = self._factor(images, mean, noise, steady=slice(d, n))
-        poisoned = tuple(tuple(jnp.where(failed, jnp.nan, entry) for entry in row) for row in spread) if not is_zero(failed) else spread
+        poisoned = (
+            tuple(tuple(jnp.where(failed, jnp.nan, entry) for entry in row) for row in spread)
+            if not is_zero(failed)
+            else spread
+        )
         return Belief(mean, poisoned), clipped
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
@@ -65,7 +72,10 @@ class SquareRootUnscentedKalmanFilter:
         outputs = [space.observe(point, control) for point in points]
         predicted = weighted_mean(self.rule, n, outputs)
         masked = mask_missing(space, measurement, predicted)
-        gated = [tuple(gate(w, y - p) for w, y, p in zip(masked.weight, output, predicted, strict=True)) for output in outputs]
+        gated = [
+            tuple(gate(w, y - p) for w, y, p in zip(masked.weight, output, predicted, strict=True))
+            for output in outputs
+        ]
         mean = weighted_mean(self.rule, n, points) if self.bounds else belief.mean
         joint = [(*residual, *point) for residual, point in zip(gated, points, strict=True)]
         noise = [[masked.noise_sd[i] if i == j else 0.0 for j in range(m + n)] for i in range(m)]
@@ -86,10 +96,14 @@ class SquareRootUnscentedKalmanFilter:
     def _inside(self, point: Vector) -> Vector:
         if self.bounds is None:
             return point
-        return tuple(x if lower == -jnp.inf and upper == jnp.inf else jnp.clip(x, lower, upper)
-                     for x, (lower, upper) in zip(point, self.bounds, strict=True))
+        return tuple(
+            x if lower == -jnp.inf and upper == jnp.inf else jnp.clip(x, lower, upper)
+            for x, (lower, upper) in zip(point, self.bounds, strict=True)
+        )
 
-    def _factor(self, points: Sequence[Vector], mean: Vector, noise: list[list[Scalar]], steady: slice) -> tuple[Triangle, Scalar]:
+    def _factor(
+        self, points: Sequence[Vector], mean: Vector, noise: list[list[Scalar]], steady: slice
+    ) -> tuple[Triangle, Scalar]:
         """Lower factor of the weighted deviations and the noise; `steady` components are still symmetric about the mean.
 
         Unclipped, the two points of a pair lie symmetrically about the mean in their steady components. Turning each
@@ -102,11 +116,13 @@ class SquareRootUnscentedKalmanFilter:
         still = set(indices[steady]) if symmetric else set()
         centre = [0.0 if i in still else points[0][i] - mean[i] for i in indices]
         rows: list[list[Scalar]] = []
-        for above, below in zip(points[1:n + 1], points[n + 1:], strict=True):
+        for above, below in zip(points[1 : n + 1], points[n + 1 :], strict=True):
             if symmetric:
                 root = sqrt(0.5 * weight)
                 rows.append([times(root, _difference(above[i], below[i])) for i in indices])
-                rows.append([0.0 if i in still else root * ((above[i] - mean[i]) + (below[i] - mean[i])) for i in indices])
+                rows.append(
+                    [0.0 if i in still else root * ((above[i] - mean[i]) + (below[i] - mean[i])) for i in indices]
+                )
             else:
                 root = sqrt(weight)
                 rows += [[root * (point[i] - mean[i]) for i in indices] for point in (above, below)]

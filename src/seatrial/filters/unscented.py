@@ -1,7 +1,7 @@
 """Unscented Kalman filter in covariance form (Wan and van der Merwe 2000), sigma points redrawn before the update.
 
-    predict:  points from chol(P), x = sum w f(point), P = sum w (f(point) - x)(f(point) - x)^T + Q
-    update:   points from chol(P), S = sum w (h - y)(h - y)^T + R, P_xy = sum w (point - x)(h - y)^T
+predict:  points from chol(P), x = sum w f(point), P = sum w (f(point) - x)(f(point) - x)^T + Q
+update:   points from chol(P), S = sum w (h - y)(h - y)^T + R, P_xy = sum w (point - x)(h - y)^T
 """
 
 from collections.abc import Sequence
@@ -29,8 +29,10 @@ class UnscentedKalmanFilter:
         deviations = [_minus(image, mean) for image in images]
         weights = self._weights(len(belief.mean))
         covariance = _moment(weights, deviations, deviations)
-        spread = tuple(tuple(plus(p, space.process_sd[i] ** 2) if i == j else p for j, p in enumerate(row[:i + 1]))
-                       for i, row in enumerate(covariance))
+        spread = tuple(
+            tuple(plus(p, space.process_sd[i] ** 2) if i == j else p for j, p in enumerate(row[: i + 1]))
+            for i, row in enumerate(covariance)
+        )
         return Belief(mean, spread), 0
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
@@ -40,10 +42,14 @@ class UnscentedKalmanFilter:
         images = [space.observe(point, control) for point in points]
         predicted = weighted_mean(self.rule, n, images)
         masked = mask_missing(space, measurement, predicted)
-        residuals = [tuple(gate(w, y) for w, y in zip(masked.weight, _minus(image, predicted), strict=True)) for image in images]
+        residuals = [
+            tuple(gate(w, y) for w, y in zip(masked.weight, _minus(image, predicted), strict=True)) for image in images
+        ]
         weights = self._weights(n)
-        innovation_cov = [[plus(p, masked.noise_sd[i] ** 2) if i == j else p for j, p in enumerate(row)]
-                          for i, row in enumerate(_moment(weights, residuals, residuals))]
+        innovation_cov = [
+            [plus(p, masked.noise_sd[i] ** 2) if i == j else p for j, p in enumerate(row)]
+            for i, row in enumerate(_moment(weights, residuals, residuals))
+        ]
         cross = _moment(weights, [_minus(point, belief.mean) for point in points], residuals)
         return condition(belief, cholesky(innovation_cov), [tuple(row) for row in cross], masked)
 
@@ -71,5 +77,10 @@ def _minus(a: Vector, b: Vector) -> Vector:
 
 
 def _moment(weights: Sequence[float], left: Sequence[Vector], right: Sequence[Vector]) -> list[list[Scalar]]:
-    return [[dot([times(w, a[i]) for w, a in zip(weights, left, strict=True)], [b[j] for b in right])
-             for j in range(len(right[0]))] for i in range(len(left[0]))]
+    return [
+        [
+            dot([times(w, a[i]) for w, a in zip(weights, left, strict=True)], [b[j] for b in right])
+            for j in range(len(right[0]))
+        ]
+        for i in range(len(left[0]))
+    ]

@@ -29,8 +29,15 @@ class _Track:
     values: Float[np.ndarray, " m"]
 
 
-def align(tables: Sequence[LogTable], *, channels: Sequence[str] | None = None, step: float | None = None,
-          start: float | None = None, end: float | None = None, label: str = "trial") -> Record:
+def align(
+    tables: Sequence[LogTable],
+    *,
+    channels: Sequence[str] | None = None,
+    step: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    label: str = "trial",
+) -> Record:
     """Put logs on one time axis.
 
     The common interval is where every control is known and something is measured. Controls are held from the last
@@ -62,11 +69,13 @@ def align(tables: Sequence[LogTable], *, channels: Sequence[str] | None = None, 
     stop = last if end is None else min(first + end, last)
     instants = _instants(tracks, begin, stop, step, label) if stop > begin else np.empty(0)
     if instants.size < 3:
-        raise InputError(f'record "{label}", start and end',
-                         found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
-                               f"{instants.size} samples",
-                         expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
-                         remedy="correct start and end, in seconds from the beginning of the overlap, or the step")
+        raise InputError(
+            f'record "{label}", start and end',
+            found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
+            f"{instants.size} samples",
+            expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
+            remedy="correct start and end, in seconds from the beginning of the overlap, or the step",
+        )
 
     columns, notes = {}, []
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
@@ -79,11 +88,20 @@ def align(tables: Sequence[LogTable], *, channels: Sequence[str] | None = None, 
             columns[name], note = _place(time, track, instants, slack, reach)
         notes += [f"{name}: {note}"] if note else []
     hashes = [table.sha256 for table in tables]
-    options = {"files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
-               "step": step, "start": begin - first, "end": stop - first, "available": last - first,
-               "begins_at": str(origin + Decimal(f"{begin:.9f}")), "notes": notes}
-    provenance = Provenance(", ".join(dict.fromkeys(table.source for table in tables)),
-                            hashes[0] if len(hashes) == 1 else sha256_of_json(hashes), options)
+    options = {
+        "files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
+        "step": step,
+        "start": begin - first,
+        "end": stop - first,
+        "available": last - first,
+        "begins_at": str(origin + Decimal(f"{begin:.9f}")),
+        "notes": notes,
+    }
+    provenance = Provenance(
+        ", ".join(dict.fromkeys(table.source for table in tables)),
+        hashes[0] if len(hashes) == 1 else sha256_of_json(hashes),
+        options,
+    )
     return make_record(instants, columns, tuple(track.channel for track in tracks), provenance, label)
 
 
@@ -95,16 +113,20 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
             if wanted is not None and channel.name not in wanted:
                 continue
             if channel.name in found:
-                raise InputError(f'{table.source}, channel "{channel.name}"',
-                                 found=f"a channel that {found[channel.name].source} gives too",
-                                 expected="one source for each channel", remedy="drop it from one of the maps")
+                raise InputError(
+                    f'{table.source}, channel "{channel.name}"',
+                    found=f"a channel that {found[channel.name].source} gives too",
+                    expected="one source for each channel",
+                    remedy="drop it from one of the maps",
+                )
             known = np.isfinite(table.columns[channel.name])
             found[channel.name] = _Track(channel, table.source, time[known], table.columns[channel.name][known])
     for name in wanted or ():
         if name not in found:
             offered = [channel.name for table in tables for channel in table.channels]
-            raise InputError("align, channels", found=f'"{name}"', expected="a channel of the maps",
-                             remedy=nearest(name, offered))
+            raise InputError(
+                "align, channels", found=f'"{name}"', expected="a channel of the maps", remedy=nearest(name, offered)
+            )
     return [found[name] for name in wanted] if wanted is not None else list(found.values())
 
 
@@ -117,12 +139,16 @@ def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
     if measured:
         first, last = max(first, min(a for a, _ in measured)), min(last, max(b for _, b in measured))
     if not first < last:
-        text = "; ".join(f"{track.channel.name} of {track.source}: {a:.6g} s to {b:.6g} s"
-                         for track, (a, b, _) in zip(tracks, spans, strict=True))
-        raise InputError(", ".join(dict.fromkeys(track.source for track in tracks)),
-                         found=f"no common time ({text}, counted from the earliest stamp)",
-                         expected="files that overlap on one clock",
-                         remedy="choose files of the same run, and time columns of the same clock and unit")
+        text = "; ".join(
+            f"{track.channel.name} of {track.source}: {a:.6g} s to {b:.6g} s"
+            for track, (a, b, _) in zip(tracks, spans, strict=True)
+        )
+        raise InputError(
+            ", ".join(dict.fromkeys(track.source for track in tracks)),
+            found=f"no common time ({text}, counted from the earliest stamp)",
+            expected="files that overlap on one clock",
+            remedy="choose files of the same run, and time columns of the same clock and unit",
+        )
     return float(first), float(last)
 
 
@@ -133,9 +159,12 @@ def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float |
         counts = np.sort(np.rint(np.concatenate([np.zeros(1), *stamps]) / _NANOSECOND), kind="stable")
         return counts[np.diff(counts, prepend=-1.0) > 0] / 1e9
     if not (math.isfinite(step) and step > 0 and (stop - begin) / step < _MOST_INSTANTS):
-        raise InputError(f'record "{label}", step', found=f"{step!r} s over {stop - begin:.6g} s",
-                         expected=f"a positive number that makes at most {_MOST_INSTANTS} samples",
-                         remedy="give the sampling time of the record, in seconds")
+        raise InputError(
+            f'record "{label}", step',
+            found=f"{step!r} s over {stop - begin:.6g} s",
+            expected=f"a positive number that makes at most {_MOST_INSTANTS} samples",
+            remedy="give the sampling time of the record, in seconds",
+        )
     return step * np.arange(math.floor((stop - begin) / step + _HAIR) + 1)
 
 
@@ -152,10 +181,12 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
     shift = np.abs(time - instants[index])
     near = shift <= reach
     if not near.any():
-        raise InputError(f'{track.source}, channel "{track.channel.name}"',
-                         found=f"samples from {time[0]:.6g} s to {time[-1]:.6g} s, none of them within the record",
-                         expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
-                         remedy="choose files of the same run, or move start and end")
+        raise InputError(
+            f'{track.source}, channel "{track.channel.name}"',
+            found=f"samples from {time[0]:.6g} s to {time[-1]:.6g} s, none of them within the record",
+            expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
+            remedy="choose files of the same run, or move start and end",
+        )
     values = track.values[near]
     used, firsts, counts = np.unique(index[near], return_index=True, return_counts=True)
     deviation = values - np.repeat(values[firsts], counts)
@@ -164,5 +195,7 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
     column = np.full(instants.size, np.nan)
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
     met = int((counts > 1).sum())
-    return column, (f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
-                    + (f"; {met} instants hold the mean of two or more" if met else ""))
+    return column, (
+        f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
+        + (f"; {met} instants hold the mean of two or more" if met else "")
+    )

@@ -11,8 +11,9 @@ from seatrial.logs.rows import Rows
 from seatrial.logs.source import WHITESPACE
 
 
-def parse(rows: Rows, names: tuple[str, ...], wanted: list[int],
-          dtype: type[str] | None = None) -> dict[int, np.ndarray]:
+def parse(
+    rows: Rows, names: tuple[str, ...], wanted: list[int], dtype: type[str] | None = None
+) -> dict[int, np.ndarray]:
     """Parse some columns of rows that all have the same width.
 
     Args:
@@ -31,16 +32,32 @@ def parse(rows: Rows, names: tuple[str, ...], wanted: list[int],
     stream.seek(int(rows.starts[0]))
     count = rows.starts.size
     try:
-        frame = pd.read_csv(stream, sep=r"\s+" if rows.delimiter == WHITESPACE else rows.delimiter, header=None,
-                            names=list(range(len(names))), usecols=wanted, dtype=dtype, index_col=False, engine="c",
-                            lineterminator="\n", low_memory=False)
+        frame = pd.read_csv(
+            stream,
+            sep=r"\s+" if rows.delimiter == WHITESPACE else rows.delimiter,
+            header=None,
+            names=list(range(len(names))),
+            usecols=wanted,
+            dtype=dtype,
+            index_col=False,
+            engine="c",
+            lineterminator="\n",
+            low_memory=False,
+        )
     except (ValueError, OverflowError) as cause:
-        raise InputError(rows.where, found=f"rows that cannot be divided into cells ({cause})",
-                         expected=f"{count} rows of {len(names)} cells",
-                         remedy=f"look for a stray quotation mark in row {rows.line(count - 1)} or above") from cause
+        raise InputError(
+            rows.where,
+            found=f"rows that cannot be divided into cells ({cause})",
+            expected=f"{count} rows of {len(names)} cells",
+            remedy=f"look for a stray quotation mark in row {rows.line(count - 1)} or above",
+        ) from cause
     if len(frame) != count:
-        raise InputError(rows.where, found=f"{len(frame)} rows or {count}, depending on how quotation marks are read",
-                         expected="rows that can be told apart", remedy="remove stray quotation marks")
+        raise InputError(
+            rows.where,
+            found=f"{len(frame)} rows or {count}, depending on how quotation marks are read",
+            expected="rows that can be told apart",
+            remedy="remove stray quotation marks",
+        )
     return {position: frame[position].to_numpy() for position in wanted}
 
 
@@ -69,9 +86,16 @@ def as_floats(cells: np.ndarray) -> Float[np.ndarray, " n"]:
 
 def bad_cell(rows: Rows, row: int, position: int, name: str, expected: str) -> InputError:
     """Return the error about one cell, with its line and text."""
-    cell = "".join(rows.cells(row)[position:position + 1])
+    cell = "".join(rows.cells(row)[position : position + 1])
     whole, comma, part = cell.lstrip("+-").partition(",")
-    remedy = ("write decimals with a point, not with a comma" if comma and whole.isdigit() and part.isdigit() else
-              "correct the cell, leave it empty where nothing was measured, or map another column")
-    return InputError(f'{rows.where}, row {rows.line(row)}, column "{name}"',
-                      found=repr(cell[:60]) if cell else "an empty cell", expected=expected, remedy=remedy)
+    remedy = (
+        "write decimals with a point, not with a comma"
+        if comma and whole.isdigit() and part.isdigit()
+        else "correct the cell, leave it empty where nothing was measured, or map another column"
+    )
+    return InputError(
+        f'{rows.where}, row {rows.line(row)}, column "{name}"',
+        found=repr(cell[:60]) if cell else "an empty cell",
+        expected=expected,
+        remedy=remedy,
+    )

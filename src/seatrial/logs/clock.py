@@ -42,8 +42,9 @@ def elapsed(stamps: Int[np.ndarray, " n"] | list[str], scale: Decimal) -> tuple[
     return (count / float(1 / scale) if scale < 1 else count * float(scale)), first * scale
 
 
-def mend_clock(time: Float[np.ndarray, " n"], clock: Clock, line_of: Callable[[int], int],
-               where: str) -> tuple[Float[np.ndarray, " m"], Int[np.ndarray, " m"], list[str]]:
+def mend_clock(
+    time: Float[np.ndarray, " n"], clock: Clock, line_of: Callable[[int], int], where: str
+) -> tuple[Float[np.ndarray, " m"], Int[np.ndarray, " m"], list[str]]:
     """Apply the chosen clock.
 
     Args:
@@ -94,8 +95,10 @@ def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"
     time = arrival[left] + period * (index - left)
     delay = np.maximum(arrival - time, 0.0)
     quiet = max(part.min() for part in np.array_split(delay, min(10, delay.size)))
-    return time, [f"clock rebuilt: period {period:.6g} s; rows arrived {np.median(delay):.3g} s late at the median and "
-                  f"{delay.max():.3g} s at most; in every tenth of the rows one was at most {quiet:.2g} s late"]
+    return time, [
+        f"clock rebuilt: period {period:.6g} s; rows arrived {np.median(delay):.3g} s late at the median and "
+        f"{delay.max():.3g} s at most; in every tenth of the rows one was at most {quiet:.2g} s late"
+    ]
 
 
 def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
@@ -111,9 +114,12 @@ def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
     in_file = steps[0] / to_si(1.0, unit, "s", where)
     fitting = {name: in_file * to_si(1.0, name, "s", where) for name in _COMMON_UNITS}
     best = min(fitting, key=lambda name: abs(math.log(max(fitting[name], 1e-300) / _USUAL_STEP)))
-    raise InputError(where, found=f'a median step of {steps[0]:.3g} s with the time unit "{unit}"',
-                     expected=f"between {low:g} s and {high:g} s",
-                     remedy=f'is the unit "{best}"? Then the step would be {fitting[best]:.3g} s')
+    raise InputError(
+        where,
+        found=f'a median step of {steps[0]:.3g} s with the time unit "{unit}"',
+        expected=f"between {low:g} s and {high:g} s",
+        remedy=f'is the unit "{best}"? Then the step would be {fitting[best]:.3g} s',
+    )
 
 
 def _check_increasing(time: np.ndarray, rows: np.ndarray, line_of: Callable[[int], int], where: str) -> None:

@@ -32,8 +32,15 @@ class ColumnSummary:
     step: float
 
 
-def describe(path: Path, *, delimiter: str | None = None, skip_rows: int = 0, header_rows: int = 1,
-             names: tuple[str, ...] | None = None, encoding: str = "utf-8") -> tuple[ColumnSummary, ...]:
+def describe(
+    path: Path,
+    *,
+    delimiter: str | None = None,
+    skip_rows: int = 0,
+    header_rows: int = 1,
+    names: tuple[str, ...] | None = None,
+    encoding: str = "utf-8",
+) -> tuple[ColumnSummary, ...]:
     """Summarise every column of a log; the arguments are those of `LogSource`.
 
     Raises:

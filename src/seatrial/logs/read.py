@@ -35,8 +35,10 @@ def read_csv(source: LogSource) -> LogTable:
     where = str(source.path)
     text, sha256 = load_text(source.path, source.encoding)
     names, rows = layout(text, source)
-    position = {name: _find(name, names, where)
-                for name in (source.time_column, *(column.column for column in source.channels.values()))}
+    position = {
+        name: _find(name, names, where)
+        for name in (source.time_column, *(column.column for column in source.channels.values()))
+    }
     parsed = parse(rows, names, sorted(set(position.values())))
 
     time_where = f'{where}, column "{source.time_column}"'
@@ -44,8 +46,11 @@ def read_csv(source: LogSource) -> LogTable:
     time, kept, notes = mend_clock(time, source.clock, rows.line, time_where)
     check_unit(time, source.time_unit, time_where)
     step = np.diff(time)
-    notes.insert(0, f"{time.size} rows over {time[-1] - time[0]:.6g} s; step {np.median(step):.4g} s at the median, "
-                    f"{step.max():.4g} s at most")
+    notes.insert(
+        0,
+        f"{time.size} rows over {time[-1] - time[0]:.6g} s; step {np.median(step):.4g} s at the median, "
+        f"{step.max():.4g} s at most",
+    )
 
     if rows.empty:
         notes.append(f"{rows.empty} rows at the end have no cell filled and were left out")
@@ -58,8 +63,12 @@ def read_csv(source: LogSource) -> LogTable:
         if gaps := int(np.isnan(values).sum()):
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
-            raise InputError(f'{where}, column "{column.column}"', found="no number in any row", expected="samples",
-                             remedy="map another column, or drop the channel")
+            raise InputError(
+                f'{where}, column "{column.column}"',
+                found="no number in any row",
+                expected="samples",
+                remedy="map another column, or drop the channel",
+            )
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
     return LogTable(time, epoch, columns, channels, source.path.name, sha256, source_options(source), tuple(notes))
 
@@ -70,8 +79,12 @@ def _find(name: str, names: Sequence[str], where: str) -> int:
         return names.index(name)
     if name in names:
         places = ", ".join(str(i + 1) for i, other in enumerate(names) if other == name)
-        raise InputError(f'{where}, column "{name}"', found=f"several columns of that name, at positions {places}",
-                         expected="one", remedy="give distinct names with `names` and skip the header")
+        raise InputError(
+            f'{where}, column "{name}"',
+            found=f"several columns of that name, at positions {places}",
+            expected="one",
+            remedy="give distinct names with `names` and skip the header",
+        )
     other = next((mark for mark in (";", "\t", "|", ",") if mark in names[0]), None) if len(names) == 1 else None
     if other:
         remedy = f"set the delimiter to {other!r}"
@@ -79,12 +92,17 @@ def _find(name: str, names: Sequence[str], where: str) -> int:
         remedy = "the first row holds numbers: if the file has no header, give the column names with `names`"
     else:
         remedy = nearest(name, names)
-    raise InputError(f'{where}, column "{name}"', found="no column of that name",
-                     expected=f"one of the {len(names)} in the header", remedy=remedy)
+    raise InputError(
+        f'{where}, column "{name}"',
+        found="no column of that name",
+        expected=f"one of the {len(names)} in the header",
+        remedy=remedy,
+    )
 
 
-def _stamps(cells: np.ndarray, rows: Rows, names: tuple[str, ...],
-            source: LogSource) -> tuple[Float[np.ndarray, " n"], Decimal]:
+def _stamps(
+    cells: np.ndarray, rows: Rows, names: tuple[str, ...], source: LogSource
+) -> tuple[Float[np.ndarray, " n"], Decimal]:
     """Seconds since the first stamp and that stamp, from whole numbers or, as text, from decimal ones."""
     position = names.index(source.time_column)
     values = numbers(cells, rows, position, source.time_column)
@@ -96,5 +114,9 @@ def _stamps(cells: np.ndarray, rows: Rows, names: tuple[str, ...],
     try:
         return elapsed(parse(rows, names, [position], str)[position].tolist(), time_scale(source))
     except DecimalException as cause:
-        raise InputError(f'{rows.where}, column "{source.time_column}"', found="stamps beyond any clock",
-                         expected="numbers of ordinary size", remedy="map the column that holds the time") from cause
+        raise InputError(
+            f'{rows.where}, column "{source.time_column}"',
+            found="stamps beyond any clock",
+            expected="numbers of ordinary size",
+            remedy="map the column that holds the time",
+        ) from cause

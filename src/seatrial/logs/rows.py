@@ -40,15 +40,18 @@ class Rows:
     def cells(self, row: int) -> list[str]:
         """Cells of a row, without the spaces around them."""
         end = int(self.starts[row + 1]) if row + 1 < self.starts.size else len(self.text)
-        line = self.text[int(self.starts[row]):end].decode()
+        line = self.text[int(self.starts[row]) : end].decode()
         character, spaces = (" ", True) if self.delimiter == WHITESPACE else (self.delimiter, False)
         line = line.strip().replace("\t", " ") if spaces else line.rstrip("\n")
         try:
             cells = next(csv.reader(io.StringIO(line, newline="\n"), delimiter=character, skipinitialspace=spaces), [])
         except csv.Error as cause:
-            raise InputError(f"{self.where}, row {self.line(row)}", found=f"a row that is not cells ({cause})",
-                             expected=f"cells separated by {self.delimiter!r}",
-                             remedy="mend or delete the row") from cause
+            raise InputError(
+                f"{self.where}, row {self.line(row)}",
+                found=f"a row that is not cells ({cause})",
+                expected=f"cells separated by {self.delimiter!r}",
+                remedy="mend or delete the row",
+            ) from cause
         return [cell.strip() for cell in cells]
 
 
@@ -66,9 +69,12 @@ def layout(text: bytes, source: LogSource) -> tuple[tuple[str, ...], Rows]:
     every = _without_empty_end(_divide(text, separator(source), source.skip_rows, where))
     first = 0 if source.names else source.header_rows
     if every.starts.size <= first:
-        raise InputError(where, found=f"no row below the header and the first {source.skip_rows} lines",
-                         expected="rows of numbers",
-                         remedy="export the log again, or correct skip_rows and header_rows")
+        raise InputError(
+            where,
+            found=f"no row below the header and the first {source.skip_rows} lines",
+            expected="rows of numbers",
+            remedy="export the log again, or correct skip_rows and header_rows",
+        )
     names = tuple(source.names or every.cells(0))
     rows = replace(every, starts=every.starts[first:], widths=every.widths[first:])
     _check_widths(rows, len(names))
@@ -80,8 +86,13 @@ def _without_empty_end(rows: Rows) -> Rows:
     kept = int(np.searchsorted(rows.starts, len(rows.text.rstrip(blanks))))
     if kept == rows.starts.size:
         return rows
-    return replace(rows, text=rows.text[:int(rows.starts[kept])], starts=rows.starts[:kept], widths=rows.widths[:kept],
-                   empty=rows.starts.size - kept)
+    return replace(
+        rows,
+        text=rows.text[: int(rows.starts[kept])],
+        starts=rows.starts[:kept],
+        widths=rows.widths[:kept],
+        empty=rows.starts.size - kept,
+    )
 
 
 def _check_widths(rows: Rows, width: int) -> None:
@@ -95,9 +106,12 @@ def _check_widths(rows: Rows, width: int) -> None:
         remedy = "the last row is cut off: delete it"
     else:
         remedy = "mend or delete the row" + ("; look for a stray quotation mark" if b'"' in rows.text else "")
-    raise InputError(f"{rows.where}, row {rows.line(row)}",
-                     found=f"{rows.widths[row]} cells; {ragged.size} of {rows.widths.size} rows are so",
-                     expected=f"{width} cells, as in the header", remedy=remedy)
+    raise InputError(
+        f"{rows.where}, row {rows.line(row)}",
+        found=f"{rows.widths[row]} cells; {ragged.size} of {rows.widths.size} rows are so",
+        expected=f"{width} cells, as in the header",
+        remedy=remedy,
+    )
 
 
 def _divide(text: bytes, delimiter: str, skip_rows: int, where: str) -> Rows:
@@ -114,7 +128,7 @@ def _divide(text: bytes, delimiter: str, skip_rows: int, where: str) -> Rows:
     starts = np.concatenate(([begin], ends[:-1] + 1)) if ends.size else ends
     widths = np.diff(order, prepend=-1) - (delimiter == WHITESPACE)
     lone = np.flatnonzero(widths <= 1)
-    blank = [row for row in lone.tolist() if not text[starts[row]:ends[row]].strip(b" \t")]
+    blank = [row for row in lone.tolist() if not text[starts[row] : ends[row]].strip(b" \t")]
     return Rows(text, delimiter, np.delete(starts, blank), np.delete(widths, blank), where)
 
 

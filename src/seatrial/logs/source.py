@@ -102,22 +102,34 @@ def check_source(source: LogSource) -> None:
     """
     where = str(source.path)
     if not source.channels:
-        raise InputError(f"{where}, channels", found="an empty map", expected="at least one channel",
-                         remedy='map one, for example u = {column = "speed", unit = "m/s", role = "measurement"}')
+        raise InputError(
+            f"{where}, channels",
+            found="an empty map",
+            expected="at least one channel",
+            remedy='map one, for example u = {column = "speed", unit = "m/s", role = "measurement"}',
+        )
     _one_of(source.clock, get_args(Clock), f"{where}, clock")
     time_scale(source)
     separator(source)
     for key, value, least in (("skip_rows", source.skip_rows, 0), ("header_rows", source.header_rows, 1)):
         if not isinstance(value, int) or value < least:
-            raise InputError(f"{where}, {key}", found=repr(value), expected=f"a whole number of at least {least}",
-                             remedy="count the lines above the first row of numbers")
+            raise InputError(
+                f"{where}, {key}",
+                found=repr(value),
+                expected=f"a whole number of at least {least}",
+                remedy="count the lines above the first row of numbers",
+            )
     for name, column in source.channels.items():
         key = f'{where}, channel "{name}"'
         _one_of(name, (*SIGNALS, *(f"{rate}dot" for rate in RATES)), f"{where}, channels")
         _one_of(column.role, get_args(Role), f"{key}, role")
         if not (math.isfinite(column.scale) and math.isfinite(column.offset) and column.scale != 0):
-            raise InputError(key, found=f"scale {column.scale!r}, offset {column.offset!r}",
-                             expected="finite numbers and a scale that is not zero", remedy="correct the map")
+            raise InputError(
+                key,
+                found=f"scale {column.scale!r}, offset {column.offset!r}",
+                expected="finite numbers and a scale that is not zero",
+                remedy="correct the map",
+            )
         si_factor(source, name)
 
 
@@ -149,27 +161,55 @@ def separator(source: LogSource) -> str:
     found = source.delimiter if source.delimiter is not None else _BY_SUFFIX.get(suffix)
     where = f"{source.path}, delimiter"
     if found is None:
-        raise InputError(where, found=f'suffix "{suffix}" and no delimiter', expected=".csv, .tsv, or the delimiter",
-                         remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"')
-    if found != WHITESPACE and not (len(found) == 1 and found.isascii() and (found.isprintable() or found == "\t")
-                                    and not found.isalnum() and found not in '".+-'):
-        raise InputError(where, found=repr(found), expected=f'one character that no number contains, or "{WHITESPACE}"',
-                         remedy='use ",", ";", "\\t" or "whitespace"')
+        raise InputError(
+            where,
+            found=f'suffix "{suffix}" and no delimiter',
+            expected=".csv, .tsv, or the delimiter",
+            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
+        )
+    if found != WHITESPACE and not (
+        len(found) == 1
+        and found.isascii()
+        and (found.isprintable() or found == "\t")
+        and not found.isalnum()
+        and found not in '".+-'
+    ):
+        raise InputError(
+            where,
+            found=repr(found),
+            expected=f'one character that no number contains, or "{WHITESPACE}"',
+            remedy='use ",", ";", "\\t" or "whitespace"',
+        )
     return found
 
 
 def source_options(source: LogSource) -> dict[str, Any]:
     """How the file is read, as JSON-able values, without the path of this machine."""
-    return {"source": source.path.name, "time_column": source.time_column, "time_unit": source.time_unit,
-            "clock": source.clock, "delimiter": separator(source), "skip_rows": source.skip_rows,
-            "header_rows": 0 if source.names else source.header_rows, "encoding": source.encoding,
-            "names": list(source.names) if source.names else None,
-            "channels": {name: {"column": column.column, "unit": column.unit, "role": column.role,
-                                "scale": float(column.scale), "offset": float(column.offset)}
-                         for name, column in source.channels.items()}}
+    return {
+        "source": source.path.name,
+        "time_column": source.time_column,
+        "time_unit": source.time_unit,
+        "clock": source.clock,
+        "delimiter": separator(source),
+        "skip_rows": source.skip_rows,
+        "header_rows": 0 if source.names else source.header_rows,
+        "encoding": source.encoding,
+        "names": list(source.names) if source.names else None,
+        "channels": {
+            name: {
+                "column": column.column,
+                "unit": column.unit,
+                "role": column.role,
+                "scale": float(column.scale),
+                "offset": float(column.offset),
+            }
+            for name, column in source.channels.items()
+        },
+    }
 
 
 def _one_of(value: str, allowed: tuple[str, ...], where: str) -> None:
     if value not in allowed:
-        raise InputError(where, found=repr(value), expected="one of " + ", ".join(allowed),
-                         remedy=nearest(str(value), allowed))
+        raise InputError(
+            where, found=repr(value), expected="one of " + ", ".join(allowed), remedy=nearest(str(value), allowed)
+        )

@@ -1,7 +1,6 @@
 """The page that a campaign ends with: one self-contained HTML file, the same bytes for the same results."""
 
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -1,5 +1,6 @@
 """Parameters that are known together: one pair in the plane, and the correlations of all."""
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -94,9 +95,7 @@ def correlations(matrix: np.ndarray, symbols: Sequence[str]) -> "Figure":
     from matplotlib.patches import Rectangle
 
     count = len(symbols)
-    margin = 12 + 6.0 * max(
-        len(symbol.strip("$").replace("\\", "").replace("{", "").replace("}", "")) for symbol in symbols
-    )
+    margin = 14 + 5.0 * max(map(_length, symbols))
     side = NARROW - margin - 10
     figure, (axes,) = new_figure(NARROW, [side], left=margin, right=10, bottom=margin, top=6)
     axes.grid(False)
@@ -119,6 +118,12 @@ def correlations(matrix: np.ndarray, symbols: Sequence[str]) -> "Figure":
     for spine in axes.spines.values():
         spine.set_color(MUTED)
     return figure
+
+
+def _length(symbol: str) -> int:
+    """Number of characters that a symbol prints, about."""
+    bare = re.sub(r"\\(mathrm|dot)|[${}_^]", "", symbol)
+    return len(re.sub(r"\\[A-Za-z]+ ?", "x", bare))
 
 
 def _levels(density: np.ndarray) -> list[float]:

@@ -20,8 +20,8 @@ from seatrial.report.figures.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH = 4.5
-"""Half width of the frame, posterior standard deviations."""
+WIDTH, HIGHEST = 4.5, 2.5
+"""Half width of the frame, posterior standard deviations; its height, in heights of the draws, at most."""
 
 
 class PriorShape(NamedTuple):
@@ -74,26 +74,22 @@ def marginal(
     density = counts / (draws.size * (edges[1] - edges[0]))
     top = float(density.max())
     axes.stairs(density / top, edges * scale, fill=True, color=BLUE, alpha=0.45, linewidth=0, label="posterior draws")
-    grid = np.linspace(low, high, 160)
+    grid, peak = np.linspace(low, high, 160), 1.1
     axes.plot(grid * scale, prior.density(grid) / top, color=MUTED, linewidth=1.4, linestyle=(0, (4, 3)), label="prior")
     if normal is not None and normal[1] > 0:
-        axes.plot(
-            grid * scale, normal_density(grid, *normal) / top, color=INK, linewidth=1.1, label="normal approximation"
-        )
+        height = normal_density(grid, *normal) / top
+        peak = float(np.clip(1.05 * height.max(), peak, HIGHEST))
+        axes.plot(grid * scale, height, color=INK, linewidth=1.1, label="normal approximation")
+    foot = -0.045 * peak
     axes.plot(
-        np.array(interval) * scale,
-        [-0.05, -0.05],
-        color=BLUE,
-        linewidth=4,
-        solid_capstyle="butt",
-        label="95 % interval",
+        np.array(interval) * scale, [foot, foot], color=BLUE, linewidth=4, solid_capstyle="butt", label="95 % interval"
     )
-    axes.plot(mean * scale, -0.05, marker="o", markersize=5, color=INK, linestyle="none", label="mean", zorder=5)
+    axes.plot(mean * scale, foot, marker="o", markersize=5, color=INK, linestyle="none", label="mean", zorder=5)
     if truth is not None:
         axes.axvline(
             truth * scale, color=PURPLE, linewidth=1.8, linestyle=(0, (1.5, 1.5)), label="true value", zorder=4
         )
-    axes.set(xlim=(low * scale, high * scale), ylim=(-0.12, 1.18))
+    axes.set(xlim=(low * scale, high * scale), ylim=(2.4 * foot, peak))
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.grid(False)

@@ -9,6 +9,7 @@ from seatrial.report.figures.fit import Z90, Predicted
 from seatrial.report.figures.style import BAND, BLUE, DOTS, MUTED, ORANGE, WIDE, draw_dots, label_axes, new_figure, thin
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MOST_LAGS = 60
@@ -17,7 +18,7 @@ MOST_LAGS = 60
 def record_residuals(
     time: np.ndarray, channels: Sequence[Predicted], held_back: bool = False, most: int = 1500
 ) -> "Figure":
-    """Draw a panel of residuals over time for each channel, then one of all autocorrelations over lag.
+    """Draw for each channel its residuals over time and, below, their autocorrelation over lag.
 
     Args:
         time: s, shape (n,).
@@ -25,9 +26,9 @@ def record_residuals(
         held_back: whether the record was kept out of the fit.
         most: number of samples worth drawing.
     """
-    figure, axes = new_figure(WIDE, [*[120.0] * len(channels), 58.0], gap=38, share_x=False)
+    figure, axes = new_figure(WIDE, [120.0, 58.0] * len(channels), gap=38, share_x=False)
     colour = ORANGE if held_back else BLUE
-    for panel, channel in zip(axes, channels, strict=False):
+    for panel, below, channel in zip(axes[::2], axes[1::2], channels, strict=True):
         present = np.flatnonzero(np.isfinite(channel.residual))
         present = present[thin(present.size, most)]
         residual = channel.residual[present]
@@ -41,19 +42,7 @@ def record_residuals(
             "time [s]",
             "residual [sd]" if len(channels) == 1 else f"{channel.label.split(' [')[0]} residual [sd]",
         )
-    for channel in channels:
-        lag, correlation, count = autocorrelation(time, channel.residual)
-        if lag.size == 0:
-            continue
-        axes[-1].axhspan(
-            -2 / np.sqrt(count), 2 / np.sqrt(count), color=MUTED, alpha=BAND, linewidth=0, label="white noise"
-        )
-        axes[-1].vlines(lag, 0, correlation, color=colour, linewidth=1.4, label="autocorrelation")
-        axes[-1].margins(x=0.02)
-    axes[-1].axhline(0.0, color=MUTED, linewidth=0.8)
-    axes[-1].set_ylim(-0.55, 1.0)
-    axes[-1].set_yticks([-0.5, 0, 0.5, 1])
-    label_axes(axes[-1], "lag [s]", "autocorr.")
+        _draw_autocorrelation(below, *autocorrelation(time, channel.residual), colour)
     return figure
 
 
@@ -74,3 +63,15 @@ def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray,
         np.array([values[lag:] @ values[:-lag] for lag in lags]) / total,
         int(values.size),
     )
+
+
+def _draw_autocorrelation(axes: "Axes", lag: np.ndarray, correlation: np.ndarray, count: int, colour: str) -> None:
+    if lag.size:
+        white = 2 / np.sqrt(count)
+        axes.axhspan(-white, white, color=MUTED, alpha=BAND, linewidth=0, label="white noise")
+        axes.vlines(lag, 0, correlation, color=colour, linewidth=1.4, label="autocorrelation")
+        axes.margins(x=0.02)
+    axes.axhline(0.0, color=MUTED, linewidth=0.8)
+    axes.set_ylim(min(-0.55, 1.1 * float(correlation.min(initial=0.0))), 1.0)
+    axes.set_yticks([-0.5, 0, 0.5, 1])
+    label_axes(axes, "lag [s]", "autocorr.")

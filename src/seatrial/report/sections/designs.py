@@ -1,5 +1,6 @@
 """The trial that was run and the next one: how informative every design is, and what the chosen one looks like."""
 
+from math import floor, log10
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from seatrial.report.figures.inputs import control_over_time
 from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html
-from seatrial.report.numbers import percent, rounded, short, times_ten, unit_html
+from seatrial.report.numbers import decimals, percent, rounded, short, times_ten, unit_html
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
@@ -141,7 +142,9 @@ def _step(record: Record) -> str:
 def _range(record: Record, name: str) -> tuple[str, str]:
     factor, unit = shown_unit(name)
     values = record.channel(name) * factor
-    return f"{short(float(np.nanmin(values)))} to {short(float(np.nanmax(values)))}", unit
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    count = max(0, 2 - floor(log10(max(abs(low), abs(high), 1e-300))))
+    return f"{decimals(low, count)} to {decimals(high, count)}", unit
 
 
 def _coverage(outcome: Outcome) -> list[Drawing]:

@@ -1,5 +1,6 @@
 """Title, the answer in one sentence, the numbers at a glance, and what the data say."""
 
+import re
 from typing import Any, NamedTuple
 
 from markupsafe import Markup, escape
@@ -13,6 +14,7 @@ from seatrial.selection.verdict import DECIDED
 
 MOST_NAMED = 4
 MOST_SAID = 5
+_NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 
 class Finding(NamedTuple):
@@ -42,14 +44,12 @@ def answer(outcome: Outcome) -> Markup:
     alarms = outcome.summary["alarms"]
     if alarms:
         checks = "health check" if len(alarms) == 1 else "health checks"
-        return Markup("Do not use these numbers yet: {} {} failed, the gravest of which are listed below.").format(
-            len(alarms), checks
-        )
+        return Markup("Do not use these numbers yet: {} {} failed, as said below.").format(len(alarms), checks)
     rows = [row for row in outcome.summary["coefficients"] if row["name"] in outcome.chosen.structure.terms]
     if len(rows) > MOST_NAMED:
-        worst = max(rows, key=lambda row: row["sd"] / abs(row["mean"]))
+        share, label = max((row["sd"] / max(abs(row["mean"]), 1e-300), row["label"]) for row in rows)
         said = Markup("{} coefficients, the least certain of which, {}, is known to {}").format(
-            len(rows), label_html(worst["label"]), percent(worst["sd"] / abs(worst["mean"]))
+            len(rows), label_html(label), percent(share)
         )
     else:
         said = _enumerate([coefficient(row) for row in rows])
@@ -67,7 +67,7 @@ def coefficient(row: dict[str, Any]) -> Markup:
 
 
 def find(outcome: Outcome) -> list[Finding]:
-    """Alarms, then verdicts, then cautions; what is said of the chosen structure first."""
+    """Alarms, then verdicts, then cautions; what is said of the chosen structure first, and once for many parameters."""
     labels, summary, selection = labels_of(outcome), outcome.summary, outcome.selection
     repeated = {
         f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
@@ -79,7 +79,7 @@ def find(outcome: Outcome) -> list[Finding]:
     if len(outcome.campaign.structures) == 1:
         verdicts.append("only one model was compared: whether its terms are needed was not asked")
     said = [("alarm", alarms), ("finding", verdicts), ("caution", summary["cautions"])]
-    return [Finding(kind, _sentence(text, labels)) for kind, texts in said for text in texts]
+    return [Finding(kind, text) for kind, texts in said for text in _sentences(texts, labels)]
 
 
 def glance(outcome: Outcome) -> list[dict[str, Any]]:
@@ -90,7 +90,8 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
     seconds = sum(float(record.time[-1] - record.time[0]) for record in trials.fit)
     simulated = outcome.campaign.source.imported is None
     at = selection.chosen
-    items = [
+    certainty = probability(selection.probability[at], selection.probability_error[at])
+    return [
         {
             "name": "Data",
             "value": f"{len(trials.fit)} run{'s' * (len(trials.fit) != 1)}, {seconds:.0f} s",
@@ -101,7 +102,7 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
             "name": "Model",
             "value": outcome.chosen.structure.label,
             "href": "#models",
-            "note": f"probability {probability(selection.probability[at], selection.probability_error[at])} among {len(selection.structures)} models",
+            "note": f"probability {certainty} among {len(selection.structures)} models",
         },
         {
             "name": "Held-back motion explained" if held_back else "Fitted motion explained",
@@ -111,7 +112,6 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
         },
         _next(outcome),
     ]
-    return items
 
 
 def _next(outcome: Outcome) -> dict[str, Any]:
@@ -162,6 +162,28 @@ def _certainty(outcome: Outcome) -> Markup:
 
 def _enumerate(parts: list[Markup]) -> Markup:
     return parts[0] if len(parts) == 1 else Markup(", ").join(parts[:-1]) + Markup(" and ") + parts[-1]
+
+
+def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
+    """Print sentences, those that differ only in the parameter and its numbers as one, followed by the other names."""
+    name = re.compile(
+        "|".join(rf"(?<![\w.]){re.escape(name)}(?![\w\[])" for name in sorted(labels, key=len, reverse=True))
+    )
+    groups: dict[str, list[str]] = {}
+    for text in texts:
+        groups.setdefault(_NUMBER.sub("#", name.sub("§", text)), []).append(text)
+    said = []
+    for first, *others in groups.values():
+        names = [match[0] for other in others if (match := name.search(other))]
+        likewise = (
+            Markup(" Likewise {}.").format(Markup(", ").join(label_html(labels[n]) for n in names)) if names else ""
+        )
+        said += (
+            [_sentence(first, labels) + likewise]
+            if len(names) == len(others)
+            else [_sentence(text, labels) for text in (first, *others)]
+        )
+    return said
 
 
 def _sentence(text: str, labels: dict[str, str]) -> Markup:

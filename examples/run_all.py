@@ -1,0 +1,45 @@
+"""Run every example and check what it concludes; the checks are loose, the point is that the documented commands work.
+
+Examples on real records need SEATRIAL_DATA; without it they are skipped, and it is said.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parent
+OUTPUTS = EXAMPLES.parent / "outputs" / "examples"
+
+
+def main() -> None:
+    """Run all examples, in copies under outputs/."""
+    subprocess.run([sys.executable, EXAMPLES / "loop_in_ten_lines.py", OUTPUTS / "ten_lines"], check=True)
+    run_campaign("remus100", needs_data=False)
+    run_campaign("pool_auv", needs_data=True)
+
+
+def run_campaign(name: str, needs_data: bool) -> None:
+    """Run one campaign, from its folder here or from the template of that name, and print its verdicts."""
+    if needs_data and not Path(os.environ.get("SEATRIAL_DATA", "missing")).is_dir():
+        print(f"example {name}: skipped, set SEATRIAL_DATA to the folder of real records", flush=True)
+        return
+    folder = OUTPUTS / name
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / "campaign.toml").exists():
+        if (EXAMPLES / name).is_dir():
+            shutil.copy(EXAMPLES / name / "campaign.toml", folder)
+        else:
+            subprocess.run([sys.executable, "-m", "seatrial", "init", str(folder), "--template", name], check=True)
+    code = subprocess.run([sys.executable, "-m", "seatrial", "run", str(folder)]).returncode
+    assert code in (0, 3), f"example {name} ended with exit code {code}"
+    summary = json.loads((folder / "results" / "summary.json").read_text())
+    assert abs(sum(item["probability"] for item in summary["structures"]) - 1) < 1e-9
+    assert (folder / "report.html").stat().st_size < 8_000_000
+    print(f"example {name}: {'; '.join(summary['verdicts'])}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
