@@ -102,18 +102,18 @@ def test_speed_alone_teaches_less(method, naive):
 DECAY, COVARIANCE = 0.9, np.array([[0.5, 0.2, 0.0], [0.2, 2.0, -0.3], [0.0, -0.3, 1.0]])
 
 
+def moves(x, c, h):
+    return (DECAY * x[0] + x[1] * c[0] + x[2] * c[0] ** 2,)
+
+
+def is_seen(x, c):
+    return (x[0],)
+
+
 def linear_space():
     """x' = 0.9 x + a c + b c^2 measured with sd 0.3: linear in the state and the coefficients a and b."""
-    return StateSpace(
-        Gaussian(jnp.array([0.1, 0.4, -0.2]), jnp.asarray(np.linalg.cholesky(COVARIANCE))),
-        np.zeros(3),
-        np.array([0.3]),
-        ("x", "a", "b"),
-        ("x",),
-        1,
-        lambda x, c, h: (DECAY * x[0] + x[1] * c[0] + x[2] * c[0] ** 2,),
-        lambda x, c: (x[0],),
-    )
+    belief = Gaussian(jnp.array([0.1, 0.4, -0.2]), jnp.asarray(np.linalg.cholesky(COVARIANCE)))
+    return StateSpace(belief, np.zeros(3), np.array([0.3]), ("x", "a", "b"), ("x",), 1, moves, is_seen)
 
 
 @pytest.mark.parametrize("every", [1, 3])

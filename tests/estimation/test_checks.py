@@ -61,8 +61,8 @@ def test_data_beyond_a_bound(prior, centre, bound):
     assert "widen the prior" in caught.value.remedy
 
 
-def complaints(centre, precision, draws):
-    return information_complaints(*problem(WIDE, centre, precision), np.asarray(draws))
+def complaints(centre, precision, draws, priors=None):
+    return information_complaints(*problem(priors or WIDE, centre, precision), np.asarray(draws))
 
 
 WIDE = {"a": Uniform(-5.0, 5.0), "b": Uniform(-5.0, 5.0)}
@@ -81,10 +81,12 @@ def test_one_unknown():
     assert len(said) == 2
 
 
-def test_only_the_sum_is_seen():
-    """a + b = 1 is known, so a - b is invisible: the null direction is (1, -1) / sqrt 2."""
+@pytest.mark.parametrize("prior", [Uniform(-5.0, 5.0), Normal(0.0, 3.0)], ids=str)
+def test_only_the_sum_is_seen(prior):
+    """a + b = 1 is known, so a - b is invisible whatever the prior says: the null direction is (1, -1) / sqrt 2."""
     half = UNIFORM / 2
-    said = complaints([0.5, 0.5], 1e4 * np.ones((2, 2)), np.column_stack([0.5 + half + SHARP, 0.5 - half]))
+    draws = np.column_stack([0.5 + half + SHARP, 0.5 - half])
+    said = complaints([0.5, 0.5], 1e4 * np.ones((2, 2)), draws, {"a": prior, "b": prior})
     assert len(said) == 2
     assert "structural" in said[0]
     assert "+0.71" in said[0]

@@ -205,9 +205,10 @@ def test_forward_derivatives(options):
         assert float(slope[i]) == pytest.approx(float(scaled(1 + h) - scaled(1 - h)) / 2e-6, rel=1e-5, abs=1e-3)
 
 
-def test_derivatives_where_it_diverges_are_finite():
-    likelihood, data = output_error(paper_model(), [trial()], ("u",), [(U0,)])
-    value, slope = jax.jvp(lambda x: likelihood({**VALUES, "X_uabsu": x}, data), (400.0,), (1.0,))
+@pytest.mark.parametrize("colour", ["white", "coloured"])
+def test_derivatives_where_it_diverges_are_finite(colour):
+    likelihood, data = output_error(paper_model(), [trial()], ("u",), [(U0,)], colour=colour)
+    value, slope = jax.jvp(lambda x: likelihood({**COLOURED, "X_uabsu": x}, data), (400.0,), (1.0,))
     assert value == -np.inf
     assert np.isfinite(slope)
 

@@ -4,24 +4,30 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import LogUniform, Normal, Uniform
 
 PRIORS = [
     Uniform(-3.0, 2.0),
     Uniform(0.0, 0.15),
     Uniform(-2e6, 1e6),
     Uniform(1e-5, 3e-5),
+    LogUniform(1e-4, 0.5),
+    LogUniform(2.0, 2.5),
     Normal(0.0, 1.0),
     Normal(-2e-4, 3e-6),
 ]
-Z = np.linspace(-45.0, 45.0, 900_001)
+Z = np.linspace(-45.0, 45.0, 90_001)
 each_prior = pytest.mark.parametrize("prior", PRIORS, ids=str)
 
 
 def textbook(prior):
-    if isinstance(prior, Uniform):
-        return stats.uniform(prior.lower, prior.upper - prior.lower)
-    return stats.norm(prior.mean, prior.sd)
+    match prior:
+        case Uniform(lower, upper):
+            return stats.uniform(lower, upper - lower)
+        case LogUniform(lower, upper):
+            return stats.loguniform(lower, upper)
+        case Normal(mean, sd):
+            return stats.norm(mean, sd)
 
 
 def expectation(values, prior):

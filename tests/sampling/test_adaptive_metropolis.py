@@ -21,7 +21,7 @@ from seatrial.sampling.diagnostics import complaints, diagnose
 from tests.estimation_cases import THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
 KEY = jax.random.key(3)
-SHORT = MetropolisSettings(chains=8, warmup=300, draws=400)
+SHORT = MetropolisSettings(chains=32, warmup=300, draws=400)
 
 
 def sample(target, settings, spread=1.0, cov=0.1, key=KEY):
@@ -40,7 +40,7 @@ def assert_moments(values, mean, sd):
     assert (np.abs(values.std((0, 1)) - sd) < 8 * sd / np.sqrt(2 * ess)).all()
 
 
-@pytest.mark.parametrize("d", [1, 2, 5])
+@pytest.mark.parametrize("d", [pytest.param(1, marks=pytest.mark.thorough), 2, 5])
 def test_correlated_normal(d):
     problem = linear_gaussian(d)
     mean, cov = problem.moments
@@ -107,14 +107,14 @@ def test_same_key_same_bits_and_another_key_others():
 def test_longer_run_begins_with_the_shorter():
     target = linear_gaussian(2).posterior
     short, _ = sample(target, SHORT)
-    long, _ = sample(target, MetropolisSettings(8, 300, 600))
+    long, _ = sample(target, MetropolisSettings(32, 300, 600))
     assert (long.z[:, :400] == short.z).all()
 
 
 @pytest.mark.parametrize("blocks", [1, 3, 5])
 def test_run_resumed_from_a_file_gives_the_same_bits(blocks, tmp_path):
     target = linear_gaussian(2).posterior
-    starts = jax.random.normal(jax.random.key(9), (8, 2))
+    starts = jax.random.normal(jax.random.key(9), (32, 2))
     run = start_chains(target, starts, 0.1 * jnp.eye(2))
     for _ in range(blocks):
         run = advance_chains(target, run, KEY, SHORT)
@@ -133,7 +133,7 @@ def test_run_resumed_from_a_file_gives_the_same_bits(blocks, tmp_path):
 
 def test_proposal_is_frozen_after_warm_up():
     target = linear_gaussian(2).posterior
-    run = start_chains(target, jnp.zeros((8, 2)), jnp.eye(2))
+    run = start_chains(target, jnp.zeros((32, 2)), jnp.eye(2))
     states = []
     while not is_finished(run, SHORT):
         run = advance_chains(target, run, KEY, SHORT)
@@ -148,7 +148,7 @@ def test_progress_is_told():
     seen = []
     sample_adaptive_metropolis(
         linear_gaussian(2).posterior,
-        jnp.zeros((8, 2)),
+        jnp.zeros((32, 2)),
         jnp.eye(2),
         KEY,
         SHORT,

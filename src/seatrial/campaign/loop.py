@@ -137,10 +137,11 @@ def next_trial(sweep: Sweep, campaign: Campaign) -> dict[str, Any]:
         "sd_before": dict(zip(names, map(float, before), strict=True)),
         "sd_after": dict(zip(names, map(float, after), strict=True)),
     }
-    return {**trial, "words": _next_words(trial)}
+    return {**trial, "words": next_words(trial)}
 
 
-def _next_words(trial: dict[str, Any]) -> str:
+def next_words(trial: dict[str, Any]) -> str:
+    """Say what to run next, or why not; takes the numbers of `next_trial`."""
     gain, control = trial["gain_nat"], trial["control"]
     if gain < ENOUGH:
         return (

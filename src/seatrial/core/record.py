@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -108,6 +108,7 @@ def make_record(
     check_time(time, where)
     controls = tuple(channel for channel in channels if channel.role == "control")
     measured = tuple(channel for channel in channels if channel.role == "measurement")
+    _check_map(channels, columns, where)
     for channel in channels:
         _check_column(np.asarray(columns[channel.name], float), channel, time, where)
 
@@ -157,6 +158,24 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
             expected="strictly increasing time",
             remedy='use another time column, or say how to mend the clock (clock = "even" or "drop_repeated")',
         )
+
+
+def _check_map(channels: tuple[Channel, ...], columns: Mapping[str, np.ndarray], where: str) -> None:
+    names = [channel.name for channel in channels]
+    for channel in channels:
+        here = f'{where}, channel "{channel.name}"'
+        if channel.name not in columns:
+            raise InputError(
+                here, found="no such column", expected="one of " + ", ".join(columns), remedy="correct the channel map"
+            )
+        if names.count(channel.name) > 1:
+            raise InputError(
+                here, found="the name twice", expected="each channel once", remedy="drop or rename one of them"
+            )
+        if channel.role not in get_args(Role):
+            raise InputError(
+                here, found=f"role {channel.role!r}", expected=" or ".join(get_args(Role)), remedy="correct the role"
+            )
 
 
 def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where: str) -> None:

@@ -53,13 +53,22 @@ def read_record(path: Path) -> Record:
             expected=repr(FORMAT),
             remedy="import the file with `seatrial import`, or write it with this version",
         )
-    channels = tuple(
-        Channel(str(name), str(column.attrs["units"]), column.attrs["role"])
-        for name, column in dataset.data_vars.items()
-    )
-    provenance = Provenance(dataset.attrs["source"], dataset.attrs["sha256"], json.loads(dataset.attrs["options"]))
-    columns = {str(name): np.asarray(column) for name, column in dataset.data_vars.items()}
-    return make_record(np.asarray(dataset["time"]), columns, channels, provenance, dataset.attrs["label"])
+    try:
+        channels = tuple(
+            Channel(str(name), str(column.attrs["units"]), column.attrs["role"])
+            for name, column in dataset.data_vars.items()
+        )
+        provenance = Provenance(dataset.attrs["source"], dataset.attrs["sha256"], json.loads(dataset.attrs["options"]))
+        columns = {str(name): np.asarray(column, float) for name, column in dataset.data_vars.items()}
+        time, label = np.asarray(dataset.variables["time"], float), str(dataset.attrs["label"])
+    except (KeyError, ValueError, TypeError) as cause:
+        raise InputError(
+            str(path),
+            found=f"contents that are no record: {cause}",
+            expected="what `write_record` writes: time, units and role of each channel, label, source, sha256, options",
+            remedy="write the file again",
+        ) from cause
+    return make_record(time, columns, channels, provenance, label)
 
 
 def open_dataset(path: Path) -> xr.Dataset:

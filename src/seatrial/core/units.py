@@ -5,7 +5,9 @@ never taken for one in rad/s. Parsing and conversion are pint's.
 """
 
 import re
+import tokenize
 from functools import cache
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from seatrial.core.errors import InputError, nearest
@@ -48,11 +50,13 @@ UNITS = tuple(
             part
             for line in _DEFINITIONS
             for part in (line.split(" = ")[0], line.split(" = ")[-1])
-            if re.fullmatch(r"[A-Za-z_]+", part)
+            if re.fullmatch(r"[A-Za-z_]+|%", part)
         }
         - {"pi"}
     )
 )
+_UNIT = re.compile(r"(?:[A-Za-z_%\s*/()·²³]|1\s*/|(?:\^|\*\*)\s*-?[1-9](?!\d))+")
+"""What a unit may consist of; pint would compute anything else, 9^9^9^9 included."""
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -87,7 +91,7 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
         InputError: no unit where one is needed, malformed number, unknown unit or wrong dimension.
     """
     if isinstance(text, int | float) and not isinstance(text, bool):
-        if expected_unit == "1":
+        if expected_unit == "1" and isfinite(text):
             return float(text)
         raise InputError(
             where,
@@ -96,7 +100,7 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
             remedy="write the number and its unit as one string",
         )
     match = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
-    if match is None:
+    if match is None or not isfinite(float(match[1])):
         raise InputError(
             where,
             found=repr(text),
@@ -121,10 +125,18 @@ def _parse(unit: str, where: str) -> "pint.Unit":
                 remedy=nearest(word, UNITS),
             )
     try:
-        if "//" in text or re.search(r"\d\d", text):
+        if "//" in text or not _UNIT.fullmatch(text):
             raise ValueError(text)
         return _registry().parse_units(text.replace("%", "percent"))
-    except (pint.PintError, ValueError, TypeError, AttributeError, SyntaxError, AssertionError) as cause:
+    except (
+        pint.PintError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        SyntaxError,
+        AssertionError,
+        tokenize.TokenError,
+    ) as cause:
         raise InputError(
             where,
             found=f'unit "{unit}" that cannot be read',

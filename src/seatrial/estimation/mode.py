@@ -3,6 +3,7 @@
 Derivatives are forward: through thousands of time steps and a handful of parameters they cost a few simulations and no memory.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -100,18 +101,28 @@ def _hessian(posterior: Posterior, z: Array) -> Array:
 
 
 def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
-    def finite(value: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(np.asarray(value), nan=0.0, posinf=1e100, neginf=-1e100)
+    """Follow one start to its maximum; steps that end where the likelihood is zero are refused by the trust region."""
+
+    def height(z: np.ndarray) -> float:
+        density = float(_density(posterior, z))
+        return -density if np.isfinite(density) else 1e100
+
+    def slope(derivative: Callable[[Posterior, np.ndarray], Array], z: np.ndarray) -> np.ndarray:
+        values = -np.asarray(derivative(posterior, z))
+        if not np.isfinite(values).all():
+            at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.names, posterior.constrain(z), strict=True))
+            raise NumericalError(f"the log-likelihood has no finite derivative at {at}; narrow the priors around there")
+        return values
 
     result = minimize(
-        lambda z: float(finite(-_density(posterior, z))),
+        height,
         start,
         method="trust-exact",
-        jac=lambda z: -finite(_gradient(posterior, z)),
-        hess=lambda z: -finite(_hessian(posterior, z)),
+        jac=lambda z: slope(_gradient, z),
+        hess=lambda z: slope(_hessian, z),
         options={"gtol": 1e-6, "maxiter": 300},
     )
-    return result.x, float(_density(posterior, result.x))
+    return result.x, -float(result.fun)
 
 
 def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:

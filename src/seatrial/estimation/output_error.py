@@ -22,6 +22,8 @@ from seatrial.vehicles.model import VehicleModel
 
 NoiseColour = Literal["white", "coloured"]
 LOG_2PI = 1.8378770664093453
+FOREVER = 1e12
+"""Time since a measurement that was never made, s: its memory is zero, and so are its derivatives."""
 
 
 class TrialData(NamedTuple):
@@ -32,7 +34,7 @@ class TrialData(NamedTuple):
         measured: one array of shape (n,) for each channel, 0 where missing.
         present: 1 where measured, 0 where missing, like `measured`.
         samples: indices of the measured samples of each channel, shape (m,).
-        gaps: time since the measured sample before, s, infinite for the first, like `samples`.
+        gaps: time since the measured sample before, s, `FOREVER` for the first, like `samples`.
         step: time to the next sample, s, shape (n,).
         initial: states at the first sample where they are not estimated.
     """
@@ -157,7 +159,7 @@ def trial_data(record: Record, model: VehicleModel, channels: Sequence[str], ini
         measured=tuple(jnp.asarray(np.where(p, column, 0.0)) for p, column in zip(present, columns, strict=True)),
         present=tuple(jnp.asarray(p, float) for p in present),
         samples=tuple(jnp.asarray(index) for index in samples),
-        gaps=tuple(jnp.asarray(np.concatenate([[np.inf], np.diff(record.time[index])])) for index in samples),
+        gaps=tuple(jnp.asarray(np.concatenate([[FOREVER], np.diff(record.time[index])])) for index in samples),
         step=jnp.asarray(record.step),
         initial=tuple(jnp.asarray(x, float) for x in initial),
     )

@@ -54,5 +54,5 @@ def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Flo
     whole = jnp.floor(samples)
     share, first = samples - whole, n - whole.astype(int)
     held = jnp.concatenate([jnp.full(n, control[0]), control])
-    here, before = (jax.lax.dynamic_slice(held, (start,), (n,)) for start in (first, first - 1))
+    here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 0),), (n,)) for start in (first, first - 1))
     return (1.0 - share) * here + share * before

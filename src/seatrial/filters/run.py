@@ -1,7 +1,7 @@
 """The one driver of all filters: update at each sample, predict to the next, over a whole record in one compiled loop."""
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Filter
-from seatrial.numerics.triangular import Triangle, cholesky, to_matrix, to_triangle
+from seatrial.numerics.triangular import Scalar, Triangle, cholesky, to_matrix, to_triangle
 
 
 class FilterTrace(NamedTuple):
@@ -81,49 +81,36 @@ def summarise_filter(
 def _runner(method: Filter, keep_trace: bool):
     @jax.jit
     def run(space: StateSpace, control: Array, measurement: Array, step: Array):
-        def advance(carry: tuple, sample: tuple):
-            belief, log_likelihood, failures, clipped_before = carry
-            held, measured, h = sample
-            after, update = method.update(space, belief, held, measured)
-            total = log_likelihood + update.log_likelihood
-            failures = failures + update.failed * 1
-            ahead, clipped = method.predict(space, after, held, h)
-            carry = (_arrays(ahead), total, failures, jnp.asarray(clipped, float))
+        def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+            belief, held, h, log_likelihood, failures = carry
+            first, now, measured, ahead = sample
+            # A branch rather than a last update behind the loop: half the code, and XLA does not fuse across it.
+            prior, clipped = jax.lax.cond(
+                first, lambda: (belief, zero), lambda: _arrays(method.predict(space, belief, held, h))
+            )
+            after, update = method.update(space, prior, now, measured)
+            failed = update.failed | ~_positive(after.spread)
+            carry = (_arrays(after), now, ahead, log_likelihood + update.log_likelihood, failures + failed * 1)
             if not keep_trace:
-                return carry, None
+                return carry, ()
             sds = tuple(
                 jnp.sqrt(sum(x * x for x in row)) if method.square_root else jnp.sqrt(row[-1]) for row in after.spread
             )
-            return carry, (
-                after.mean,
-                sds,
-                update.innovation,
-                update.nis,
-                update.n_measured,
-                update.clipped + clipped_before,
-            )
+            return carry, (after.mean, sds, update.innovation, update.nis, update.n_measured, update.clipped + clipped)
 
         start = Belief(tuple(space.initial.mean), _start(method, space.initial))
         zero = jnp.zeros(())
-        samples = (tuple(control.T), tuple(measurement.T), step)
-        n = measurement.shape[0]
-        carry, kept = jax.lax.scan(
-            advance, (_arrays(start), zero, zero, zero), jax.tree.map(lambda x: x[: n - 1], samples)
-        )
-        belief, log_likelihood, failures, clipped = carry
-        last = jax.tree.map(lambda x: x[n - 1], samples)
-        after, update = method.update(space, belief, last[0], last[1])
+        first = jnp.arange(step.shape[0]) == 0
+        samples = (first, tuple(control.T), tuple(measurement.T), step)
+        begin = (_arrays(start), tuple(control[0]), step[0], zero, zero)
+        (after, _, _, log_likelihood, failures), kept = jax.lax.scan(advance, begin, samples)
         final = Gaussian(
             jnp.stack(after.mean), to_matrix(after.spread if method.square_root else cholesky(after.spread))
         )
-        log_likelihood, failures = log_likelihood + update.log_likelihood, failures + update.failed * 1
-        failures = failures + ~jnp.isfinite(final.chol_cov).all() * 1
+        failures = jnp.maximum(failures, ~jnp.isfinite(final.chol_cov).all() * 1)
         if not keep_trace:
             return FilterSummary(log_likelihood, final, failures)
-        end = (after.mean, tuple(final.sd), update.innovation, update.nis, update.n_measured, update.clipped + clipped)
-        means, sds, innovations, nis, n_measured, clips = jax.tree.map(
-            lambda a, b: jnp.concatenate([a, jnp.reshape(b, (1,)).astype(a.dtype)]), kept, end
-        )
+        means, sds, innovations, nis, n_measured, clipped = kept
         return FilterTrace(
             log_likelihood,
             final,
@@ -132,7 +119,7 @@ def _runner(method: Filter, keep_trace: bool):
             jnp.stack(innovations, -1),
             nis,
             n_measured,
-            clips,
+            clipped,
             failures,
         )
 
@@ -143,5 +130,10 @@ def _start(method: Filter, initial: Gaussian) -> Triangle:
     return to_triangle(initial.chol_cov if method.square_root else initial.chol_cov @ initial.chol_cov.T)
 
 
-def _arrays(belief: Belief) -> Belief:
-    return jax.tree.map(lambda x: jnp.asarray(x, float), belief)
+def _positive(spread: Triangle) -> Scalar:
+    """Whether every pivot of a factor, or every variance of a covariance, is positive and finite."""
+    return jnp.stack([(row[-1] > 0) & (row[-1] < jnp.inf) for row in spread]).all()
+
+
+def _arrays(tree: Any) -> Any:
+    return jax.tree.map(lambda x: jnp.asarray(x, float), tree)

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, gate, mask_missing, whiten
-from seatrial.filters.unscented import weighted_mean
+from seatrial.filters.unscented import at_points, weighted_mean
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
 from seatrial.numerics.triangular import (
     Scalar,
@@ -50,36 +50,37 @@ class SquareRootUnscentedKalmanFilter:
         """See `Filter.predict`."""
         d, n = space.n_dynamic, len(belief.mean)
         points, clipped = self._points(belief)
-        images = [(*space.transition(point, control, step), *point[d:]) for point in points]
-        mean = (
-            weighted_mean(self.rule, n, images)
-            if self.bounds
-            else (*weighted_mean(self.rule, n, [image[:d] for image in images]), *belief.mean[d:])
-        )
-        noise = [[space.process_sd[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
-        spread, failed = self._factor(images, mean, noise, steady=slice(d, n))
-        poisoned = (
-            tuple(tuple(jnp.where(failed, jnp.nan, entry) for entry in row) for row in spread)
-            if not is_zero(failed)
-            else spread
-        )
-        return Belief(mean, poisoned), clipped
+        images = at_points(lambda point: space.transition(point, control, step), points)
+        if self.bounds:
+            images = [(*image, *point[d:]) for image, point in zip(images, points, strict=True)]
+        moved = weighted_mean(self.rule, n, images)
+        steady = belief.spread[len(moved) :]
+        pairs, others, centre = self._rows([_minus(image, moved) for image in images], steady)
+        spread, failed = _factor([*pairs, *others, *_diagonal(tuple(space.process_sd))], centre)
+        if not is_zero(failed):
+            spread = tuple(tuple(jnp.where(failed, jnp.nan, entry) for entry in row) for row in spread)
+        return Belief((*moved, *belief.mean[len(moved) :]), spread), clipped
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
         """See `Filter.update`."""
         m, n = len(measurement), len(belief.mean)
         points, clipped = self._points(belief)
-        outputs = [space.observe(point, control) for point in points]
+        outputs = at_points(lambda point: space.observe(point, control), points)
         predicted = weighted_mean(self.rule, n, outputs)
         masked = mask_missing(space, measurement, predicted)
-        gated = [
-            tuple(gate(w, y - p) for w, y, p in zip(masked.weight, output, predicted, strict=True))
-            for output in outputs
-        ]
-        mean = weighted_mean(self.rule, n, points) if self.bounds else belief.mean
-        joint = [(*residual, *point) for residual, point in zip(gated, points, strict=True)]
-        noise = [[masked.noise_sd[i] if i == j else 0.0 for j in range(m + n)] for i in range(m)]
-        factor, failed = self._factor(joint, (*[0.0] * m, *mean), noise, steady=slice(m, m + n))
+        residuals = [tuple(map(gate, masked.weight, _minus(output, predicted))) for output in outputs]
+        noise = _diagonal(masked.noise_sd)
+        if self.bounds:
+            mean = weighted_mean(self.rule, n, points)
+            joint = [(*r, *_minus(point, mean)) for r, point in zip(residuals, points, strict=True)]
+            pairs, others, centre = self._rows(joint, ())
+            others = [*others, *noise]
+        else:
+            mean = belief.mean
+            pairs, others, centre = self._rows(residuals, belief.spread)
+            # Rows that are zero for every state become as many as there are channels: half the work that follows.
+            others = _transpose(triangular_factor([*others, *noise]))
+        factor, failed = _factor([*pairs, *others], centre)
         white, update = whiten(factor[:m], masked, failed, clipped)
         shifted = tuple(x + dot(row[:m], white) for x, row in zip(mean, factor[m:], strict=True))
         return Belief(self._inside(shifted), tuple(row[m:] for row in factor[m:])), update
@@ -101,41 +102,46 @@ class SquareRootUnscentedKalmanFilter:
             for x, (lower, upper) in zip(point, self.bounds, strict=True)
         )
 
-    def _factor(
-        self, points: Sequence[Vector], mean: Vector, noise: list[list[Scalar]], steady: slice
-    ) -> tuple[Triangle, Scalar]:
-        """Lower factor of the weighted deviations and the noise; `steady` components are still symmetric about the mean.
+    def _rows(self, deviations: Sequence[Vector], steady: Triangle) -> tuple[list[Vector], list[Vector], Vector]:
+        """Rows whose sum of row^T row is the weighted covariance of the deviations and, behind them, steady components.
 
-        Unclipped, the two points of a pair lie symmetrically about the mean in their steady components. Turning each
-        pair by 45 degrees leaves its sum with zeros there and its difference with the old factor: half the work.
+        The rows of the two points of a pair are turned by 45 degrees into their difference and their sum. A component
+        is steady if the points still lie where its factor put them: the differences are then the columns of that
+        factor and the sums are zero. Rows may end early, in zeros.
+
+        Args:
+            deviations: of every sigma point from the mean, the centre first.
+            steady: rows of the belief's factor for the steady components.
+
+        Returns:
+            Differences, sums (with the centre unless its weight is negative), and the centre if it is.
         """
-        n = (len(points) - 1) // 2
+        n = (len(deviations) - 1) // 2
         _, centre_weight, weight = self.rule.weights(n)
-        symmetric = self.bounds is None
-        indices = range(len(mean))
-        still = set(indices[steady]) if symmetric else set()
-        centre = [0.0 if i in still else points[0][i] - mean[i] for i in indices]
-        rows: list[list[Scalar]] = []
-        for above, below in zip(points[1 : n + 1], points[n + 1 :], strict=True):
-            if symmetric:
-                root = sqrt(0.5 * weight)
-                rows.append([times(root, _difference(above[i], below[i])) for i in indices])
-                rows.append(
-                    [0.0 if i in still else root * ((above[i] - mean[i]) + (below[i] - mean[i])) for i in indices]
-                )
-            else:
-                root = sqrt(weight)
-                rows += [[root * (point[i] - mean[i]) for i in indices] for point in (above, below)]
-        root = sqrt(abs(centre_weight))
-        centre = [times(root, entry) for entry in centre]
-        if centre_weight > 0:
-            rows.append(centre)
-        factor = triangular_factor(rows + noise)
-        if centre_weight >= 0:
-            return factor, False
-        return rank_one_downdate(factor, centre)
+        root, pairs = sqrt(0.5 * weight), list(zip(deviations[1 : n + 1], deviations[n + 1 :], strict=True))
+        columns = [tuple(row[j] if j < len(row) else 0.0 for row in steady) for j in range(n)]
+        differences = [
+            (*(root * (a - b) for a, b in zip(*pair, strict=True)), *column)
+            for pair, column in zip(pairs, columns, strict=True)
+        ]
+        sums = [tuple(root * (a + b) for a, b in zip(*pair, strict=True)) for pair in pairs]
+        centre = tuple(times(sqrt(abs(centre_weight)), entry) for entry in deviations[0])
+        return (differences, [*sums, centre], ()) if centre_weight >= 0 else (differences, sums, centre)
 
 
-def _difference(a: Scalar, b: Scalar) -> Scalar:
-    """A - b, a structural zero where both are the same object: a component no sigma point of the pair moves."""
-    return 0.0 if a is b else a - b
+def _factor(rows: Sequence[Vector], removed: Vector) -> tuple[Triangle, Scalar]:
+    """Lower factor of the rows less one that is removed, and whether that failed; short rows end in zeros."""
+    factor = triangular_factor(rows)
+    return rank_one_downdate(factor, (*removed, *[0.0] * (len(factor) - len(removed)))) if removed else (factor, False)
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def _diagonal(entries: Sequence[Scalar]) -> list[Vector]:
+    return [(*[0.0] * i, entry) for i, entry in enumerate(entries)]
+
+
+def _transpose(factor: Triangle) -> list[Vector]:
+    return [(*[0.0] * j, *(row[j] for row in factor[j:])) for j in range(len(factor))]

@@ -4,8 +4,11 @@ predict:  points from chol(P), x = sum w f(point), P = sum w (f(point) - x)(f(po
 update:   points from chol(P), S = sum w (h - y)(h - y)^T + R, P_xy = sum w (point - x)(h - y)^T
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
 
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
@@ -24,7 +27,8 @@ class UnscentedKalmanFilter:
         """See `Filter.predict`."""
         d = space.n_dynamic
         points = self._points(belief)
-        images = [(*space.transition(point, control, step), *point[d:]) for point in points]
+        moved = at_points(lambda point: space.transition(point, control, step), points)
+        images = [(*image, *point[d:]) for image, point in zip(moved, points, strict=True)]
         mean = (*weighted_mean(self.rule, len(belief.mean), [image[:d] for image in images]), *belief.mean[d:])
         deviations = [_minus(image, mean) for image in images]
         weights = self._weights(len(belief.mean))
@@ -39,7 +43,7 @@ class UnscentedKalmanFilter:
         """See `Filter.update`."""
         n = len(belief.mean)
         points = self._points(belief)
-        images = [space.observe(point, control) for point in points]
+        images = at_points(lambda point: space.observe(point, control), points)
         predicted = weighted_mean(self.rule, n, images)
         masked = mask_missing(space, measurement, predicted)
         residuals = [
@@ -60,6 +64,12 @@ class UnscentedKalmanFilter:
     def _weights(self, n: int) -> list[float]:
         _, centre, other = self.rule.weights(n)
         return [centre, *[other] * (2 * n)]
+
+
+def at_points(function: Callable[[Vector], Vector], points: Sequence[Vector]) -> list[Vector]:
+    """Values of a function at the sigma points, in a small loop: the model is compiled once, and computed once."""
+    values = jax.lax.map(function, tuple(jnp.stack(column) for column in zip(*points, strict=True)))
+    return [tuple(column[p] for column in values) for p in range(len(points))]
 
 
 def weighted_mean(rule: UnscentedRule, n: int, points: Sequence[Vector]) -> Vector:

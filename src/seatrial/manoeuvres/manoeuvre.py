@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from jaxtyping import Float
@@ -49,7 +50,9 @@ class Limits:
             sample_time: s.
         """
         broken = {}
-        if self.upper is not None and (top := float(control.max())) > self.upper * (1 + 1e-12):
+        if not np.isfinite(control).all():
+            broken["finite"] = (float(control[~np.isfinite(control)][0]), inf)
+        if self.upper is not None and (top := float(control.max())) > self.upper + 1e-12 * abs(self.upper):
             broken["upper"] = (top, self.upper)
         if self.lower is not None and (bottom := float(control.min())) < self.lower - 1e-12 * abs(self.lower):
             broken["lower"] = (bottom, self.lower)

@@ -101,6 +101,13 @@ def random_steps(
             expected=f"more than 0 and at most the duration, {duration:g} s",
             remedy="two to three seconds excite a vehicle of 3 s time constant well",
         )
+    if not start < duration:
+        raise InputError(
+            "manoeuvre random_steps",
+            found=f"start {start:g} s",
+            expected=f"before the end, {duration:g} s",
+            remedy="start earlier or lengthen the trial",
+        )
     n_levels = int(np.ceil((duration - start) / hold + 1e-9))
     levels = trim + amplitude * np.random.default_rng(seed).uniform(-1.0, 1.0, n_levels)
 

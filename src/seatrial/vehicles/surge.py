@@ -5,8 +5,9 @@ The paper's model is the set {X_u, X_uabsu, T_nabsn}, its eq. (3); X_du3 adds th
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import copysign, isfinite
 
+import numpy as np
 from scipy.optimize import brentq
 
 from seatrial.core.coefficients import CoefficientName
@@ -76,23 +77,28 @@ def surge_vehicle(hull: SurgeHull, terms: Sequence[str]) -> VehicleModel:
 
 
 def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], limit: float = 20.0) -> float:
-    """Equilibrium surge speed, m/s, under a constant control: the root of du/dt in [-limit, limit].
+    """Equilibrium surge speed, m/s, that the vehicle reaches from rest under a constant control.
+
+    It is the first zero of du/dt on the side to which the vehicle sets off; others may lie beyond, unstable.
 
     Raises:
-        InputError: no equilibrium there, for example because the damping does not dissipate.
+        InputError: no equilibrium up to `limit`, for example because the damping does not dissipate.
     """
 
     def rate(u: float) -> float:
         return float(model.derivative(params, (u,), tuple(control))[0])
 
-    if rate(-limit) * rate(limit) > 0 or not isfinite(rate(limit)):
+    start = rate(0.0)
+    speeds = copysign(limit, start) * np.linspace(0.0, 1.0, 401)
+    beyond = next((i for i, speed in enumerate(speeds) if rate(speed) * start <= 0), None)
+    if beyond is None:
         raise InputError(
             f'vehicle "{model.name}", trim',
-            found=f"du/dt of the same sign at -{limit:g} and +{limit:g} m/s",
+            found=f"du/dt = {start:.3g} m/s^2 at rest and of that sign up to {speeds[-1]:g} m/s",
             expected="drag that balances the thrust at some speed",
             remedy="check the signs of the damping coefficients: negative dissipates",
         )
-    return float(brentq(rate, -limit, limit, xtol=1e-14, rtol=1e-14))
+    return float(brentq(rate, speeds[beyond - 1], speeds[beyond], xtol=1e-14, rtol=1e-14)) if beyond else 0.0
 
 
 def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
@@ -111,6 +117,19 @@ def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
             expected="a number from 0 to below 1",
             remedy="0.1 is typical of a torpedo-shaped vehicle",
         )
+    for name, value in (*hull.fixed.items(), *hull.trim.items()):
+        if not isfinite(value):
+            raise InputError(
+                f"{where}, {name}", found=str(value), expected="a finite number", remedy="give its SI value"
+            )
+    added = hull.fixed.get("X_udot", 0.0)
+    if hull.mass is not None and added >= hull.mass:
+        raise InputError(
+            f"{where}, X_udot",
+            found=f"{added} kg against a mass of {hull.mass} kg",
+            expected="m - X_udot > 0",
+            remedy="added mass X_udot is negative in SNAME notation: check its sign",
+        )
     available = {"u", "n", "tau_X", *hull.trim}
     seen: dict[CoefficientName, str] = {}
     for term in terms:
@@ -120,6 +139,13 @@ def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
                 found=f'axis "{term.axis}"',
                 expected="X or T: this is the surge model",
                 remedy="leave the term out",
+            )
+        if term.is_added_mass and term != CoefficientName.parse("X_udot"):
+            raise InputError(
+                f"{where}, term {term.text}",
+                found="another power or product of du/dt",
+                expected="X_udot",
+                remedy="leave the term out: the surge model is linear in du/dt",
             )
         for signal in term.signals:
             if signal not in available:

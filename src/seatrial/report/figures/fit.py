@@ -14,6 +14,7 @@ from seatrial.report.figures.style import (
     WIDE,
     draw_dots,
     label_axes,
+    limit_ticks,
     new_figure,
     thin,
     thin_steps,
@@ -78,7 +79,7 @@ def record_fit(
     for panel, control in zip(axes[len(channels) :], controls, strict=True):
         keep = thin_steps(control.values, most)
         panel.plot(time[keep], control.values[keep], color=MUTED, linewidth=1.0, label="control")
-        panel.yaxis.get_major_locator().set_params(nbins=2)
+        limit_ticks(panel.yaxis, 2)
         panel.margins(y=0.12)
         label_axes(panel, y=control.label)
     axes[-1].set_xlim(float(time[0]), float(time[-1]))

@@ -17,6 +17,7 @@ from seatrial.report.figures.style import (
     SMALL,
     draw_dots,
     label_axes,
+    limit_ticks,
     new_figure,
     power_of_ten,
     thin,
@@ -79,7 +80,7 @@ def pair(
             zorder=6,
         )
     axes.set(xlim=ranges[0], ylim=ranges[1])
-    axes.xaxis.get_major_locator().set_params(nbins=4)
+    limit_ticks(axes.xaxis, 4)
     label_axes(axes, unit_label(symbols[0], units[0], exponents[0]), unit_label(symbols[1], units[1], exponents[1]))
     return figure
 
@@ -110,7 +111,15 @@ def correlations(matrix: np.ndarray, symbols: Sequence[str]) -> "Figure":
     for row, column in zip(rows, columns, strict=True):
         if np.isfinite(matrix[row, column]) and (count <= LEGIBLE or abs(matrix[row, column]) >= 0.5):
             text = f"{matrix[row, column]:+.2f}".replace("-", "−")
-            axes.text(column, row, text, ha="center", va="center", fontsize=SMALL if count <= LEGIBLE else 6, color=INK)
+            axes.text(
+                float(column),
+                float(row),
+                text,
+                ha="center",
+                va="center",
+                fontsize=SMALL if count <= LEGIBLE else 6,
+                color=INK,
+            )
     axes.set(xlim=(-0.5, count - 1.5), ylim=(count - 0.5, 0.5))
     axes.set_xticks(range(count - 1), symbols[:-1], rotation=90 if count > 5 else 0)
     axes.set_yticks(range(1, count), symbols[1:])

@@ -1,6 +1,6 @@
 """One parameter before and after the data: draws, prior, normal approximation, 95 % interval and, if known, the truth."""
 
-from math import pi, sqrt
+from math import log, pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from seatrial.report.figures.style import (
     NARROW,
     PURPLE,
     label_axes,
+    limit_ticks,
     new_figure,
     power_of_ten,
     unit_label,
@@ -25,7 +26,7 @@ WIDTH, HIGHEST = 4.5, 2.5
 
 
 class PriorShape(NamedTuple):
-    """A prior as stored: uniform where both bounds are finite, else normal."""
+    """A prior as stored: bounds, mean and standard deviation, which together say of what kind it is."""
 
     lower: float
     upper: float
@@ -33,15 +34,26 @@ class PriorShape(NamedTuple):
     sd: float
 
     @property
-    def is_uniform(self) -> bool:
-        """Whether it is uniform between its bounds."""
+    def is_bounded(self) -> bool:
+        """Whether it has bounds: it is uniform or log-uniform then, and normal otherwise."""
         return bool(np.isfinite(self.lower) and np.isfinite(self.upper))
+
+    @property
+    def is_logarithmic(self) -> bool:
+        """Whether it is uniform in the logarithm, which its mean tells."""
+        if not self.is_bounded or not 0 < self.lower < self.upper:
+            return False
+        middle = 0.5 * (self.lower + self.upper)
+        return abs(self.mean - (self.upper - self.lower) / log(self.upper / self.lower)) < abs(self.mean - middle)
 
     def density(self, x: np.ndarray) -> np.ndarray:
         """Density at x."""
-        if self.is_uniform:
-            return np.where((x >= self.lower) & (x <= self.upper), 1.0 / (self.upper - self.lower), 0.0)
-        return normal_density(x, self.mean, self.sd)
+        if not self.is_bounded:
+            return normal_density(x, self.mean, self.sd)
+        inside = (x >= self.lower) & (x <= self.upper)
+        if self.is_logarithmic:
+            return np.where(inside, 1.0 / (np.where(inside, x, 1.0) * log(self.upper / self.lower)), 0.0)
+        return np.where(inside, 1.0 / (self.upper - self.lower), 0.0)
 
 
 def marginal(
@@ -93,7 +105,7 @@ def marginal(
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.grid(False)
-    axes.xaxis.get_major_locator().set_params(nbins=5)
+    limit_ticks(axes.xaxis, 5)
     label_axes(axes, unit_label(symbol, unit, exponent))
     return figure
 
@@ -112,9 +124,9 @@ def _frame(draws: np.ndarray, mean: float, sd: float, prior: PriorShape, truth: 
     low, high = np.quantile(draws, [0.0005, 0.9995])
     low, high = max(float(low), mean - 1.5 * WIDTH * sd), min(float(high), mean + 1.5 * WIDTH * sd)
     low, high = min(low, mean - WIDTH * sd), max(high, mean + WIDTH * sd)
-    if prior.is_uniform:
-        low, high = max(low, prior.lower), min(high, prior.upper)
+    if prior.is_bounded:
+        low, high = max(low, min(prior.lower, draws.min())), min(high, max(prior.upper, draws.max()))
     if truth is not None:
         low, high = min(low, truth), max(high, truth)
-    pad = 0.04 * ((high - low) or abs(high) or 1.0)
-    return low - pad, high + pad
+    width = high - low if high - low > 1e-9 * abs(high) else abs(high) or 1.0
+    return low - 0.04 * width, high + 0.04 * width

@@ -9,12 +9,13 @@ from seatrial.report.figures.style import BLUE, DOTS, FONT, INK, SMALL, WIDE, la
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 
 def probability_bars(
     labels: Sequence[str],
-    probability: Sequence[float],
-    error: Sequence[float],
+    probability: "ArrayLike",
+    error: "ArrayLike",
     chosen: int | None = None,
     axis_label: str = "probability",
 ) -> "Figure":
@@ -44,10 +45,10 @@ def probability_bars(
         capsize=3,
         zorder=3,
     )
-    for index in place:
+    for index in range(count):
         axes.annotate(
             f"{value[index]:.2f}",
-            (min(value[index] + spread[index], 1.0), index),
+            (min(float(value[index] + spread[index]), 1.0), index),
             xytext=(5, 0),
             textcoords="offset points",
             va="center",

@@ -4,13 +4,15 @@ The palette is safe for colour-blind readers (after Okabe and Ito, 2008): blue a
 Every colour has a light and a dark form; figures are drawn in the light one and the page swaps them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch
 
@@ -28,11 +30,21 @@ PALETTE: dict[str, tuple[str, str]] = {
 """Name to (light, dark)."""
 INK, MUTED, RULE, PAPER, DOTS, BLUE, ORANGE, PURPLE, HATCH = (light for light, _ in PALETTE.values())
 POINT = 1 / 72
-WIDE, NARROW = 380, 270
+WIDE, NARROW = 360, 270
 """Widths of a figure, in points."""
 FONT, SMALL = 10, 9
 BAND = 0.22
 """Opacity of bands."""
+
+
+@contextmanager
+def own_settings() -> Iterator[None]:
+    """Set aside what users have configured for their own figures, while the block runs."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        yield
 
 
 def new_figure(
@@ -68,8 +80,6 @@ def new_figure(
 
 def style_axes(axes: "Axes") -> "Axes":
     """Give axes a quiet frame: two thin spines, light grid, short ticks."""
-    from matplotlib.ticker import MaxNLocator
-
     axes.set_facecolor("none")
     for name, spine in axes.spines.items():
         spine.set_visible(name in ("left", "bottom"))
@@ -78,10 +88,17 @@ def style_axes(axes: "Axes") -> "Axes":
     axes.grid(True, color=RULE, linewidth=0.7)
     axes.set_axisbelow(True)
     axes.tick_params(colors=MUTED, labelsize=SMALL, length=3, width=0.8, labelcolor=INK)
-    axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    limit_ticks(axes.xaxis, 6)
+    limit_ticks(axes.yaxis, 4)
     axes.margins(x=0)
     return axes
+
+
+def limit_ticks(axis: "Axis", most: int) -> None:
+    """Put ticks at round numbers, about so many at most."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
 
 
 def label_axes(axes: "Axes", x: str = "", y: str = "") -> None:

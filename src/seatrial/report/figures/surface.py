@@ -74,7 +74,7 @@ def _levels(gain: np.ndarray) -> np.ndarray:
 
     low, high = float(np.nanmin(gain)), float(np.nanmax(gain))
     spread = max(high - low, 1e-6 * max(abs(high), 1.0))
-    return MaxNLocator(LEVELS).tick_values(high - spread, high)
+    return np.asarray(MaxNLocator(LEVELS).tick_values(high - spread, high))
 
 
 def _hatch(axes: "Axes") -> None:
@@ -101,8 +101,9 @@ def _bar(figure: "Figure", contours) -> None:
     place = figure.axes[0].get_position()
     holder = figure.add_axes((place.x1 + 0.03, place.y0, 0.032, place.height))
     bar = figure.colorbar(contours, cax=holder)
-    bar.outline.set_visible(False)
-    bar.solids.set_edgecolor("face")
+    holder.set_frame_on(False)
+    for part in holder.collections:
+        part.set_edgecolor("face")
     bar.ax.tick_params(colors=MUTED, labelsize=SMALL, length=2, width=0.6, labelcolor=INK)
     bar.set_label("entropy reduction [nat]", fontsize=FONT, color=INK, labelpad=5)
 

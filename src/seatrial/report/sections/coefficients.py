@@ -1,5 +1,6 @@
 """The table of parameters of the chosen model: coefficients first, then what belongs to sensors and runs."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def prior_of(outcome: Outcome, name: str) -> PriorShape:
     return PriorShape(*(float(row[key]) for key in ("prior_lower", "prior_upper", "prior_mean", "prior_sd")))
 
 
-def _row(outcome: Outcome, item: dict[str, Any], truth: dict[str, float]) -> dict[str, Any]:
+def _row(outcome: Outcome, item: dict[str, Any], truth: Mapping[str, float]) -> dict[str, Any]:
     name, mean, sd = item["name"], item["mean"], item["sd"]
     value, spread, exponent = rounded(mean, sd)
     ess = min(item["ess_bulk"], item["ess_tail"])
@@ -68,10 +69,9 @@ def _row(outcome: Outcome, item: dict[str, Any], truth: dict[str, float]) -> dic
 def prior_words(prior: PriorShape, exponent: int = 0) -> str:
     """Say what was believed before the data, the power of ten pulled out."""
     scale = 10.0**-exponent
-    low, high = (
-        (prior.lower * scale, prior.upper * scale) if prior.is_uniform else (prior.mean * scale, prior.sd * scale)
-    )
-    words = (
-        f"{plain(low)} to {plain(high)}" if prior.is_uniform else f"{rounded(low, high)[0]} ± {rounded(low, high)[1]}"
-    )
-    return f"({words}){times_ten(exponent)}" if exponent else words
+    if prior.is_bounded:
+        words = f"{plain(prior.lower * scale)} to {plain(prior.upper * scale)}"
+    else:
+        words = " ± ".join(rounded(prior.mean * scale, prior.sd * scale)[:2])
+    words = f"({words}){times_ten(exponent)}" if exponent else words
+    return f"{words}, log" if prior.is_logarithmic else words

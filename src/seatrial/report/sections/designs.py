@@ -51,7 +51,7 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
         "figures": sweep_drawings(outcome, outcome.next, "next"),
         "enough": gain < ENOUGH,
         "gain": short(gain),
-        "shrinks": percent(1 - np.exp(-gain)),
+        "shrinks": short(float(np.exp(gain)), 2),
         "words": words[:1].upper() + words[1:],
         "structure": outcome.chosen.structure.label,
         "rows": _sd_rows(outcome, names, list(trial["sd_before"].values()), list(trial["sd_after"].values())),

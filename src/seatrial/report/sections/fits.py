@@ -36,6 +36,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
 def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: int) -> dict[str, Any]:
     time, channels, controls = record_curves(outcome, index, record)
     rows = [_row(fit) for fit in outcome.fits if fit.record == record.label]
+    title = "The trial" if record.label == "trial" else f"Run {record.label}"
     said = "; ".join(
         f"{row['channel']}: {row['explained']} explained, {row['coverage']} inside the band" for row in rows
     )
@@ -43,18 +44,18 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
         draw(
             record_fit(time, channels, controls, held_back, most),
             f"fit-{index}",
-            f"Run {record.label}: measured and predicted",
+            f"{title}: measured and predicted",
             "",
         ),
         draw(
             record_residuals(time, channels, held_back, most),
             f"residuals-{index}",
-            f"Run {record.label}: residuals in units of the predicted standard deviation, and their autocorrelation",
+            f"{title}: residuals in units of the predicted standard deviation, and their autocorrelation",
             "",
         ),
     ]
     return {
-        "title": "The trial" if record.label == "trial" else f"Run {record.label}",
+        "title": title,
         "held_back": held_back,
         "said": said,
         "figures": figures,

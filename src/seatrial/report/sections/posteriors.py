@@ -18,7 +18,7 @@ STRONG, MOST_PAIRS = 0.7, 6
 def section(outcome: Outcome) -> dict[str, Any]:
     """What `posteriors.html` prints."""
     names = outcome.chosen.names
-    matrix = np.corrcoef(outcome.chosen.draws().T) if len(names) > 1 else np.ones((1, 1))
+    matrix = correlation(outcome.chosen.draws())
     strong = sorted(
         (pair for pair in combinations(range(len(names)), 2) if abs(matrix[pair]) >= STRONG),
         key=lambda at: -abs(matrix[at]),
@@ -32,6 +32,13 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "structure": outcome.chosen.structure.label,
         "strong": f"{STRONG:g}",
     }
+
+
+def correlation(draws: np.ndarray) -> np.ndarray:
+    """Correlations of the columns of draws; NaN for a column that does not vary."""
+    centred, sd = draws - draws.mean(axis=0), draws.std(axis=0)
+    sd = np.where(sd > 1e-9 * np.abs(draws).max(axis=0), sd, np.nan)
+    return (centred / sd).T @ (centred / sd) / draws.shape[0]
 
 
 def _marginal(outcome: Outcome, index: int) -> Drawing:

@@ -1,0 +1,108 @@
+"""Speed against C and against what people use today: `python benchmarks/run.py` prints one table.
+
+Every measurement runs in a process of its own that is confined to one or two cores before JAX starts, and checks that
+all competitors computed the same numbers. Everything is written to outputs/benchmarks.json too.
+"""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+
+from timing import Ratio, Row
+
+MEASUREMENTS = {
+    "kernels.surge": (1, 2),
+    "kernels.sweep": (1, 2),
+    "peers.filters": (1,),
+    "peers.simulation": (1,),
+    "samplers.sampling": (1, 2),
+    "kernels.growth": (1,),
+}
+OUTPUT = Path(__file__).parents[1] / "outputs" / "benchmarks.json"
+
+
+def main() -> None:
+    """Run all measurements, or those named on the command line, and print the table."""
+    chosen = sys.argv[1:] or list(MEASUREMENTS)
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0
+    if not available:
+        print("This system cannot confine a process to a core: all numbers are for all cores.")
+    found = []
+    for name in chosen:
+        for cores in MEASUREMENTS[name]:
+            if cores <= max(available, 1):
+                print(f"{name}, {cores} core{'s' * (cores > 1)} ...", file=sys.stderr, flush=True)
+                found += _in_process(name, cores)
+    rows = [item for item in found if isinstance(item, Row)]
+    ratios = [item for item in found if isinstance(item, Ratio)]
+    _print(rows, ratios)
+    machine = {
+        "processor": _processor(),
+        "cores": available,
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("jax", "numpy", "scipy", "filterpy")},
+    }
+    OUTPUT.parent.mkdir(exist_ok=True)
+    content = {
+        "machine": machine,
+        "rows": [r._asdict() for r in rows],
+        "ratios": [r._asdict() | {"verdict": r.verdict} for r in ratios],
+    }
+    OUTPUT.write_text(json.dumps(content, indent=1))
+    print(f"\n{machine['processor']}; Python {machine['python']}, JAX {machine['jax']}; written to {OUTPUT}")
+
+
+def _in_process(name: str, cores: int) -> list[Row | Ratio]:
+    """Measure in a fresh process.
+
+    Raises:
+        SystemExit: the measurement failed, or its check did.
+    """
+    done = subprocess.run([sys.executable, __file__, "--worker", name, str(cores)], stdout=subprocess.PIPE, text=True)
+    if done.returncode:
+        raise SystemExit(f"benchmarks: {name} on {cores} core(s) failed")
+    return [(Row if kind == "row" else Ratio)(*values) for kind, values in json.loads(done.stdout)]
+
+
+def _worker(name: str, cores: int) -> None:
+    """Confine this process, then import what imports JAX, measure, and print JSON."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:cores])
+    os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "false"
+    module, function = name.split(".")
+    found = getattr(import_module(module), function)(cores)
+    print(json.dumps([("row" if isinstance(item, Row) else "ratio", item) for item in found]))
+
+
+def _print(rows: list[Row], ratios: list[Ratio]) -> None:
+    group = ""
+    for r in rows:
+        if r.group != group:
+            group = r.group
+            print(f"\n{group}\n  {'':58}{'cores':>6}{'median':>11}{'minimum':>11}")
+        print(f"  {r.what:58}{r.cores:6}{r.median:11.4g}{r.minimum:11.4g}  {r.unit}")
+    print(f"\nRatios of minima{'':44}{'cores':>6}")
+    for r in ratios:
+        print(f"  {r.group.split(',')[0] + ': ' + r.what:58}{r.cores:6}{r.value:11.4g}  {r.verdict}")
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    names = (
+        [line.split(":")[1].strip() for line in info.read_text().splitlines() if "model name" in line]
+        if info.exists()
+        else []
+    )
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--worker"]:
+        _worker(sys.argv[2], int(sys.argv[3]))
+    else:
+        main()

@@ -1,0 +1,50 @@
+"""Effective samples per second on the surge posterior, and the time of its evidence."""
+
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from problems import ENTRY, SIGMA, TRIM, trial, vehicle
+from timing import Ratio, Row
+
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.output_error import output_error
+from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.priors import Uniform
+from seatrial.sampling.adaptive_metropolis import MetropolisSettings, sample_adaptive_metropolis
+from seatrial.sampling.diagnostics import diagnose
+from seatrial.selection.evidence import EvidenceSettings, smc_evidence
+
+GROUP = "surge posterior, 1 500 steps of 0.04 s, 4 parameters"
+
+
+def sampling(cores: int) -> list[Row | Ratio]:
+    """Adaptive Metropolis from the posterior mode, warm-up counted, and tempered SMC evidence; compiled beforehand."""
+    posterior = _posterior()
+    mode, settings = find_mode(posterior, jax.random.key(0)), MetropolisSettings()
+    spread = jax.random.multivariate_normal(jax.random.key(1), mode.z, mode.cov, (settings.chains,))
+    rates = []
+    for seed in range(6):
+        start = time.perf_counter()
+        draws = sample_adaptive_metropolis(posterior, spread, jnp.asarray(mode.cov), jax.random.key(seed), settings)
+        seconds = time.perf_counter() - start
+        rates.append(diagnose(draws.z).ess_bulk.min() / seconds)
+    evidence, smc = EvidenceSettings(), []
+    for seed in range(3):
+        start = time.perf_counter()
+        smc_evidence(posterior, jax.random.key(seed), evidence)
+        smc.append(time.perf_counter() - start)
+    what = f"adaptive Metropolis, {settings.chains} chains, worst parameter"
+    name = f"tempered SMC evidence, {evidence.repeats} x {evidence.smc.particles} particles"
+    return [
+        Row(GROUP, what, cores, "effective samples/s", float(np.median(rates[1:])), min(rates[1:])),
+        Row(GROUP, name, cores, "s", float(np.median(smc[1:])), min(smc[1:])),
+    ]
+
+
+def _posterior() -> Posterior:
+    function, data = output_error(vehicle(), [trial(1_500, step=0.04)], ["u"], [[TRIM["u"]]])
+    priors = {name: Uniform(min(0.0, 3 * x), max(0.0, 3 * x)) for name, x in ENTRY.coefficients.items()}
+    priors["sigma_u"] = Uniform(0.0, 3 * SIGMA)
+    return Posterior(tuple(Parameter(name, "", name, prior) for name, prior in priors.items()), function, data)

@@ -1,0 +1,248 @@
+"""A made-up outcome of an imported campaign, with names that try to break the page; nothing is computed to make it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config import Campaign, load_campaign
+from seatrial.campaign.estimate import Estimate
+from seatrial.campaign.loop import Outcome
+from seatrial.campaign.predict import Fit
+from seatrial.campaign.trials import Trials
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.design.sweep import Sweep
+from seatrial.selection.evidence import Evidence
+from seatrial.selection.structures import Structure
+from seatrial.selection.verdict import select
+
+EVIL = "<script>alert(1)</script>"
+FITTED, HELD = ("1", '<b>$x_1$ & "y"'), "held_2"
+CAMPAIGN = """
+[campaign]
+name = "<script>alert(1)</script>"
+seed = 1
+[vehicle]
+mass = "unknown"
+[structure]
+always = ["X_tau_X"]
+optional = ["X_u", "X_uabsu"]
+[prior.X_tau_X]
+distribution = "uniform"
+lower = 0.0
+upper = 0.1
+[prior.X_u]
+distribution = "uniform"
+lower = -3.0
+upper = 0.0
+[prior.X_uabsu]
+distribution = "normal"
+mean = -4.0
+sd = 3.0
+[prior.delay]
+distribution = "uniform"
+lower = 0.0
+upper = 1.0
+[sensors.u]
+noise = "0.02 m/s"
+[sensors.udot]
+noise = "0.05 m/s^2"
+[limits.tau_X]
+lower = "-20 N"
+upper = "20 N"
+[design]
+control = "tau_X"
+duration = "30 s"
+active = "20 s"
+sample_time = "0.1 s"
+amplitude = { from = "5 N", to = "30 N", points = 5 }
+period = { from = "2 s", to = "20 s", points = 4 }
+[estimation]
+initial = "estimated"
+[import]
+fit = ["1"]
+[[import.files]]
+path = "run.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "u", unit = "m/s" }
+"""
+TRUE = {"X_tau_X": 0.0148, "X_u": -0.54, "X_uabsu": -3.5, "delay": 0.38, "sigma_u": 0.027, "sigma_udot": 2.6e-5}
+UNITS = {"delay": "s", "sigma_u": "m/s", "sigma_udot": "m/s^2"}
+LABELS = {"delay": r"t_{\mathrm{delay}}", "sigma_u": r"\sigma_{u}", "sigma_udot": r"\sigma_{\dot{u}}"}
+
+
+def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) -> Outcome:
+    """Return an outcome of two fitted records and one held back, four structures, and a next trial of the given gain."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "campaign.toml").write_text(CAMPAIGN)
+    campaign = load_campaign(folder)
+    random = np.random.default_rng(5)
+    trials = Trials(tuple(_record(label, random) for label in FITTED), (_record(HELD, random),), "key")
+    estimates = tuple(_estimate(structure, random) for structure in campaign.structures)
+    evidences = [
+        Evidence(-3.0 * index, 0.1, "made up", {"spread": 0.2, "temperatures": [9, 9]})
+        for index in range(len(estimates))
+    ]
+    selection = select(campaign.structures, evidences, campaign.source.structure.optional)
+    chosen, next_design = estimates[selection.chosen], _sweep(campaign, gain)
+    fits = tuple(
+        Fit(record.label, record.label == HELD, channel, 0.4, 0.03, 0.7, 0.9, 0.1, 150)
+        for record in (*trials.fit, *trials.predict)
+        for channel in campaign.channels
+    )
+    summary = {
+        "coefficients": [_row(chosen, name) for name in chosen.names],
+        "verdicts": list(selection.verdicts),
+        "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
+        "alarms": list(alarms),
+        "next_trial": _next_trial(next_design),
+    }
+    return Outcome(
+        campaign,
+        trials,
+        estimates,
+        selection,
+        chosen,
+        _filter(campaign, trials, random),
+        fits,
+        _predictions(campaign, trials),
+        None,
+        next_design,
+        summary,
+    )
+
+
+def _record(label: str, random: np.random.Generator) -> Record:
+    time = np.arange(150) * 0.1
+    control = np.where(np.sin(time) > 0, 15.0, -15.0)
+    u = 0.2 * np.sin(time) + 0.02 * random.normal(size=time.size)
+    u[::3] = np.nan
+    channels = (
+        Channel("tau_X", "N", "control"),
+        Channel("u", "m/s", "measurement"),
+        Channel("udot", "m/s^2", "measurement"),
+    )
+    provenance = Provenance(f"{EVIL}.csv", "0" * 64, {"note": EVIL})
+    return make_record(time, {"tau_X": control, "u": u, "udot": 0.2 * np.cos(time)}, channels, provenance, label)
+
+
+def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
+    names = [*structure.terms, *UNITS, *(f"u_0[{label}]" for label in FITTED)]
+    truth = np.array([TRUE.get(name, 0.01) for name in names])
+    common = random.normal(size=(4, 300, 1))
+    draws = truth + 0.1 * np.abs(truth) * (0.8 * common + 0.6 * random.normal(size=(4, 300, len(names))))
+    terms = {name: CoefficientName.parse(name) for name in structure.terms}
+    label = [terms[name].label if name in terms else LABELS.get(name, name) for name in names]
+    unit = ["1/kg" if name == "X_tau_X" else UNITS.get(name, "1/s") for name in names]
+    columns = {
+        "mode": truth,
+        "laplace_sd": 0.1 * np.abs(truth),
+        "mean": draws.mean((0, 1)),
+        "sd": draws.std((0, 1)),
+        "prior_mean": 1.2 * truth,
+        "prior_sd": np.abs(truth),
+        "prior_lower": truth - 2.0 * np.abs(truth),
+        "prior_upper": np.where(np.arange(len(names)) % 2, np.inf, truth + 2.0 * np.abs(truth)),
+        "r_hat": np.full(len(names), 1.002),
+        "ess_bulk": np.full(len(names), 900.0),
+        "ess_tail": np.full(len(names), 800.0),
+        "geweke": np.ones(len(names)),
+        "mcse": np.full(len(names), 1e-4),
+    }
+    data = xr.Dataset(
+        {
+            "draws": (("chain", "draw", "parameter"), draws),
+            **{name: ("parameter", column) for name, column in columns.items()},
+        },
+        coords={"parameter": names, "unit": ("parameter", unit), "label": ("parameter", label)},
+        attrs={
+            "acceptance": 0.23,
+            "laplace_log_evidence": 1.0,
+            "alarms": "[]",
+            "cautions": "[]",
+            "key": structure.label,
+        },
+    )
+    return Estimate(structure, data)
+
+
+def _row(estimate: Estimate, name: str) -> dict:
+    row = estimate.data.sel(parameter=name)
+    mean, sd = float(row["mean"]), float(row["sd"])
+    numbers = {key: float(row[key]) for key in ("r_hat", "ess_bulk", "ess_tail")}
+    return {
+        "name": name,
+        "label": str(row["label"].values),
+        "unit": str(row["unit"].values),
+        "mean": mean,
+        "sd": sd,
+        **numbers,
+        "lower_95": mean - 2 * sd,
+        "upper_95": mean + 2 * sd,
+    }
+
+
+def _filter(campaign: Campaign, trials: Trials, random: np.random.Generator) -> xr.Dataset:
+    names = list(campaign.structures[0].terms)
+    count = sum(record.time.size for record in trials.fit)
+    sd = 1.0 / np.sqrt(1.0 + np.arange(count))[:, None] * np.ones(len(names))
+    return xr.Dataset(
+        {
+            "time": ("sample", np.concatenate([record.time for record in trials.fit])),
+            "nis": ("sample", np.ones(count)),
+            "record": ("sample", np.repeat([0, 1], count // 2)),
+            "n_measured": ("sample", np.ones(count)),
+            "mean": (("sample", "coefficient"), 0.1 * sd * random.normal(size=sd.shape)),
+            "sd": (("sample", "coefficient"), sd),
+        },
+        coords={"coefficient": names},
+        attrs={"failures": 0, "records": json.dumps(FITTED), "filter": "square-root UKF"},
+    )
+
+
+def _predictions(campaign: Campaign, trials: Trials) -> xr.Dataset:
+    records = [*trials.fit, *trials.predict]
+    measured = np.concatenate(
+        [np.column_stack([record.channel(name) for name in campaign.channels]) for record in records]
+    )
+    time = np.concatenate([record.time for record in records])
+    mean = 0.2 * np.column_stack([np.sin(time), np.cos(time)])
+    return xr.Dataset(
+        {
+            "time": ("sample", time),
+            "record": ("sample", np.repeat(np.arange(len(records)), [r.time.size for r in records])),
+            "measured": (("sample", "channel"), measured),
+            "mean": (("sample", "channel"), mean),
+            "sd": (("sample", "channel"), np.full(mean.shape, 0.02)),
+        },
+        coords={"channel": list(campaign.channels)},
+    )
+
+
+def _sweep(campaign: Campaign, gain: float) -> Sweep:
+    amplitude, period = campaign.grid()
+    values = gain * np.linspace(0.5, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
+    values[amplitude > 20.0] = np.nan
+    sd = np.full((*values.shape, 3), 0.01)
+    return Sweep(
+        campaign.family, amplitude, period, np.where(np.isnan(values), np.nan, values), np.ones(values.shape), sd
+    )
+
+
+def _next_trial(sweep: Sweep) -> dict:
+    row, column = sweep.best
+    names = ("X_tau_X", "X_u", "X_uabsu")
+    return {
+        "control": "tau_X",
+        "unit": "kg m/s^2",
+        "trim": 0.0,
+        "amplitude": float(sweep.amplitude[row]),
+        "words": f"run {EVIL}",
+        "period": float(sweep.period[column]),
+        "gain_nat": float(sweep.gain[row, column]),
+        "peak_speed": 1.0,
+        "sd_before": dict.fromkeys(names, 0.02),
+        "sd_after": dict.fromkeys(names, 0.01),
+    }

@@ -1,0 +1,56 @@
+from math import inf, nan
+
+import pytest
+
+from seatrial.report.numbers import percent, plain, probability, rounded, rounded_like, short, unit_html, unit_text
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "expected"),
+    [
+        (-3.01557, 0.08101, ("−3.016", "0.081", 0)),
+        (6.36475e-4, 8.4025e-6, ("6.365", "0.084", -4)),
+        (0.0009, 0.0251, ("0.001", "0.025", 0)),
+        (2.4, 10.6, ("2", "11", 0)),
+        (1.0, 0.0996, ("1.00", "0.10", 0)),
+        (-0.0004, 0.02, ("0.000", "0.020", 0)),
+        (123456.0, 789.0, ("1.2346", "0.0079", 5)),
+        (0.5, 0.0, ("0.5000", "–", 0)),
+        (0.0, nan, ("0.000", "–", 0)),
+        (nan, 1.0, ("–", "–", 0)),
+    ],
+)
+def test_a_value_is_rounded_to_its_standard_deviation(value, sd, expected):
+    assert rounded(value, sd) == expected
+
+
+def test_an_interval_has_the_decimals_of_its_value():
+    assert rounded_like(6.201e-4, 6.36475e-4, 8.4025e-6) == "6.201"
+    assert rounded_like(-3.1743, -3.01557, 0.08101) == "−3.174"
+    assert rounded_like(inf, 1.0, 0.1) == "–"
+
+
+def test_numbers_are_short():
+    assert [short(x) for x in (0.0, 1.0, -0.02128, 2.1e-5, 12345.6, nan, 9.999)] == [
+        "0.00",
+        "1.00",
+        "−0.0213",
+        "2.10 × 10⁻⁵",
+        "12346",
+        "–",
+        "10.0",
+    ]
+    assert [plain(x) for x in (-8.8, 0.0, 2e-4, 20.0)] == ["−8.8", "0", "2 × 10⁻⁴", "20"]
+    assert percent(-0.126) == "−13 %"
+
+
+def test_probabilities_never_claim_certainty_that_was_rounded():
+    assert [probability(p) for p in (0.7, 1e-20, 0.9999, 1.0, nan)] == ["0.70", "< 0.01", "> 0.99", "1", "–"]
+    assert probability(0.1234, 0.001) == "0.123"
+
+
+def test_units_have_raised_powers_and_are_escaped():
+    assert unit_html("kg m/rad^2") == "kg\u202fm/rad<sup>2</sup>"
+    assert unit_html("1") == "–"
+    assert "<" not in unit_html("<")[:1]
+    assert unit_text("kg m/rad^2") == "kg m/rad²"

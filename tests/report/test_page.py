@@ -1,0 +1,149 @@
+"""The page: complete in itself, safe whatever names it prints, well formed, and the same bytes for the same results."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from seatrial.report.page import CONTENTS, render, write_report
+from tests.report.outcomes import EVIL, FITTED, HELD, make_outcome
+
+VOID = {"meta", "link", "br", "img", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """What a browser would find: elements with their attributes, text, and whether every tag is closed."""
+
+    def __init__(self, html: str):
+        super().__init__()
+        self.elements, self.open, self.text = [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open, f"</{tag}> closes nothing"
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    return make_outcome(tmp_path_factory.mktemp("report"))
+
+
+@pytest.fixture(scope="module")
+def html(outcome):
+    return render(outcome)
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_the_page_is_written_whole_beside_the_campaign(outcome, html):
+    path = write_report(outcome)
+    assert path == outcome.campaign.folder / "report.html"
+    assert path.read_text(encoding="utf-8") == html
+    assert len(html.encode()) < 1_500_000
+    assert not list(path.parent.glob("*.part"))
+
+
+def test_the_same_results_give_the_same_bytes_whatever_the_user_has_configured(outcome, html):
+    import matplotlib
+
+    with matplotlib.rc_context({"axes.linewidth": 9.0, "font.size": 30.0, "axes.unicode_minus": False}):
+        assert render(outcome) == html
+
+
+def test_nothing_is_loaded_from_elsewhere(html, page):
+    assert not re.search(r"https?://", html)
+    assert not re.search(r"@import|url\((?!#)", html)
+    tags = {tag for tag, _ in page.elements}
+    assert not tags & {"script", "iframe", "object", "embed", "img", "image", "form", "base"}
+    for tag, attributes in page.elements:
+        assert not any(name.startswith("on") for name in attributes), tag
+        for name in ("src", "href", "xlink:href", "action"):
+            assert attributes.get(name, "#").startswith(("#", "data:,")), (tag, attributes)
+
+
+def test_names_from_files_are_text(html, page):
+    assert EVIL not in html
+    assert "<b>" not in html
+    text = "".join(page.text)
+    for name in (EVIL, f"Run {FITTED[1]}", f"Run {HELD}"):
+        assert name in text
+
+
+def test_every_tag_is_closed_and_every_reference_has_its_target(html, page):
+    assert page.open == []
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    references = set(re.findall(r'url\(#([^)]*)\)|href="#([^"]*)"', html))
+    labelled = {name for _, attributes in page.elements for name in (attributes.get("aria-labelledby") or "").split()}
+    assert {a or b for a, b in references} | labelled <= set(ids)
+
+
+def test_sections_come_in_order_and_figures_have_titles(html, page):
+    headings = re.findall(r'<h2 id="[a-z]+-heading">([^<]*)</h2>', html)
+    assert headings == list(CONTENTS.values())
+    figures = [attributes for tag, attributes in page.elements if tag == "svg"]
+    assert len(figures) > 15
+    assert all(attributes["role"] == "img" and attributes["aria-labelledby"] for attributes in figures)
+
+
+def test_held_back_records_are_marked(html):
+    assert html.count('<span class="badge held">held back</span>') == 1 + 2 + 1
+    assert "Held-back records are orange" in html
+
+
+def test_alarms_come_first_and_take_the_answer_over(tmp_path):
+    names = ("X_u", "X_uabsu", "delay")
+    alarms = tuple(
+        f"M-0: the chains disagree about {name} (R-hat 1.0{index}3, at most 1.01): run longer"
+        for index, name in enumerate(names)
+    )
+    html = render(make_outcome(tmp_path, (*alarms, "evidence of M-0: repeats differ by 3.6 nats")))
+    assert "Do not use these numbers yet: 4 health checks failed" in html
+    said = html[html.index('id="summary"') : html.index('id="coefficients"')]
+    assert said.index('class="alarm"') < said.index('class="finding"') < said.index('class="caution"')
+    assert said.count('<li class="alarm">') == 2
+    assert "Likewise" in said
+
+
+def test_a_family_that_is_exhausted_is_said_to_be(tmp_path):
+    html = render(make_outcome(tmp_path, gain=0.01))
+    assert "this family of designs would teach little" in html
+    assert "Run next" not in html
+
+
+def test_chains_that_never_moved_do_not_break_the_page(tmp_path):
+    outcome = make_outcome(tmp_path)
+    for estimate in outcome.estimates:
+        for name in ("draws", "mode", "mean"):
+            estimate.data[name][...] = 0.3
+        for name in ("sd", "laplace_sd"):
+            estimate.data[name][...] = 0.0
+        for name in ("r_hat", "ess_bulk", "ess_tail"):
+            estimate.data[name][...] = np.nan
+    for row in outcome.summary["coefficients"]:
+        row |= {
+            "mean": 0.3,
+            "sd": 0.0,
+            "lower_95": 0.3,
+            "upper_95": 0.3,
+            "r_hat": np.nan,
+            "ess_bulk": np.nan,
+            "ess_tail": np.nan,
+        }
+    assert "0.3000" in render(outcome)
