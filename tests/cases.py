@@ -22,8 +22,11 @@ N0 = 12.5 * 2 * pi
 U0 = 1.541861549917
 """Golden trim speed, m/s."""
 
-CHANNELS = (Channel("n", "rad/s", "control"), Channel("u", "m/s", "measurement"),
-            Channel("udot", "m/s^2", "measurement"))
+CHANNELS = (
+    Channel("n", "rad/s", "control"),
+    Channel("u", "m/s", "measurement"),
+    Channel("udot", "m/s^2", "measurement"),
+)
 PROVENANCE = Provenance("trial.csv", "0" * 64, {"clock": "even"})
 
 

@@ -7,8 +7,20 @@ import seatrial
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted(Path(seatrial.__file__).parent.rglob("*.py"))
-FORBIDDEN = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib", "yaml",
-             "eval", "exec", "compile", "__import__"}
+FORBIDDEN = {
+    "pickle",
+    "cPickle",
+    "dill",
+    "cloudpickle",
+    "marshal",
+    "shelve",
+    "joblib",
+    "yaml",
+    "eval",
+    "exec",
+    "compile",
+    "__import__",
+}
 
 
 def test_imports_point_downwards_only():

@@ -8,9 +8,9 @@ from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 
 MISTAKES = {
-    "unknown key": (('seed = 3', 'seed = 3\nsede = 4'), 'unknown key "sede"', 'did you mean "seed"?'),
+    "unknown key": (("seed = 3", "seed = 3\nsede = 4"), 'unknown key "sede"', 'did you mean "seed"?'),
     "unknown key in a named table": (('noise = "0.05 m/s"', 'noize = "0.05 m/s"'), "sensors.u.", "noise"),
-    "unknown nested key": (('points = 3', 'point = 3'), "design.amplitude.", "points"),
+    "unknown nested key": (("points = 3", "point = 3"), "design.amplitude.", "points"),
     "unknown unit": (('"100 rpm"', '"100 rpn"'), 'unknown unit "rpn"', 'did you mean "rpm"?'),
     "unit of another dimension": (('upper = "1500 rpm"', 'upper = "1500 m"'), "limits.n.upper", "rad/s"),
     "number without unit": (('duration = "30 s"', "duration = 30"), "design.duration", "strings"),
@@ -32,7 +32,11 @@ MISTAKES = {
     "truth of an unknown term": (("X_u = -1.21", "X_w = -1.21"), "truth.X_w", "did you mean"),
     "no noise": (('noise = "0.05 m/s"', 'noise = "0 m/s"'), "sensors.u.noise", "more than 0"),
     "chains that are no multiple": (("warmup = 500", "warmup = 530"), "estimation.warmup", "multiple of 100"),
-    "neither truth nor import": (("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4", ""), "neither", "[import]"),
+    "neither truth nor import": (
+        ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4", ""),
+        "neither",
+        "[import]",
+    ),
 }
 
 

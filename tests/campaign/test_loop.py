@@ -74,7 +74,10 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
     folder, _ = finished
     copy = tmp_path / "copy"
     subprocess.run(["cp", "-r", str(folder), str(copy)], check=True)
-    stamps = {name: stamp_of(copy / "results" / name) for name in ("design.nc", "records/trial.nc", "posterior/M-0.nc", "selection.json")}
+    stamps = {
+        name: stamp_of(copy / "results" / name)
+        for name in ("design.nc", "records/trial.nc", "posterior/M-0.nc", "selection.json")
+    }
     text = (copy / "campaign.toml").read_text().replace("repeats = 2", "repeats = 3")
     (copy / "campaign.toml").write_text(text)
     run_loop(load_campaign(copy), Silent())

@@ -11,7 +11,8 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 
 SIGNAL_UNITS = {
-    **dict.fromkeys("uvw", "m/s"), **dict.fromkeys("pqrn", "rad/s"),
+    **dict.fromkeys("uvw", "m/s"),
+    **dict.fromkeys("pqrn", "rad/s"),
     **dict.fromkeys(("phi", "theta", "psi", "delta_r", "delta_s"), "rad"),
     **dict.fromkeys(("tau_X", "tau_Y", "tau_Z"), "kg*m/s^2"),
     **dict.fromkeys(("tau_K", "tau_M", "tau_N"), "kg*m^2/s^2"),
@@ -21,32 +22,47 @@ UNITS = pint.UnitRegistry(None)
 for base in ("meter = [length] = m", "second = [time] = s", "kilogram = [mass] = kg", "radian = [angle] = rad"):
     UNITS.define(base)
 
-VALUES = {"u": -1.7, "v": 0.4, "w": 0.3, "p": 0.2, "q": -0.6, "r": 0.5, "udot": -0.31, "phi": 0.1,
-          "psi": -2.0, "n": -70.0, "delta_r": -0.2, "tau_X": 12.0}
+VALUES = {
+    "u": -1.7,
+    "v": 0.4,
+    "w": 0.3,
+    "p": 0.2,
+    "q": -0.6,
+    "r": 0.5,
+    "udot": -0.31,
+    "phi": 0.1,
+    "psi": -2.0,
+    "n": -70.0,
+    "delta_r": -0.2,
+    "tau_X": 12.0,
+}
 TRIM = {"u": 1.5, "n": 78.5, "delta_r": 0.05}
 
 
-@pytest.mark.parametrize(("text", "unit", "label", "value"), [
-    ("X_u", "kg/s", "X_{u}", -1.7),
-    ("X_uabsu", "kg/m", "X_{u|u|}", -1.7 * 1.7),
-    ("X_uu", "kg/m", "X_{uu}", 1.7**2),
-    ("X_du3", "kg s/m^2", r"X_{\Delta u^3}", (-1.7 - 1.5) ** 3),
-    ("X_absdu", "kg/s", r"X_{|\Delta u|}", 3.2),
-    ("X_udot", "kg", r"X_{\dot{u}}", -0.31),
-    ("X_0", "kg m/s^2", "X_{0}", 1.0),
-    ("X_tau_X", "1", r"X_{\tau_X}", 12.0),
-    ("T_nabsn", "kg m/rad^2", "T_{n|n|}", -70.0 * 70.0),
-    ("T_un", "kg/rad", "T_{un}", 119.0),
-    ("Q_nabsn", "kg m^2/rad^2", "Q_{n|n|}", -4900.0),
-    ("Y_uudelta_r", "kg/(m rad)", r"Y_{uu\delta_r}", 1.7**2 * -0.2),
-    ("Y_ddelta_r", "kg m/(s^2 rad)", r"Y_{\Delta \delta_r}", -0.25),
-    ("N_rabsr", "kg m^2/rad^2", "N_{r|r|}", 0.25),
-    ("K_phi", "kg m^2/(s^2 rad)", r"K_{\phi}", 0.1),
-    ("N_psi", "kg m^2/(s^2 rad)", r"N_{\psi}", -2.0),
-    ("K_pphi", "kg m^2/(s rad^2)", r"K_{p\phi}", 0.02),
-    ("M_uq", "kg m/rad", "M_{uq}", 1.02),
-    ("Z_w2", "kg/m", "Z_{w^2}", 0.09),
-])
+@pytest.mark.parametrize(
+    ("text", "unit", "label", "value"),
+    [
+        ("X_u", "kg/s", "X_{u}", -1.7),
+        ("X_uabsu", "kg/m", "X_{u|u|}", -1.7 * 1.7),
+        ("X_uu", "kg/m", "X_{uu}", 1.7**2),
+        ("X_du3", "kg s/m^2", r"X_{\Delta u^3}", (-1.7 - 1.5) ** 3),
+        ("X_absdu", "kg/s", r"X_{|\Delta u|}", 3.2),
+        ("X_udot", "kg", r"X_{\dot{u}}", -0.31),
+        ("X_0", "kg m/s^2", "X_{0}", 1.0),
+        ("X_tau_X", "1", r"X_{\tau_X}", 12.0),
+        ("T_nabsn", "kg m/rad^2", "T_{n|n|}", -70.0 * 70.0),
+        ("T_un", "kg/rad", "T_{un}", 119.0),
+        ("Q_nabsn", "kg m^2/rad^2", "Q_{n|n|}", -4900.0),
+        ("Y_uudelta_r", "kg/(m rad)", r"Y_{uu\delta_r}", 1.7**2 * -0.2),
+        ("Y_ddelta_r", "kg m/(s^2 rad)", r"Y_{\Delta \delta_r}", -0.25),
+        ("N_rabsr", "kg m^2/rad^2", "N_{r|r|}", 0.25),
+        ("K_phi", "kg m^2/(s^2 rad)", r"K_{\phi}", 0.1),
+        ("N_psi", "kg m^2/(s^2 rad)", r"N_{\psi}", -2.0),
+        ("K_pphi", "kg m^2/(s rad^2)", r"K_{p\phi}", 0.02),
+        ("M_uq", "kg m/rad", "M_{uq}", 1.02),
+        ("Z_w2", "kg/m", "Z_{w^2}", 0.09),
+    ],
+)
 def test_name_is_the_equation(text, unit, label, value):
     name = CoefficientName.parse(text)
     assert (name.axis, name.unit, name.label, str(name)) == (text[0], unit, label, text)
@@ -65,23 +81,48 @@ def test_regressor_on_arrays():
     assert np.array_equal(CoefficientName.parse("X_uabsu").regressor({"u": u}, {}), u * np.abs(u))
 
 
-@pytest.mark.parametrize(("left", "right", "equal"), [
-    ("Y_uv", "Y_vu", True), ("X_u2", "X_uu", True), ("X_u2", "X_absuabsu", True), ("X_u2", "X_absu2", True),
-    ("X_uabsu", "X_absuu", True), ("X_absu3", "X_u2absu", True), ("X_u3", "X_uabsu2", True),
-    ("X_uabsu", "X_uu", False), ("X_u", "Y_u", False), ("X_du2", "X_u2", False), ("X_udot", "X_u", False),
-    ("X_0", "X_u", False),
-])
+@pytest.mark.parametrize(
+    ("left", "right", "equal"),
+    [
+        ("Y_uv", "Y_vu", True),
+        ("X_u2", "X_uu", True),
+        ("X_u2", "X_absuabsu", True),
+        ("X_u2", "X_absu2", True),
+        ("X_uabsu", "X_absuu", True),
+        ("X_absu3", "X_u2absu", True),
+        ("X_u3", "X_uabsu2", True),
+        ("X_uabsu", "X_uu", False),
+        ("X_u", "Y_u", False),
+        ("X_du2", "X_u2", False),
+        ("X_udot", "X_u", False),
+        ("X_0", "X_u", False),
+    ],
+)
 def test_equal_names_are_those_of_one_regressor(left, right, equal):
     first, second = CoefficientName.parse(left), CoefficientName.parse(right)
     assert (first == second) is equal
     assert len({first, second}) == (1 if equal else 2)
 
 
-@pytest.mark.parametrize(("text", "character", "found"), [
-    ("X_uabsx", 4, '"absx"'), ("X_", 3, "nothing"), ("X_u1", 4, '"1"'), ("X_u22", 5, '"2"'), ("X_0u", 3, '"0u"'),
-    ("X_u0", 4, '"0"'), ("X_dudot", 3, '"dudot"'), ("X_phidot", 3, '"phidot"'), ("X__u", 3, '"_u"'), ("X_u ", 4, '" "'),
-    ("X_uabs", 4, '"abs"'), ("Y_uudelta", 5, '"delta"'), ("X_U", 3, '"U"'), ("X_u-v", 4, '"-v"'),
-])
+@pytest.mark.parametrize(
+    ("text", "character", "found"),
+    [
+        ("X_uabsx", 4, '"absx"'),
+        ("X_", 3, "nothing"),
+        ("X_u1", 4, '"1"'),
+        ("X_u22", 5, '"2"'),
+        ("X_0u", 3, '"0u"'),
+        ("X_u0", 4, '"0"'),
+        ("X_dudot", 3, '"dudot"'),
+        ("X_phidot", 3, '"phidot"'),
+        ("X__u", 3, '"_u"'),
+        ("X_u ", 4, '" "'),
+        ("X_uabs", 4, '"abs"'),
+        ("Y_uudelta", 5, '"delta"'),
+        ("X_U", 3, '"U"'),
+        ("X_u-v", 4, '"-v"'),
+    ],
+)
 def test_malformed_name_shows_the_place(text, character, found):
     with pytest.raises(InputError) as caught:
         CoefficientName.parse(text)
@@ -114,14 +155,18 @@ def factors(draw, signals=tuple(SIGNAL_UNITS)):
 
 
 def spelling(axis, chosen):
-    parts = [("abs" * modulus) + ("d" * change) + signal + ("dot" * dot) + (str(power) if power > 1 else "")
-             for modulus, change, signal, dot, power in chosen]
+    parts = [
+        ("abs" * modulus) + ("d" * change) + signal + ("dot" * dot) + (str(power) if power > 1 else "")
+        for modulus, change, signal, dot, power in chosen
+    ]
     return f"{axis}_{''.join(parts)}"
 
 
 def value_of(chosen, signals, trim):
-    values = [(signals[signal + "dot"] if dot else signals[signal] - trim[signal] * change, modulus, power)
-              for modulus, change, signal, dot, power in chosen]
+    values = [
+        (signals[signal + "dot"] if dot else signals[signal] - trim[signal] * change, modulus, power)
+        for modulus, change, signal, dot, power in chosen
+    ]
     return prod((abs(x) if modulus else x) ** power for x, modulus, power in values)
 
 

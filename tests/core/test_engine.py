@@ -17,13 +17,23 @@ def run_python(code: str, tmp_path, **environment: str) -> str:
     """Run code in a fresh interpreter without any setting but those given."""
     clean = {name: value for name, value in os.environ.items() if name not in SETTINGS}
     defaults = {"JAX_PLATFORMS": "cpu", "XDG_CACHE_HOME": str(tmp_path)}
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                          env={**clean, **defaults, **environment}).stdout.strip()
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**clean, **defaults, **environment},
+    ).stdout.strip()
 
 
-@pytest.mark.parametrize(("flags", "one_kernel"), [
-    ("", "True"), ("--xla_cpu_enable_fast_math=false", "True"), (OTHER_BACKEND_OPTION, "False"),
-])
+@pytest.mark.parametrize(
+    ("flags", "one_kernel"),
+    [
+        ("", "True"),
+        ("--xla_cpu_enable_fast_math=false", "True"),
+        (OTHER_BACKEND_OPTION, "False"),
+    ],
+)
 def test_a_time_loop_becomes_one_kernel(tmp_path, flags, one_kernel):
     assert run_python(TIME_LOOP, tmp_path, XLA_FLAGS=flags) == one_kernel
 
@@ -38,12 +48,15 @@ def test_flags_of_the_user_are_kept(tmp_path, flags):
 DTYPE = "import jax.numpy as jnp; print(jnp.ones(1).dtype)"
 
 
-@pytest.mark.parametrize(("code", "environment", "dtype"), [
-    (f"import seatrial; {DTYPE}", {}, "float64"),
-    (f"import jax, seatrial; {DTYPE}", {}, "float64"),
-    (f"import seatrial; {DTYPE}", {"JAX_ENABLE_X64": "0"}, "float32"),
-    (f"import jax, seatrial; {DTYPE}", {"JAX_ENABLE_X64": "0"}, "float32"),
-])
+@pytest.mark.parametrize(
+    ("code", "environment", "dtype"),
+    [
+        (f"import seatrial; {DTYPE}", {}, "float64"),
+        (f"import jax, seatrial; {DTYPE}", {}, "float64"),
+        (f"import seatrial; {DTYPE}", {"JAX_ENABLE_X64": "0"}, "float32"),
+        (f"import jax, seatrial; {DTYPE}", {"JAX_ENABLE_X64": "0"}, "float32"),
+    ],
+)
 def test_double_precision_unless_the_user_says_otherwise(tmp_path, code, environment, dtype):
     assert run_python(code, tmp_path, **environment) == dtype
 

@@ -41,12 +41,15 @@ def test_gaps_in_measurements_are_kept():
     assert np.array_equal(np.isnan(record.channel("u")), [False, True, False, True, False])
 
 
-@pytest.mark.parametrize(("time", "message"), [
-    ([0.0, 0.1, 0.1, 0.2, 0.3], r"row 3\n.*same time stamp as the row before \(.*; 1 such rows"),
-    ([0.0, 0.1, 0.05, 0.2, 0.15], r"row 3\n.*time running backwards \(.*; 2 such rows"),
-    ([0.0, 0.1, np.nan, 0.3, 0.4], r"row 3\n.*time nan"),
-    ([0.0, 0.1, 0.2, np.inf, 0.4], r"row 4\n.*time inf"),
-])
+@pytest.mark.parametrize(
+    ("time", "message"),
+    [
+        ([0.0, 0.1, 0.1, 0.2, 0.3], r"row 3\n.*same time stamp as the row before \(.*; 1 such rows"),
+        ([0.0, 0.1, 0.05, 0.2, 0.15], r"row 3\n.*time running backwards \(.*; 2 such rows"),
+        ([0.0, 0.1, np.nan, 0.3, 0.4], r"row 3\n.*time nan"),
+        ([0.0, 0.1, 0.2, np.inf, 0.4], r"row 4\n.*time inf"),
+    ],
+)
 def test_time_must_increase(time, message):
     with pytest.raises(InputError, match=message):
         record_of(time=np.array(time))
@@ -59,17 +62,20 @@ def test_too_few_samples(size):
         record_of(time=TIME[:size], **short)
 
 
-@pytest.mark.parametrize(("changed", "message"), [
-    ({"u": np.full(5, np.nan)}, 'channel "u"\n.*no finite value'),
-    ({"n": np.full(5, np.nan)}, 'channel "n"\n.*no finite value'),
-    ({"u": np.full(5, 1.5)}, "1.5.* in every sample"),
-    ({"u": np.array([np.nan, 1.5, np.nan, 1.5, 1.5])}, "1.5.* in every sample"),
-    ({"u": 1e-155 * np.arange(5)}, r"values of at most 4\.0e-155 m/s"),
-    ({"udot": 1e12 * np.arange(5)}, r"values of at most 4\.0e\+12 m/s\^2"),
-    (at(2, np.nan, "n"), r'channel "n", sample 3\n.*a gap at t = 0\.2 s'),
-    ({"u": np.ones(4)}, r"shape \(4,\)"),
-    ({"u": np.ones((5, 2))}, r"shape \(5, 2\)"),
-])
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"u": np.full(5, np.nan)}, 'channel "u"\n.*no finite value'),
+        ({"n": np.full(5, np.nan)}, 'channel "n"\n.*no finite value'),
+        ({"u": np.full(5, 1.5)}, "1.5.* in every sample"),
+        ({"u": np.array([np.nan, 1.5, np.nan, 1.5, 1.5])}, "1.5.* in every sample"),
+        ({"u": 1e-155 * np.arange(5)}, r"values of at most 4\.0e-155 m/s"),
+        ({"udot": 1e12 * np.arange(5)}, r"values of at most 4\.0e\+12 m/s\^2"),
+        (at(2, np.nan, "n"), r'channel "n", sample 3\n.*a gap at t = 0\.2 s'),
+        ({"u": np.ones(4)}, r"shape \(4,\)"),
+        ({"u": np.ones((5, 2))}, r"shape \(5, 2\)"),
+    ],
+)
 def test_unusable_channel(changed, message):
     with pytest.raises(InputError, match=message) as caught:
         record_of(**changed)
@@ -80,10 +86,15 @@ def test_a_constant_control_is_no_fault():
     assert np.ptp(record_of().control) == 0
 
 
-@pytest.mark.parametrize("channels", [
-    (*CHANNELS, Channel("v", "m/s", "measurement")), (*CHANNELS, CHANNELS[1]),
-    (*CHANNELS[:2], Channel("udot", "m/s^2", "output")),
-], ids=["without a column", "named twice", "of no role"])
+@pytest.mark.parametrize(
+    "channels",
+    [
+        (*CHANNELS, Channel("v", "m/s", "measurement")),
+        (*CHANNELS, CHANNELS[1]),
+        (*CHANNELS[:2], Channel("udot", "m/s^2", "output")),
+    ],
+    ids=["without a column", "named twice", "of no role"],
+)
 def test_unusable_channel_map(channels):
     with pytest.raises(InputError):
         record_of(channels=channels)

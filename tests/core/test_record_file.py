@@ -45,7 +45,7 @@ print(data.time.dtype, float(data.time[0]), int(data.u.isnull().sum()))
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.999])
 def test_truncated_file(path, share):
     whole = path.read_bytes()
-    path.write_bytes(whole[:int(share * len(whole))])
+    path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(InputError, match="cannot be read as NetCDF") as caught:
         read_record(path)
     assert caught.value.where == str(path)
@@ -71,16 +71,20 @@ def dataset(values=COLUMNS["udot"], channel_attrs=CHANNEL_ATTRS, attrs=ATTRS):
     return xr.Dataset({"u": ("time", values, channel_attrs)}, {"time": TIME}, attrs)
 
 
-@pytest.mark.parametrize(("content", "found"), [
-    (dataset(attrs={}), "not stated"),
-    (dataset(attrs={**ATTRS, "format": "seatrial record 99"}), "record 99"),
-    (dataset(channel_attrs={}), "units"),
-    (dataset(attrs={"format": FORMAT}), None),
-    (dataset(attrs={**ATTRS, "options": "{"}), None),
-    (dataset().drop_vars("time"), "time"),
-    (dataset(["fast"] * 40), None),
-    (dataset(TIME * 0), "0.0.* in every sample"),
-], ids=["foreign", "later format", "no units", "no provenance", "broken options", "no time", "text", "constant"])
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (dataset(attrs={}), "not stated"),
+        (dataset(attrs={**ATTRS, "format": "seatrial record 99"}), "record 99"),
+        (dataset(channel_attrs={}), "units"),
+        (dataset(attrs={"format": FORMAT}), None),
+        (dataset(attrs={**ATTRS, "options": "{"}), None),
+        (dataset().drop_vars("time"), "time"),
+        (dataset(["fast"] * 40), None),
+        (dataset(TIME * 0), "0.0.* in every sample"),
+    ],
+    ids=["foreign", "later format", "no units", "no provenance", "broken options", "no time", "text", "constant"],
+)
 def test_foreign_file(tmp_path, content, found):
     path = tmp_path / "other.nc"
     content.to_netcdf(path, engine="h5netcdf")

@@ -4,18 +4,34 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import Dimension, signal_unit
 
 
-@pytest.mark.parametrize(("name", "unit"), [
-    ("u", "m/s"), ("udot", "m/s^2"), ("r", "rad/s"), ("rdot", "rad/s^2"), ("theta", "rad"), ("n", "rad/s"),
-    ("delta_s", "rad"), ("tau_X", "kg m/s^2"), ("tau_N", "kg m^2/s^2"),
-])
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("u", "m/s"),
+        ("udot", "m/s^2"),
+        ("r", "rad/s"),
+        ("rdot", "rad/s^2"),
+        ("theta", "rad"),
+        ("n", "rad/s"),
+        ("delta_s", "rad"),
+        ("tau_X", "kg m/s^2"),
+        ("tau_N", "kg m^2/s^2"),
+    ],
+)
 def test_signal_unit(name, unit):
     assert signal_unit(name) == unit
 
 
-@pytest.mark.parametrize(("dimension", "text"), [
-    (Dimension(), "1"), (Dimension(s=-1), "1/s"), (Dimension(kg=1, m=2, rad=-2), "kg m^2/rad^2"),
-    (Dimension(kg=1, s=-1, rad=-3), "kg/(s rad^3)"), (Dimension(m=-1, s=2), "s^2/m"),
-])
+@pytest.mark.parametrize(
+    ("dimension", "text"),
+    [
+        (Dimension(), "1"),
+        (Dimension(s=-1), "1/s"),
+        (Dimension(kg=1, m=2, rad=-2), "kg m^2/rad^2"),
+        (Dimension(kg=1, s=-1, rad=-3), "kg/(s rad^3)"),
+        (Dimension(m=-1, s=2), "s^2/m"),
+    ],
+)
 def test_dimension_prints_as_si(dimension, text):
     assert str(dimension) == text
 

@@ -9,16 +9,37 @@ from seatrial.core.errors import InputError
 from seatrial.core.units import quantity, to_si
 
 
-@pytest.mark.parametrize(("text", "si", "value"), [
-    ("200 rpm", "rad/s", 200 * 2 * pi / 60), ("12.5 rev/s", "rad/s", 25 * pi), ("3 kn", "m/s", 3 * 1852 / 3600),
-    ("90 deg", "rad", pi / 2), ("10 deg/s", "rad/s", pi / 18),
-    ("6.28e-2 N/(rev/s)^2", "kg m/rad^2", 6.28e-2 / (2 * pi) ** 2),
-    ("1.5 t", "kg", 1500.0), ("250 g", "kg", 0.25), ("10 min", "s", 600.0), ("2 h", "s", 7200.0), ("20 ms", "s", 0.02),
-    ("5 us", "s", 5e-6), ("7 ns", "s", 7e-9), ("1 nmi", "m", 1852.0), ("35 cm", "m", 0.35),
-    ("2 kN", "kg m/s^2", 2000.0), ("4 Pa", "N/m^2", 4.0), ("50 Hz", "1/s", 50.0), ("-1.21 kg/s", "kg/s", -1.21),
-    ("+.5e1m", "m", 5.0), ("3 N*m", "J", 3.0), ("2 W", "N m/s", 2.0), ("0.1", "1", 0.1),
-    ("5 percent", "1", 0.05), ("5 %", "1", 0.05), ("5%", "1", 0.05),
-])
+@pytest.mark.parametrize(
+    ("text", "si", "value"),
+    [
+        ("200 rpm", "rad/s", 200 * 2 * pi / 60),
+        ("12.5 rev/s", "rad/s", 25 * pi),
+        ("3 kn", "m/s", 3 * 1852 / 3600),
+        ("90 deg", "rad", pi / 2),
+        ("10 deg/s", "rad/s", pi / 18),
+        ("6.28e-2 N/(rev/s)^2", "kg m/rad^2", 6.28e-2 / (2 * pi) ** 2),
+        ("1.5 t", "kg", 1500.0),
+        ("250 g", "kg", 0.25),
+        ("10 min", "s", 600.0),
+        ("2 h", "s", 7200.0),
+        ("20 ms", "s", 0.02),
+        ("5 us", "s", 5e-6),
+        ("7 ns", "s", 7e-9),
+        ("1 nmi", "m", 1852.0),
+        ("35 cm", "m", 0.35),
+        ("2 kN", "kg m/s^2", 2000.0),
+        ("4 Pa", "N/m^2", 4.0),
+        ("50 Hz", "1/s", 50.0),
+        ("-1.21 kg/s", "kg/s", -1.21),
+        ("+.5e1m", "m", 5.0),
+        ("3 N*m", "J", 3.0),
+        ("2 W", "N m/s", 2.0),
+        ("0.1", "1", 0.1),
+        ("5 percent", "1", 0.05),
+        ("5 %", "1", 0.05),
+        ("5%", "1", 0.05),
+    ],
+)
 def test_quantity_in_si(text, si, value):
     assert quantity(text, si, "here") == pytest.approx(value, rel=1e-14)
 
@@ -34,19 +55,35 @@ def test_a_plain_number_needs_no_unit():
     assert quantity(3, "1", "here") == 3.0
 
 
-@pytest.mark.parametrize(("text", "si"), [
-    ("5 Hz", "rad/s"), ("5 rad/s", "1/s"), ("3 m", "s"), ("90 deg", "1"), ("1 kg", "N"), ("2 N", "N*m"),
-    ("200 rpm", "m/s"), ("3", "kg"),
-])
+@pytest.mark.parametrize(
+    ("text", "si"),
+    [
+        ("5 Hz", "rad/s"),
+        ("5 rad/s", "1/s"),
+        ("3 m", "s"),
+        ("90 deg", "1"),
+        ("1 kg", "N"),
+        ("2 N", "N*m"),
+        ("200 rpm", "m/s"),
+        ("3", "kg"),
+    ],
+)
 def test_wrong_dimension(text, si):
     with pytest.raises(InputError, match=f'a unit like "{si}"'.replace("*", r"\*")):
         quantity(text, si, "vehicle.toml, key x")
 
 
-@pytest.mark.parametrize(("text", "remedy"), [
-    ("3 knt", '"knot"'), ("200 RPM", "use one of"), ("3 meters", '"meter"'), ("2 degre", '"degree"'),
-    ("1 lbf", "use one of"), ("1 rads", '"rad'),
-])
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("3 knt", '"knot"'),
+        ("200 RPM", "use one of"),
+        ("3 meters", '"meter"'),
+        ("2 degre", '"degree"'),
+        ("1 lbf", "use one of"),
+        ("1 rads", '"rad'),
+    ],
+)
 def test_unknown_unit(text, remedy):
     with pytest.raises(InputError, match=f'unknown unit "{text.split()[1]}"') as caught:
         quantity(text, "m/s", "here")
@@ -59,9 +96,23 @@ def test_bare_number_where_a_unit_is_needed(value):
         quantity(value, "rad/s", "here")
 
 
-@pytest.mark.parametrize("text", [
-    "", "m", "fast", "nan m", "inf m", "1e400 m", "1,5 m", "1_000 m", "1 2 m", None, True, [1, "m"],
-])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "m",
+        "fast",
+        "nan m",
+        "inf m",
+        "1e400 m",
+        "1,5 m",
+        "1_000 m",
+        "1 2 m",
+        None,
+        True,
+        [1, "m"],
+    ],
+)
 def test_malformed_quantity(text):
     with pytest.raises(InputError) as caught:
         quantity(text, "m", "vehicle.toml, key x")
@@ -73,10 +124,38 @@ def test_nan_is_no_quantity():
         quantity(float("nan"), "1", "here")
 
 
-@pytest.mark.parametrize("unit", [
-    "m^", "m**", "*m", "m//s", "/s", "m^m", "m()", "()", "m^99", "-m", "m+m", "m - s", "2 m", "m/2", "'m'", "m[s]",
-    "(m", "m)", "N/(rev/s", "m,s", "m;s", "m@s", "m<s", "m=", "m!", "m#", "{m}",
-])
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "m^",
+        "m**",
+        "*m",
+        "m//s",
+        "/s",
+        "m^m",
+        "m()",
+        "()",
+        "m^99",
+        "-m",
+        "m+m",
+        "m - s",
+        "2 m",
+        "m/2",
+        "'m'",
+        "m[s]",
+        "(m",
+        "m)",
+        "N/(rev/s",
+        "m,s",
+        "m;s",
+        "m@s",
+        "m<s",
+        "m=",
+        "m!",
+        "m#",
+        "{m}",
+    ],
+)
 def test_malformed_unit(unit):
     with pytest.raises(InputError, match="cannot be read"):
         to_si(1.0, unit, "m", "here")

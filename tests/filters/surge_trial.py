@@ -39,6 +39,7 @@ def surge_space(mean=MEAN, sd=SD, process_sd=PROCESS_SD, measurement_sd=MEASUREM
 
 def surge_problem(mean=MEAN, sd=SD) -> Problem:
     """The problem of `surge_space`, written out by hand."""
+
     def transition(x, control, h):
         return np.array([naive_rk4(lambda u: surge_rate(u, control[0] / (2 * np.pi), X_U, *x[1:]), x[0], h), *x[1:]])
 

@@ -32,10 +32,15 @@ def simulated_trials():
 
 
 @pytest.mark.parametrize("gaps", ["complete", "two rates"])
-@pytest.mark.parametrize("method", [
-    ExtendedKalmanFilter(), UnscentedKalmanFilter(),
-    pytest.param(SquareRootUnscentedKalmanFilter(), marks=pytest.mark.thorough),
-], ids=["extended", "unscented", "square root"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        ExtendedKalmanFilter(),
+        UnscentedKalmanFilter(),
+        pytest.param(SquareRootUnscentedKalmanFilter(), marks=pytest.mark.thorough),
+    ],
+    ids=["extended", "unscented", "square root"],
+)
 def test_innovations_and_errors_are_chi_squared(method, gaps):
     """Bounds are four standard errors of the mean of chi-squared variables, whose variance is twice their mean."""
     control, complete, step, final = simulated_trials()

@@ -23,8 +23,16 @@ def observe(state, control):
     return (jnp.sqrt(state[0]) * state[1],)
 
 
-SPACE = StateSpace(independent([0.5, 1.0], [0.6, 0.5]), jnp.array([0.05, 0.01]), jnp.array([0.1]),
-                   ("level", "gain"), ("flow",), 1, transition, observe)
+SPACE = StateSpace(
+    independent([0.5, 1.0], [0.6, 0.5]),
+    jnp.array([0.05, 0.01]),
+    jnp.array([0.1]),
+    ("level", "gain"),
+    ("flow",),
+    1,
+    transition,
+    observe,
+)
 
 
 def flow():

@@ -14,14 +14,19 @@ from seatrial.numerics.sigma_points import UnscentedRule
 
 N = 12
 BOUNDS = ((-10.0, 10.0),)
-FILTERS = {"extended": ExtendedKalmanFilter(), "unscented": UnscentedKalmanFilter(),
-           "square root": SquareRootUnscentedKalmanFilter(),
-           "constrained": SquareRootUnscentedKalmanFilter(bounds=BOUNDS)}
+FILTERS = {
+    "extended": ExtendedKalmanFilter(),
+    "unscented": UnscentedKalmanFilter(),
+    "square root": SquareRootUnscentedKalmanFilter(),
+    "constrained": SquareRootUnscentedKalmanFilter(bounds=BOUNDS),
+}
 INDEFINITE = UnscentedRule(0.1, beta=-1.0)
 """Gives x^2, for x standard normal, the variance -1: (1 - a^2)^2/a^2 - (1/a^2 - 2 + a^2) + beta."""
-INDEFINITE_FILTERS = {"unscented": UnscentedKalmanFilter(INDEFINITE),
-                      "square root": SquareRootUnscentedKalmanFilter(INDEFINITE),
-                      "constrained": SquareRootUnscentedKalmanFilter(INDEFINITE, BOUNDS)}
+INDEFINITE_FILTERS = {
+    "unscented": UnscentedKalmanFilter(INDEFINITE),
+    "square root": SquareRootUnscentedKalmanFilter(INDEFINITE),
+    "constrained": SquareRootUnscentedKalmanFilter(INDEFINITE, BOUNDS),
+}
 
 
 def transition(state, control, h):
@@ -34,14 +39,21 @@ def observe(state, control):
 
 def run(method, moves=(0.9, 0.0, 0.0), seen=(1.0, 0.0), *, mean=0.0, sd=1.0, noise=(0.1, 0.5), measurement=0.0):
     """Run over a constant measurement; `moves` and `seen` are the coefficients of polynomials in the state."""
-    space = StateSpace(independent([mean], [sd]), jnp.array(noise[:1]), jnp.array(noise[1:]), ("x",), ("y",), 1,
-                       transition, observe)
+    space = StateSpace(
+        independent([mean], [sd]), jnp.array(noise[:1]), jnp.array(noise[1:]), ("x",), ("y",), 1, transition, observe
+    )
     return run_filter(method, space, np.tile([*moves, *seen], (N, 1)), np.full((N, 1), measurement), np.ones(N))
 
 
-@pytest.mark.parametrize("settings", [
-    {"moves": (0.0, 1.0, 0.0)}, {"moves": (0.0, 1.0, 0.0), "measurement": np.nan}, {"seen": (0.0, 1.0)},
-], ids=["in a prediction", "in a prediction without measurement", "of the innovation"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"moves": (0.0, 1.0, 0.0)},
+        {"moves": (0.0, 1.0, 0.0), "measurement": np.nan},
+        {"seen": (0.0, 1.0)},
+    ],
+    ids=["in a prediction", "in a prediction without measurement", "of the innovation"],
+)
 @pytest.mark.parametrize("name", INDEFINITE_FILTERS)
 def test_negative_variance_is_counted(name, settings):
     assert int(run(INDEFINITE_FILTERS[name], **settings).failures) > 0

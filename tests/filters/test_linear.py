@@ -47,8 +47,16 @@ def observe(state, control):
     return state[0], state[1] + 0.5 * state[2]
 
 
-SPACE = StateSpace(Gaussian(jnp.asarray(MEAN), jnp.asarray(CHOL)), jnp.asarray(PROCESS_SD), jnp.asarray(MEASUREMENT_SD),
-                   ("position", "velocity", "force"), ("position", "log"), 2, transition, observe)
+SPACE = StateSpace(
+    Gaussian(jnp.asarray(MEAN), jnp.asarray(CHOL)),
+    jnp.asarray(PROCESS_SD),
+    jnp.asarray(MEASUREMENT_SD),
+    ("position", "velocity", "force"),
+    ("position", "log"),
+    2,
+    transition,
+    observe,
+)
 
 
 def joint_distribution():

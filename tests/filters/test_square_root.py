@@ -39,9 +39,14 @@ def noise_free_trial(amplitude_rpm, period):
 GOLDEN_GAINS = {(100, 1.0): 21.582, (200, 10.0): 25.078, (200, 20.0): 25.249}
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [
-    (SquareRootUnscentedKalmanFilter(), 1e-3), (ExtendedKalmanFilter(), 0.05),
-], ids=["square root", "extended"])
+@pytest.mark.parametrize(
+    ("method", "tolerance"),
+    [
+        (SquareRootUnscentedKalmanFilter(), 1e-3),
+        (ExtendedKalmanFilter(), 0.05),
+    ],
+    ids=["square root", "extended"],
+)
 def test_golden_entropy_gain(method, tolerance):
     control, measurement = map(np.stack, zip(*(noise_free_trial(*design) for design in GOLDEN_GAINS), strict=True))
     space = paper_space(integrator=euler_step)

@@ -32,8 +32,7 @@ def column(folder: Path, name: str, time, channel: str, values: np.ndarray, role
     """Write a log of one channel in SI, time as text with enough digits, and return its source."""
     rows = zip(time, values.tolist(), strict=True)
     text = f"t,{channel}\n" + "".join(f"{stamp},{value!r}\n" for stamp, value in rows)
-    return LogSource(written(folder, text, name), "t", unit,
-                     {channel: ColumnMap(channel, signal_unit(channel), role)})
+    return LogSource(written(folder, text, name), "t", unit, {channel: ColumnMap(channel, signal_unit(channel), role)})
 
 
 def refusal(*parts: str):

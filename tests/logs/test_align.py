@@ -44,8 +44,19 @@ def test_grid_holds_controls_and_snaps_measurements(control, velocity):
 
 def test_union_keeps_every_stamp_and_every_value(control, velocity):
     record = align([velocity, control])
-    stamps = np.unique(np.round(np.concatenate([control.time, velocity.time[(velocity.columns["u"] >= 100)
-                       & (velocity.columns["u"] <= 110)] + float(velocity.epoch) - 100]), 9))
+    stamps = np.unique(
+        np.round(
+            np.concatenate(
+                [
+                    control.time,
+                    velocity.time[(velocity.columns["u"] >= 100) & (velocity.columns["u"] <= 110)]
+                    + float(velocity.epoch)
+                    - 100,
+                ]
+            ),
+            9,
+        )
+    )
     np.testing.assert_allclose(record.time, stamps, atol=1e-9)
     assert record.time[0] == 0
     measured = np.isfinite(record.channel("u"))
@@ -94,8 +105,10 @@ def test_measurements_that_meet_are_averaged_and_angles_on_the_circle(tmp_path):
     turning = pi + 0.01 * (np.arange(40) - 20.5)
     heading = (turning + pi) % (2 * pi) - pi
     speed = np.arange(40.0)
-    tables = [read_csv(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
-              read_csv(column(tmp_path, "u.csv", stamps, "u", speed, "measurement"))]
+    tables = [
+        read_csv(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
+        read_csv(column(tmp_path, "u.csv", stamps, "u", speed, "measurement")),
+    ]
     record = align(tables, step=0.1)
     # The grid instant 0.1 k takes the stamp at 0.1 k and, an exact tie at the earlier, the one at 0.1 k + 0.05.
     np.testing.assert_allclose(record.channel("u"), 0.5 + 2 * np.arange(20))
@@ -128,8 +141,10 @@ def test_trim_counts_from_the_common_beginning(control, velocity):
     assert align([control, velocity], step=0.05, start=-3.0, end=99.0).time.size == whole.time.size
 
 
-@pytest.mark.parametrize(("start", "end"), [(20.0, None), (5.0, 5.0), (5.0, 2.0), (None, 0.0), (None, 0.05),
-                                            (float("nan"), None), (None, float("nan"))])
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [(20.0, None), (5.0, 5.0), (5.0, 2.0), (None, 0.0), (None, 0.05), (float("nan"), None), (None, float("nan"))],
+)
 def test_trim_that_leaves_nothing(control, velocity, start, end):
     with refusal('record "trial", start and end', f"start {start or 0.0:g} s", "0 s and 10 s"):
         align([control, velocity], step=0.05, start=start, end=end)
@@ -184,10 +199,13 @@ def test_channel_given_twice_or_not_at_all(tmp_path, control):
         align([])
 
 
-@pytest.mark.parametrize(("values", "parts"), [
-    (1e-155 * np.arange(1, 6), ('channel "p"', "at most 5.0e-155 rad/s", "garbage")),
-    (np.full(5, 0.25), ('channel "p"', "0.25", "varies")),
-])
+@pytest.mark.parametrize(
+    ("values", "parts"),
+    [
+        (1e-155 * np.arange(1, 6), ('channel "p"', "at most 5.0e-155 rad/s", "garbage")),
+        (np.full(5, 0.25), ('channel "p"', "0.25", "varies")),
+    ],
+)
 def test_garbage_is_refused(tmp_path, values, parts):
     table = read_csv(column(tmp_path, "rates.csv", ["0", "1", "2", "3", "4"], "p", values, "measurement"))
     with refusal("rates.csv", *parts):

@@ -14,7 +14,7 @@ LINES = GOOD.splitlines(keepends=True)
 
 def edited(line: int, text: str) -> str:
     """Return the good log with one line, counted as an editor does, replaced."""
-    return "".join([*LINES[:line - 1], text + "\n", *LINES[line:]])
+    return "".join([*LINES[: line - 1], text + "\n", *LINES[line:]])
 
 
 FILES = {
@@ -70,8 +70,10 @@ CELLS = {
     "header too short": (GOOD.replace(",remark", ""), ("row 2", "20 of 20", "names")),
     "open quote": (edited(5, '0.3,603,1.03,"ok'), ("cannot be divided", "quotation mark in row 5")),
     "stray quotes": (GOOD.replace("1.03,ok", '1.03,o"k').replace("1.08,ok", '1.08,o"k'), ("quotation mark",)),
-    "column without numbers": ("t,rpm,speed\n" + "".join(f"{k},1,\n" for k in range(5)),
-                               ('column "speed"', "no number")),
+    "column without numbers": (
+        "t,rpm,speed\n" + "".join(f"{k},1,\n" for k in range(5)),
+        ('column "speed"', "no number"),
+    ),
     "repeated stamp": (edited(5, "0.2,603,1.03,ok"), ('column "t", row 5', "same time stamp", "drop_repeated")),
     "backwards": (edited(5, "0.1,603,1.03,ok"), ('column "t", row 5', "backwards")),
     "repeated after a blank line": (edited(5, "\n0.2,603,1.03,ok"), ("row 6", "same time stamp")),
@@ -132,9 +134,17 @@ def test_bad_maps(tmp_path, case):
         read_csv(source(written(tmp_path, GOOD), **changes))
 
 
-@pytest.mark.parametrize(("step", "unit", "meant"), [(20_000_000, "s", "ns"), (20_000, "s", "us"),
-                                                     (20_000_000, "ms", "ns"), (50, "ns", "ms"), (5, "us", "ms"),
-                                                     (50, "min", "ms")])
+@pytest.mark.parametrize(
+    ("step", "unit", "meant"),
+    [
+        (20_000_000, "s", "ns"),
+        (20_000, "s", "us"),
+        (20_000_000, "ms", "ns"),
+        (50, "ns", "ms"),
+        (5, "us", "ms"),
+        (50, "min", "ms"),
+    ],
+)
 def test_wrong_time_unit_is_recognised(tmp_path, step, unit, meant):
     text = "t,speed\n" + "".join(f"{1669909203330211715 + step * k},{k}\n" for k in range(5))
     with refusal("run.csv", 'column "t"', "median step", f'"{unit}"', f'is the unit "{meant}"?'):

@@ -41,8 +41,12 @@ def test_even_clock_finds_the_truth_below_bursts(seed):
 def test_even_clock_solves_the_linear_programme(seed):
     _, arrival = bursts(seed, rows=400)
     index = np.arange(400.0)
-    result = linprog([-400.0, -index.sum()], A_ub=np.column_stack([np.ones(400), index]), b_ub=arrival,
-                     bounds=[(None, None), (0, None)])
+    result = linprog(
+        [-400.0, -index.sum()],
+        A_ub=np.column_stack([np.ones(400), index]),
+        b_ub=arrival,
+        bounds=[(None, None), (0, None)],
+    )
     time, _ = even_clock(arrival)
     assert np.sum(arrival - time) == pytest.approx(arrival.sum() + result.fun, rel=1e-9)
 

@@ -12,10 +12,44 @@ from seatrial.logs.read import read_csv
 from tests.logs.log_cases import GOOD, source, written
 
 NAMES = ("run.csv", "run.csv.gz", "run.tsv")
-CELLS = st.sampled_from([
-    "0", "1", "2.5", "-3e4", "1e400", "-1e400", "inf", "nan", "", " ", '"', '""', '"1"', "'", "0x1F", "1_0", "١", "é",
-    "True", "9" * 30, "1e-99999999999999999999", "9223372036854775807", "-9223372036854775808", "18446744073709551615",
-    "1,5", "t", "rpm", "speed", "\0", "\t", "\x0b", "\x1c", "\u2028", "#"])
+CELLS = st.sampled_from(
+    [
+        "0",
+        "1",
+        "2.5",
+        "-3e4",
+        "1e400",
+        "-1e400",
+        "inf",
+        "nan",
+        "",
+        " ",
+        '"',
+        '""',
+        '"1"',
+        "'",
+        "0x1F",
+        "1_0",
+        "١",
+        "é",
+        "True",
+        "9" * 30,
+        "1e-99999999999999999999",
+        "9223372036854775807",
+        "-9223372036854775808",
+        "18446744073709551615",
+        "1,5",
+        "t",
+        "rpm",
+        "speed",
+        "\0",
+        "\t",
+        "\x0b",
+        "\x1c",
+        "\u2028",
+        "#",
+    ]
+)
 
 
 def read_or_refuse(folder, content, name="run.csv", **changes):
@@ -39,12 +73,20 @@ def test_random_text(tmp_path_factory, content):
     read_or_refuse(tmp_path_factory.getbasetemp(), "t,rpm,speed\n" + content)
 
 
-@given(rows=st.lists(st.lists(CELLS, min_size=3, max_size=3), max_size=8), blank=st.sampled_from([",", "whitespace"]),
-       clock=st.sampled_from(["as_stamped", "even", "drop_repeated"]), unit=st.sampled_from(["s", "ns", "h"]))
+@given(
+    rows=st.lists(st.lists(CELLS, min_size=3, max_size=3), max_size=8),
+    blank=st.sampled_from([",", "whitespace"]),
+    clock=st.sampled_from(["as_stamped", "even", "drop_repeated"]),
+    unit=st.sampled_from(["s", "ns", "h"]),
+)
 @settings(max_examples=300)
 @example(rows=[["0", "1", '"'], ["1", "1", "2"], ["2", "1", '"']], blank=",", clock="even", unit="s")
-@example(rows=[["-9223372036854775808", "1", "2"], ["0", "1", "2"], ["9223372036854775807", "1", "3"]], blank=",",
-         clock="even", unit="s")
+@example(
+    rows=[["-9223372036854775808", "1", "2"], ["0", "1", "2"], ["9223372036854775807", "1", "3"]],
+    blank=",",
+    clock="even",
+    unit="s",
+)
 def test_tables_of_awkward_cells(tmp_path_factory, rows, blank, clock, unit):
     text = "\n".join((" " if blank == "whitespace" else ",").join(row) for row in [["t", "rpm", "speed"], *rows])
     read_or_refuse(tmp_path_factory.getbasetemp(), text, delimiter=blank, clock=clock, time_unit=unit)
@@ -54,4 +96,4 @@ def test_tables_of_awkward_cells(tmp_path_factory, rows, blank, clock, unit):
 @settings(max_examples=150)
 def test_a_good_log_with_a_few_bytes_changed(tmp_path_factory, at, junk):
     good = GOOD.encode()
-    read_or_refuse(tmp_path_factory.getbasetemp(), good[:at] + junk + good[at + len(junk):])
+    read_or_refuse(tmp_path_factory.getbasetemp(), good[:at] + junk + good[at + len(junk) :])

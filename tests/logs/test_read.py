@@ -56,8 +56,13 @@ def test_account_of_the_reading(tmp_path):
     table = read_csv(source(path))
     assert table.source == "run.csv"
     assert table.sha256 == sha256_of(path)
-    assert table.options["channels"]["n"] == {"column": "rpm", "unit": "rpm", "role": "control",
-                                              "scale": 1.0, "offset": 0.0}
+    assert table.options["channels"]["n"] == {
+        "column": "rpm",
+        "unit": "rpm",
+        "role": "control",
+        "scale": 1.0,
+        "offset": 0.0,
+    }
     assert str(tmp_path) not in str(table.options)
     assert table.notes[0].startswith("20 rows over 1.9 s; step 0.1 s")
     assert "u: 1 of 20 cells are empty" in table.notes
@@ -79,15 +84,17 @@ def test_nanosecond_stamps_lose_nothing(tmp_path):
     table = read_csv(LogSource(written(tmp_path, text), "t", "ns", channels))
     assert table.epoch == Decimal(int(stamps[0])).scaleb(-9)
     assert np.rint(table.time * 1e9).astype(np.int64).tolist() == (stamps - stamps[0]).tolist()
-    decimal = "t,speed\n" + "".join(f"{stamp // 10**9}.{stamp % 10**9:09d},{k}\n"
-                                    for k, stamp in enumerate(stamps.tolist()))
+    decimal = "t,speed\n" + "".join(
+        f"{stamp // 10**9}.{stamp % 10**9:09d},{k}\n" for k, stamp in enumerate(stamps.tolist())
+    )
     as_seconds = read_csv(LogSource(written(tmp_path, decimal), "t", "s", channels))
     assert as_seconds.epoch == table.epoch
     np.testing.assert_array_equal(as_seconds.time, table.time)
 
 
-@pytest.mark.parametrize(("unit", "seconds"), [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("s", 1.0), ("min", 60.0),
-                                               ("h", 3600.0)])
+@pytest.mark.parametrize(
+    ("unit", "seconds"), [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("s", 1.0), ("min", 60.0), ("h", 3600.0)]
+)
 def test_time_units(tmp_path, unit, seconds):
     stamps = [round(0.25 * k / seconds, 12) for k in range(5)]
     text = "t,speed\n" + "".join(f"{stamp:.12g},{k}\n" for k, stamp in enumerate(stamps))

@@ -16,11 +16,18 @@ from tests.logs.log_cases import refusal
 DATA = Path(os.environ.get("SEATRIAL_DATA", Path(__file__).parents[2] / "../shared/data"))
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="no real records: set SEATRIAL_DATA to their folder")
 POOL = DATA / "tauv_pool"
-MOTION = {"u": ColumnMap("field.velocity.x", "m/s", "measurement"),
-          "v": ColumnMap("field.velocity.y", "m/s", "measurement")}
-GARBAGE = {"udot": ("acceleration.x", "m/s^2"), "vdot": ("acceleration.y", "m/s^2"),
-           "wdot": ("acceleration.z", "m/s^2"), "p": ("angular_velocity.x", "rad/s"),
-           "q": ("angular_velocity.y", "rad/s"), "r": ("angular_velocity.z", "rad/s")}
+MOTION = {
+    "u": ColumnMap("field.velocity.x", "m/s", "measurement"),
+    "v": ColumnMap("field.velocity.y", "m/s", "measurement"),
+}
+GARBAGE = {
+    "udot": ("acceleration.x", "m/s^2"),
+    "vdot": ("acceleration.y", "m/s^2"),
+    "wdot": ("acceleration.z", "m/s^2"),
+    "p": ("angular_velocity.x", "rad/s"),
+    "q": ("angular_velocity.y", "rad/s"),
+    "r": ("angular_velocity.z", "rad/s"),
+}
 
 
 def navigation(run, channels=None):
@@ -66,12 +73,15 @@ def test_garbage_columns_are_refused(run, name):
 
 def test_ship_log_without_header_among_spaces():
     names = ("t", "x", "y", "heading", "vx", "vy", "rate", "c8", "rudder", "propeller", "thrust", "torque")
-    channels = {"r": ColumnMap("rate", "deg/s", "measurement"),
-                "delta_r": ColumnMap("rudder", "deg", "control", scale=-1.0),
-                "n": ColumnMap("propeller", "rev/s", "control")}
+    channels = {
+        "r": ColumnMap("rate", "deg/s", "measurement"),
+        "delta_r": ColumnMap("rudder", "deg", "control", scale=-1.0),
+        "n": ColumnMap("propeller", "rev/s", "control"),
+    }
     path = DATA / "kvlcc2_hsva" / "HSVA_CPMC_KVLCC2_Z_20_10_P.dat.gz"
-    table = read_csv(LogSource(path, "t", "s", channels, names=names, delimiter="whitespace", skip_rows=4,
-                               encoding="cp1252"))
+    table = read_csv(
+        LogSource(path, "t", "s", channels, names=names, delimiter="whitespace", skip_rows=4, encoding="cp1252")
+    )
     record = align([table], step=0.05)
     assert np.degrees(np.abs(record.channel("delta_r")).max()) == pytest.approx(20, abs=2)
     assert np.median(record.channel("n")) == pytest.approx(2 * np.pi * 10.2, rel=0.05)

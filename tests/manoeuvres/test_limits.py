@@ -7,14 +7,17 @@ from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits
 CONTROL = np.array([0.0, 1.0, 3.0, -2.0])
 
 
-@pytest.mark.parametrize(("limits", "broken"), [
-    (Limits(), {}),
-    (Limits(lower=-2.0, upper=3.0, rate=50.0), {}),
-    (Limits(upper=2.5), {"upper": (3.0, 2.5)}),
-    (Limits(lower=-1.0), {"lower": (-2.0, -1.0)}),
-    (Limits(rate=40.0), {"rate": (50.0, 40.0)}),
-    (Limits(lower=0.0, upper=1.0, rate=1.0), {"upper": (3.0, 1.0), "lower": (-2.0, 0.0), "rate": (50.0, 1.0)}),
-])
+@pytest.mark.parametrize(
+    ("limits", "broken"),
+    [
+        (Limits(), {}),
+        (Limits(lower=-2.0, upper=3.0, rate=50.0), {}),
+        (Limits(upper=2.5), {"upper": (3.0, 2.5)}),
+        (Limits(lower=-1.0), {"lower": (-2.0, -1.0)}),
+        (Limits(rate=40.0), {"rate": (50.0, 40.0)}),
+        (Limits(lower=0.0, upper=1.0, rate=1.0), {"upper": (3.0, 1.0), "lower": (-2.0, 0.0), "rate": (50.0, 1.0)}),
+    ],
+)
 def test_excess(limits, broken):
     assert limits.excess(CONTROL, 0.1) == {name: pytest.approx(pair) for name, pair in broken.items()}
 

@@ -28,10 +28,18 @@ def naive_doublet(time, period, start, active):
     return control
 
 
-@pytest.mark.parametrize(("period", "start", "active", "count"), [
-    (10.0, 1.0, 40.0, 4), (10.0, 0.0, 39.9, 3), (13.3, 1.0, 40.0, 3), (20.0, 1.0, 40.0, 2), (40.0, 5.5, 40.0, 1),
-    (0.7, 1.0, 2.1, 3), (0.1, 0.3, 0.3, 3),
-])
+@pytest.mark.parametrize(
+    ("period", "start", "active", "count"),
+    [
+        (10.0, 1.0, 40.0, 4),
+        (10.0, 0.0, 39.9, 3),
+        (13.3, 1.0, 40.0, 3),
+        (20.0, 1.0, 40.0, 2),
+        (40.0, 5.5, 40.0, 1),
+        (0.7, 1.0, 2.1, 3),
+        (0.1, 0.3, 0.3, 3),
+    ],
+)
 def test_whole_doublets_then_trim(period, start, active, count):
     time, control = doublet(period=period, start=start, active=active).sample(0.01)
     assert np.array_equal(control, naive_doublet(time, period, start, active))
@@ -71,16 +79,29 @@ def test_settings_broadcast_and_batch():
 def test_manoeuvre_says_what_it_is():
     manoeuvre = doublet()
     assert (manoeuvre.control, manoeuvre.duration) == ("n", 60.0)
-    assert manoeuvre.parameters == {"trim": TRIM, "amplitude": AMPLITUDE, "period": 10.0, "start": 1.0, "active": 40.0,
-                                    "ramp": 0.0}
+    assert manoeuvre.parameters == {
+        "trim": TRIM,
+        "amplitude": AMPLITUDE,
+        "period": 10.0,
+        "start": 1.0,
+        "active": 40.0,
+        "ramp": 0.0,
+    }
 
 
-@pytest.mark.parametrize(("settings", "message"), [
-    ({"period": 41.0}, "at most the active time, 40 s"), ({"period": 0.0}, "more than 0"),
-    ({"period": -1.0}, "more than 0"), ({"period": float("nan")}, "more than 0"),
-    ({"start": -1.0}, "an end within the duration"), ({"start": 20.5}, "an end within the duration"),
-    ({"ramp": 5.1}, "at most half a period"), ({"ramp": -0.1}, "at most half a period"),
-])
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"period": 41.0}, "at most the active time, 40 s"),
+        ({"period": 0.0}, "more than 0"),
+        ({"period": -1.0}, "more than 0"),
+        ({"period": float("nan")}, "more than 0"),
+        ({"start": -1.0}, "an end within the duration"),
+        ({"start": 20.5}, "an end within the duration"),
+        ({"ramp": 5.1}, "at most half a period"),
+        ({"ramp": -0.1}, "at most half a period"),
+    ],
+)
 def test_impossible_doublet(settings, message):
     with pytest.raises(InputError, match=message):
         doublet(**settings)
@@ -113,9 +134,15 @@ def test_random_steps_follow_their_seed():
     assert not np.array_equal(steps().sample(0.1)[1], steps(seed=8).sample(0.1)[1])
 
 
-@pytest.mark.parametrize(("settings", "message"), [
-    ({"hold": 0.0}, "hold"), ({"hold": 16.0}, "hold"), ({"hold": float("nan")}, "hold"), ({"start": 20.0}, "start"),
-])
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"hold": 0.0}, "hold"),
+        ({"hold": 16.0}, "hold"),
+        ({"hold": float("nan")}, "hold"),
+        ({"start": 20.0}, "start"),
+    ],
+)
 def test_impossible_random_steps(settings, message):
     with pytest.raises(InputError, match=message):
         steps(**settings)

@@ -97,7 +97,7 @@ def test_solves(n):
 def test_solve_with_structural_zeros():
     factor = np.diag([2.0, 4.0, 5.0])
     factor[2, 1] = 1.0
-    rows = tuple(row[:i + 1] for i, row in enumerate(scalars(factor)))
+    rows = tuple(row[: i + 1] for i, row in enumerate(scalars(factor)))
     assert np.allclose(triangular.solve_lower(rows, (0.0, 8.0, 0.0)), np.linalg.solve(factor, [0, 8, 0]))
     assert np.allclose(triangular.solve_lower_transposed(rows, (1.0, 0.0, 5.0)), np.linalg.solve(factor.T, [1, 0, 5]))
 

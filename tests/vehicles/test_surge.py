@@ -50,9 +50,12 @@ def test_fixed_terms_are_not_free():
 def test_models_of_equal_data_are_equal():
     assert paper_model() == paper_model()
     assert hash(paper_model()) == hash(paper_model())
-    others = [SurgeHull("paper", 30.0, 0.1, {"X_udot": -0.93}, {"u": U0}),
-              SurgeHull("paper", 30.47, 0.2, {"X_udot": -0.93}, {"u": U0}),
-              SurgeHull("paper", 30.47, 0.1, {"X_udot": -1.0}, {"u": U0}), paper_hull(u=1.0)]
+    others = [
+        SurgeHull("paper", 30.0, 0.1, {"X_udot": -0.93}, {"u": U0}),
+        SurgeHull("paper", 30.47, 0.2, {"X_udot": -0.93}, {"u": U0}),
+        SurgeHull("paper", 30.47, 0.1, {"X_udot": -1.0}, {"u": U0}),
+        paper_hull(u=1.0),
+    ]
     assert all(paper_model() != surge_vehicle(hull, TERMS) for hull in others)
     assert paper_model() != paper_model("X_u", "T_nabsn")
 
@@ -82,24 +85,27 @@ def test_no_trim(params):
         trim_speed(paper_model(), params, [N0])
 
 
-@pytest.mark.parametrize(("hull", "terms", "message"), [
-    (SurgeHull("a", -3.0), ["X_u"], "mass\n.*-3.0 kg"),
-    (SurgeHull("a", 0.0), ["X_u"], "a positive mass"),
-    (SurgeHull("a", float("nan")), ["X_u"], "a positive mass"),
-    (SurgeHull("a", 30.0, thrust_deduction=1.0), ["X_u"], "thrust_deduction"),
-    (SurgeHull("a", 30.0, thrust_deduction=-0.1), ["X_u"], "thrust_deduction"),
-    (SurgeHull("a", 30.0), ["X_u", "Y_v"], 'term Y_v\n.*axis "Y"'),
-    (SurgeHull("a", 30.0), ["X_uabsv"], 'signal "v"\n.*n, tau_X, u'),
-    (SurgeHull("a", 30.0), ["X_du3"], 'no trim value of "u"'),
-    (SurgeHull("a", 30.0), ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
-    (SurgeHull("a", 30.0), ["X_u", "X_u"], "the same regressor as X_u"),
-    (SurgeHull("a", 30.0, fixed={"X_uu": -1.0}), ["X_u2"], "the same regressor"),
-    (SurgeHull("a", 30.0), ["X_ux"], "character 4"),
-    (SurgeHull("a", 30.0, fixed={"X_ux": 1.0}), ["X_u"], "character 4"),
-    (SurgeHull("a", 30.0, fixed={"X_udot": 40.0}), ["X_u"], "X_udot"),
-    (SurgeHull("a", 30.0, fixed={"X_u": float("nan")}), ["X_uu"], "X_u"),
-    *[(SurgeHull("a", 30.0), ["X_u", term], term) for term in ("X_udot2", "X_udotu", "X_absudot", "T_udot")],
-])
+@pytest.mark.parametrize(
+    ("hull", "terms", "message"),
+    [
+        (SurgeHull("a", -3.0), ["X_u"], "mass\n.*-3.0 kg"),
+        (SurgeHull("a", 0.0), ["X_u"], "a positive mass"),
+        (SurgeHull("a", float("nan")), ["X_u"], "a positive mass"),
+        (SurgeHull("a", 30.0, thrust_deduction=1.0), ["X_u"], "thrust_deduction"),
+        (SurgeHull("a", 30.0, thrust_deduction=-0.1), ["X_u"], "thrust_deduction"),
+        (SurgeHull("a", 30.0), ["X_u", "Y_v"], 'term Y_v\n.*axis "Y"'),
+        (SurgeHull("a", 30.0), ["X_uabsv"], 'signal "v"\n.*n, tau_X, u'),
+        (SurgeHull("a", 30.0), ["X_du3"], 'no trim value of "u"'),
+        (SurgeHull("a", 30.0), ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
+        (SurgeHull("a", 30.0), ["X_u", "X_u"], "the same regressor as X_u"),
+        (SurgeHull("a", 30.0, fixed={"X_uu": -1.0}), ["X_u2"], "the same regressor"),
+        (SurgeHull("a", 30.0), ["X_ux"], "character 4"),
+        (SurgeHull("a", 30.0, fixed={"X_ux": 1.0}), ["X_u"], "character 4"),
+        (SurgeHull("a", 30.0, fixed={"X_udot": 40.0}), ["X_u"], "X_udot"),
+        (SurgeHull("a", 30.0, fixed={"X_u": float("nan")}), ["X_uu"], "X_u"),
+        *[(SurgeHull("a", 30.0), ["X_u", term], term) for term in ("X_udot2", "X_udotu", "X_absudot", "T_udot")],
+    ],
+)
 def test_unphysical_or_malformed(hull, terms, message):
     with pytest.raises(InputError, match=message):
         surge_vehicle(hull, terms)

@@ -160,7 +160,7 @@ def next_words(trial: dict[str, Any]) -> str:
 
 
 def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
-    from arviz_stats.base import array_stats
+    from arviz_stats.base.array import array_stats
 
     row = estimate.data.sel(parameter=name)
     draws = np.sort(estimate.draws([name])[:, 0])

@@ -98,7 +98,8 @@ def fit_complaints(fits: Sequence[Fit], coloured: bool) -> list[str]:
         rho = min(abs(worst.correlation), 0.999)
         said.append(
             f"residuals of {worst.channel} are correlated ({worst.correlation:+.2f} over {worst.interval:.2g} s, "
-            f"run {worst.record}), which white noise is not: the stated standard deviations are too small, by a factor of about {np.sqrt((1 + rho) / (1 - rho)):.1f}; "
+            f"run {worst.record}), which white noise is not: the stated standard deviations are "
+            f"too small, by a factor of about {np.sqrt((1 + rho) / (1 - rho)):.1f}; "
             'set estimation.residuals = "coloured"'
         )
     said += [

@@ -11,6 +11,7 @@ from pathlib import Path
 
 _LOOP_OPTION = "xla_cpu_small_while_loop_byte_threshold"
 _BACKEND_OPTIONS = "--xla_backend_extra_options"
+_VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
 
 
 def configure() -> None:
@@ -36,4 +37,7 @@ def cache_directory() -> Path:
 def _fuse_time_loops() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     if _BACKEND_OPTIONS not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
+        flags = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
+    if _VECTOR_WIDTH not in flags:
+        flags = f"{flags} {_VECTOR_WIDTH}=512"
+    os.environ["XLA_FLAGS"] = flags

@@ -29,7 +29,7 @@ class ChainHealth(NamedTuple):
 
 def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
     """Compute the diagnostics of draws in the parameters' own units."""
-    from arviz_stats.base import array_stats
+    from arviz_stats.base.array import array_stats
 
     per_parameter = [np.ascontiguousarray(draws[:, :, i]) for i in range(draws.shape[2])]
     return ChainHealth(

@@ -119,7 +119,7 @@ def _steps(settings: SMCSettings, dim: int):
         drawn = blackjax.smc.resampling.systematic(key, state.weights, settings.particles)
         return factor_of(state.particles[drawn])
 
-    def kernel(target: Target):
+    def kernel(target: Target) -> Any:
         return blackjax.inner_kernel_tuning(
             blackjax.adaptive_tempered_smc,
             target.log_prior,
