@@ -6,7 +6,7 @@ from scipy import integrate, stats
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Uniform
-from seatrial.sampling.tempered_smc import SMCResult
+from seatrial.sampling.tempered_smc import SMCResult, sample_tempered_smc
 from seatrial.selection.evidence import EvidenceSettings, combine_runs, smc_evidence
 from tests.estimation_cases import (
     GOLDEN_LOG_EVIDENCE,
@@ -128,8 +128,9 @@ def test_progress_runs_once_over_all_repeats():
     assert seen[-1] == 1
 
 
-def runs(*logs, acceptance=0.3):
-    return [SMCResult(log, np.empty((0, 1)), np.array([0.1, 1.0]), np.array([0.4, acceptance])) for log in logs]
+def runs(*logs, acceptance=0.3, alive=1.0, expected_variance=0.0):
+    temperatures, accepted = np.array([0.1, 1.0]), np.array([0.4, acceptance])
+    return [SMCResult(log, np.empty((9, 1)), temperatures, accepted, alive, expected_variance) for log in logs]
 
 
 def test_combination_by_hand():
@@ -138,6 +139,20 @@ def test_combination_by_hand():
     assert found.log_value == pytest.approx(np.log(4.0), abs=1e-12)
     assert found.std_error == pytest.approx(np.sqrt(7 / 3) / 4 * 4.302653 / 1.959964, rel=1e-6)
     assert found.diagnostics["temperatures"] == [2, 2, 2]
+
+
+def test_repeats_that_agree_by_chance_do_not_shrink_the_error():
+    """Two equal runs, each of expected variance 0.01: pooled 4 x 0.01 / 5 over two repeats, t of 5 degrees 2.571."""
+    found = combine_runs(runs(1.0, 1.0, expected_variance=0.01))
+    assert found.std_error == pytest.approx(np.sqrt(0.008 / 2) * 2.570582 / 1.959964, rel=1e-6)
+
+
+def test_expected_variance_is_near_the_measured_one():
+    """Of 40 runs of a well-behaved problem: the ratio of variances has a standard error of 22 %."""
+    target, _ = linear(2)
+    found = [sample_tempered_smc(target, jax.random.key(i), EvidenceSettings().smc) for i in range(40)]
+    measured = np.var([run.log_evidence for run in found], ddof=1)
+    assert 0.3 < np.mean([run.expected_variance for run in found]) / measured < 3.0
 
 
 @pytest.mark.parametrize("shift", [-7000.0, 7000.0])
@@ -154,6 +169,7 @@ def test_combination_of_extreme_logs(shift):
         (runs(1.0, 4.0), "repeats differ by 2.1 nats: use more particles or moves"),
         (runs(1.0, 1.1, acceptance=0.02), "accepted only 2% of the time: use more moves"),
         (runs(1.0, 4.0, acceptance=0.02), "; "),
+        (runs(1.0, 1.1, alive=0.03), "only 3.0% of the prior can be simulated"),
     ],
 )
 def test_status(given, words):

@@ -48,7 +48,7 @@ def test_one_structure_is_certain_whatever_its_error():
 @pytest.mark.parametrize(
     ("inclusion", "words"),
     [
-        (0.999, "the data support X_du3: probability 1.00 with it (± 0.013)"),
+        (0.999, "the data support X_du3: probability 1.00 with it (± 0.01 Monte Carlo)"),
         (0.95, "the data support X_du3: probability 0.95 with it"),
         (0.9499, "the data favour X_du3, but do not settle it: probability 0.95 with it"),
         (0.75, "the data favour X_du3, but do not settle it: probability 0.75 with it"),
@@ -56,11 +56,18 @@ def test_one_structure_is_certain_whatever_its_error():
         (0.498, "the data cannot decide about X_du3: probability 0.50 with it, 0.50 without"),
         (0.2501, "the data cannot decide about X_du3: probability 0.25 with it, 0.75 without"),
         (0.25, "the data do not support X_du3: probability 0.75 without it"),
-        (0.0, "the data do not support X_du3: probability 1.00 without it (± 0.013)"),
+        (0.0, "the data do not support X_du3: probability 1.00 without it (± 0.01 Monte Carlo)"),
     ],
 )
 def test_words_at_each_threshold(inclusion, words):
     assert term_verdict("X_du3", inclusion, 0.0126).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "error", "noisy"), [(0.7, 0.06, True), (0.5, 0.06, False), (0.7, 0.04, False), (0.9, 0.2, True)]
+)
+def test_noisy_evidence_near_an_edge_withholds_the_verdict(inclusion, error, noisy):
+    assert ("too noisy" in term_verdict("X_u", inclusion, error)) == noisy
 
 
 def test_pair_that_cannot_be_separated():

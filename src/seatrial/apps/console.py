@@ -1,8 +1,8 @@
 """What the command line shows: progress bars with remaining time on a terminal, one quiet line per step when piped."""
 
 import sys
-import threading
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -30,7 +30,6 @@ class ConsoleWatch:
             transient=False,
             disable=quiet or not self.console.is_terminal,
         )
-        self.lock = threading.Lock()
 
     @contextmanager
     def watching(self):
@@ -48,14 +47,22 @@ class ConsoleWatch:
         if self.console.is_terminal and not self.quiet:
             task = self.bars.add_task(title, total=None)
             return lambda done, total: self.bars.update(task, completed=done, total=total)
-        started = time.monotonic()
+        return _Lines(title, self.say)
 
-        def line(done: int, total: int) -> None:
-            if done >= total:
-                with self.lock:
-                    self.say(f"{title}: done in {time.monotonic() - started:.1f} s")
 
-        return line
+class _Lines:
+    """Progress of one piece of work as one line at its end; time counts from its first report."""
+
+    def __init__(self, title: str, say: Callable[[str], None]):
+        self.title, self.say = title, say
+        self.started: float | None = None
+        self.finished = False
+
+    def __call__(self, done: int, total: int) -> None:
+        self.started = time.monotonic() if self.started is None else self.started
+        if done >= total and not self.finished:
+            self.finished = True
+            self.say(f"{self.title}: done in {time.monotonic() - self.started:.1f} s")
 
 
 def fail(text: str) -> None:

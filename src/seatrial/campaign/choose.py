@@ -78,7 +78,7 @@ def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str
             )
             save_checkpoint(checkpoint, key, run._asdict())
         else:
-            run = SMCResult(float(stored["log_evidence"]), *(stored[name] for name in SMCResult._fields[1:]))
+            run = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
         runs.append(run)
         progress(repeat + 1, table.repeats)
     return combine_runs(runs)

@@ -1,5 +1,6 @@
 """Two questions every estimate must answer: does the prior hold the data's answer, and do the data say more than the prior?"""
 
+import math
 from itertools import combinations
 
 import jax
@@ -10,6 +11,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.priors import LogUniform
 
 EDGE = 0.02
 GAIN = 10.0
@@ -85,17 +87,16 @@ def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.nda
 
 
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:
-    """Bounds of a uniform prior near which the mode lies, each with a point a tenth of the width beyond it."""
-    lower, upper = parameter.prior.bounds
-    width = upper - lower
-    if not np.isfinite(width):
+    """Bounds near which the mode lies, each with a point a tenth of the width beyond it; widths of scales are logarithmic."""
+    scale = isinstance(parameter.prior, LogUniform)
+    there, back = (math.log, math.exp) if scale else (float, float)
+    if not np.isfinite(parameter.prior.bounds).all():
         return []
-    pairs = [
-        (bound, bound + sign * 0.1 * width)
-        for bound, sign in ((lower, -1.0), (upper, 1.0))
-        if abs(value - bound) <= EDGE * width
-    ]
-    return [(bound, beyond) for bound, beyond in pairs if not (lower >= 0 >= beyond)]
+    lower, upper = map(there, parameter.prior.bounds)
+    width = upper - lower
+    near = [(bound, sign) for bound, sign in ((lower, -1.0), (upper, 1.0)) if abs(there(value) - bound) <= EDGE * width]
+    pairs = [(back(bound), back(bound + sign * 0.1 * width)) for bound, sign in near]
+    return [(bound, beyond) for bound, beyond in pairs if not (parameter.prior.bounds[0] >= 0 >= beyond)]
 
 
 def _log_likelihood(posterior: Posterior, values: dict[str, float]) -> float:

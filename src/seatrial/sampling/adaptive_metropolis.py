@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.errors import NumericalError
 from seatrial.sampling.target import Progress, Target, no_progress
 
 TARGET_ACCEPTANCE = 0.234
@@ -80,9 +81,17 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
         target: density to sample.
         starts: one position for each chain, of finite density.
         cov: first proposal covariance before scaling, for example the Laplace covariance.
+
+    Raises:
+        NumericalError: a start of zero density.
     """
     d = target.dim
     log_density = _log_densities(target, starts)
+    if not np.isfinite(log_density).all():
+        bad = int(np.sum(~np.isfinite(log_density)))
+        raise NumericalError(
+            f"{bad} of {len(log_density)} chains start where the density is zero: start them inside the support"
+        )
     state = ChainState(starts, log_density, starts.mean(0), cov, jnp.asarray(np.log(2.38 / np.sqrt(d))))
     chains = starts.shape[0]
     return Run(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
@@ -146,7 +155,7 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         factor = jnp.linalg.cholesky(state.cov + 1e-12 * jnp.diag(jnp.diag(state.cov)))
         proposal = state.z + jnp.exp(state.log_scale) * jax.random.normal(step_key, (chains, d)) @ factor.T
         log_density = jax.vmap(partial(_log_density, target))(proposal)
-        log_ratio = log_density - state.log_density
+        log_ratio = jnp.where(jnp.isfinite(log_density), log_density, -jnp.inf) - state.log_density
         accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
         z = jnp.where(accepted[:, None], proposal, state.z)
         kept = jnp.where(accepted, log_density, state.log_density)

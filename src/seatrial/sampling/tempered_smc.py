@@ -54,12 +54,17 @@ class SMCResult(NamedTuple):
         particles: equally weighted draws from the posterior, shape (particles, d).
         temperatures: b after each step; the last is 1.
         acceptance: mean acceptance of the moves at each temperature.
+        alive: share of the draws from the prior with a finite likelihood.
+        expected_variance: variance of log_evidence if particles were independent: (1 / e - 1) / N for every step that keeps a
+            share e of N particles, the first draw included.
     """
 
     log_evidence: float
     particles: Float[np.ndarray, "particles d"]
     temperatures: Float[np.ndarray, " steps"]
     acceptance: Float[np.ndarray, " steps"]
+    alive: float
+    expected_variance: float
 
 
 def sample_tempered_smc(
@@ -72,13 +77,14 @@ def sample_tempered_smc(
     """
     start_key, key = jax.random.split(key)
     initial, step = _steps(settings, target.dim)
-    state, share = initial(target, start_key)
-    if float(share) == 0.0:
+    state, alive = initial(target, start_key)
+    alive = float(alive)
+    if alive == 0.0:
         raise NumericalError(
             f"none of {settings.particles} draws from the prior has a finite likelihood: under this prior the model "
             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    log_evidence, temperatures, acceptance = float(np.log(share)), [], []
+    log_evidence, temperatures, acceptance = float(np.log(alive)), [], []
     for iteration in range(max_steps):
         before = float(state.sampler_state.tempering_param)
         state, increment, accepted = step(target, state, jax.random.fold_in(key, iteration))
@@ -89,7 +95,15 @@ def sample_tempered_smc(
         progress(round(1000 * (1 + np.log10(max(temperature, 1e-9)) / 9)), 1000)
         if temperature >= 1.0:
             resampled = _resample(state.sampler_state, jax.random.fold_in(key, max_steps))
-            return SMCResult(log_evidence, np.asarray(resampled), np.array(temperatures), np.array(acceptance))
+            lost = len(temperatures) * (1.0 / settings.target_ess - 1.0) + (1.0 / alive - 1.0)
+            return SMCResult(
+                log_evidence,
+                np.asarray(resampled),
+                np.array(temperatures),
+                np.array(acceptance),
+                alive,
+                lost / settings.particles,
+            )
         if not np.isfinite(log_evidence) or temperature <= before:
             break
     raise NumericalError(

@@ -11,6 +11,11 @@ from seatrial.core.errors import NumericalError
 from seatrial.sampling.target import Progress, Target, no_progress
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 
+PRIOR_REPEATS = 4
+"""Repeats' worth of trust in the expected variance of one run."""
+ALIVE = 0.05
+"""Share of the prior that must be simulable for its particles to be trusted."""
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -63,8 +68,9 @@ def smc_evidence(
 def combine_runs(runs: list[SMCResult]) -> Evidence:
     """Combine independent runs: the mean of the unbiased evidences, its error from their spread.
 
-    The standard error is that of a normal interval: the spread of so few repeats is itself uncertain, so it is widened by
-    the ratio of Student's t to the normal quantile at 95 %.
+    Few repeats may agree by chance, so the error is the larger of two: from their spread alone, and from their spread pooled
+    with the variance expected of a run, which counts as much as four more repeats. Both are widened by the ratio of Student's t
+    to the normal quantile at 95 %.
 
     Raises:
         NumericalError: fewer than two runs.
@@ -78,19 +84,32 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
     top = logs.max()
     weights = np.exp(logs - top)
     log_value = float(top + np.log(weights.mean()))
-    widening = stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975)
-    std_error = float(weights.std(ddof=1) / weights.mean() / np.sqrt(n) * widening)
+    measured = float(weights.var(ddof=1) / weights.mean() ** 2)
+    expected = float(np.mean([run.expected_variance for run in runs]))
+    pooled = ((n - 1) * measured + PRIOR_REPEATS * expected) / (n - 1 + PRIOR_REPEATS)
+    std_error = max(_widened(measured, n, n - 1), _widened(pooled, n, n - 1 + PRIOR_REPEATS))
     spread = float(logs.std(ddof=1))
     acceptance = float(min(run.acceptance.min() for run in runs))
+    alive = min(run.alive for run in runs)
     complaints = []
     if spread > 1.0:
         complaints.append(f"repeats differ by {spread:.1f} nats: use more particles or moves")
     if acceptance < 0.05:
         complaints.append(f"the moves were accepted only {acceptance:.0%} of the time: use more moves")
+    if alive < ALIVE:
+        complaints.append(
+            f"only {alive:.1%} of the prior can be simulated: narrow it to damping that dissipates, or use more particles"
+        )
     diagnostics = {
         "log_values": logs.tolist(),
         "spread": spread,
         "lowest_acceptance": acceptance,
+        "alive": alive,
         "temperatures": [int(run.temperatures.size) for run in runs],
     }
     return Evidence(log_value, std_error, "adaptive tempered SMC", diagnostics, "; ".join(complaints))
+
+
+def _widened(variance: float, repeats: int, freedom: int) -> float:
+    """Standard error of a mean, widened for the uncertainty of its own variance."""
+    return float(np.sqrt(variance / repeats) * stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))

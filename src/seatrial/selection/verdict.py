@@ -11,6 +11,9 @@ from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
 
 DECIDED, LIKELY = 0.95, 0.75
+EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
+NOISY = 0.05
+"""Monte Carlo error of a probability above which a verdict near an edge is withheld."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,12 @@ def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optio
 def term_verdict(term: str, inclusion: float, error: float) -> str:
     """Say whether the data support a term, with the probability of the side that is favoured."""
     without = 1.0 - inclusion
-    margin = f" (± {error:.2g})"
+    margin = f" (± {max(error, 0.005):.2f} Monte Carlo)"
+    if error > NOISY and any(abs(inclusion - edge) < 2.0 * error for edge in EDGES):
+        return (
+            f"the evidence is too noisy to say whether the data support {term}: "
+            f"probability {inclusion:.2f} with it{margin}; use more particles or repeats"
+        )
     if inclusion >= DECIDED:
         return f"the data support {term}: probability {inclusion:.2f} with it{margin}"
     if inclusion >= LIKELY:
