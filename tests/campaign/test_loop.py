@@ -60,7 +60,8 @@ def test_the_schedule_holds_every_edge_of_the_trial(finished):
     store = Store(folder)
     schedule = np.loadtxt(store.schedule(store.design), delimiter=",", skiprows=1)
     time_, control = outcome.first.best_manoeuvre().sample(outcome.first.family.sample_time)
-    np.testing.assert_allclose(np.interp(time_, *schedule.T), control, rtol=1e-9)
+    np.testing.assert_allclose(np.interp(time_, *schedule.T), control * 30 / np.pi, rtol=1e-9)
+    assert store.schedule(store.design).read_text().startswith("time_s,n_rpm\n")
 
 
 def test_a_second_run_computes_nothing(finished):

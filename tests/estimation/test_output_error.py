@@ -227,3 +227,9 @@ def test_golden_log_likelihood():
     assert midpoint == pytest.approx(7001.011008, abs=1e-6)
     assert found == pytest.approx(fourth_order, abs=1e-7)
     assert found - midpoint == pytest.approx(3.65e-4, abs=1e-6)
+
+
+def test_trials_of_the_same_label():
+    records = [SAMPLED, SAMPLED]
+    with pytest.raises(InputError, match="a label of its own"):
+        output_error(MODEL, records, ["u"], [(1.0,)] * 2, free_initial=True)

@@ -63,13 +63,14 @@ def design(folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.designs import design_first
+        from seatrial.campaign.shown import shown_unit
         from seatrial.campaign.store import Store
-        from seatrial.core.signals import signal_unit
 
         sweep = design_first(campaign, watch)
         row, column = sweep.best
+        factor, unit = shown_unit(sweep.family.control)
         typer.echo(
-            f"best doublet: amplitude {sweep.amplitude[row]:.5g} {signal_unit(sweep.family.control)}, period {sweep.period[column]:.4g} s, "
+            f"best doublet: amplitude {sweep.amplitude[row] * factor:.4g} {unit}, period {sweep.period[column]:.4g} s, "
             f"entropy reduction {sweep.gain[row, column]:.2f} nat; schedule in {Store(folder).schedule(Store(folder).design)}"
         )
         return Exit.OK

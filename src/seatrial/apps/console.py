@@ -10,8 +10,6 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from seatrial.sampling.target import Progress as Report
 
-SHOW_AFTER = 0.5
-
 
 class ConsoleWatch:
     """A `Watch` on standard error; standard output is left to results."""

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError
@@ -133,9 +134,10 @@ def _sweep(
 
 
 def _schedule(sweep: Sweep) -> str:
-    """Edges of the best trial, SI: time and the control from then on, linear in between where the edges are ramps."""
+    """Edges of the best trial in the unit of the trade: time and control, linear in between where the edges are ramps."""
+    factor, unit = shown_unit(sweep.family.control)
     time, control = sweep.best_manoeuvre().sample(sweep.family.sample_time)
     bend = np.abs(np.diff(control, n=2)) > 1e-9 * max(1.0, float(np.abs(control).max()))
     corner = np.flatnonzero(np.concatenate([[True], bend, [True]]))
-    rows = "".join(f"{time[i]:.6g},{control[i]:.10g}\n" for i in corner)
-    return f"time_s,{sweep.family.control}_SI\n{rows}"
+    rows = "".join(f"{time[i]:.6g},{control[i] * factor:.10g}\n" for i in corner)
+    return f"time_s,{sweep.family.control}_{unit}\n{rows}"

@@ -1,7 +1,6 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import atomic_path, sha256_of
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
-from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.signals import signal_unit
 from seatrial.logs.align import align
 from seatrial.logs.read import read_csv
 from seatrial.logs.source import ColumnMap, LogSource
@@ -84,7 +83,13 @@ def simulate_trial(campaign: Campaign, watch: Watch = SILENT) -> Trials:
             key,
             {"manoeuvre": manoeuvre.name, **settings, "truth": source.truth, "seed": source.campaign.seed},
         )
-        _write(path, make_record(time, columns, _channels(columns), provenance, "trial"), key)
+        _write(
+            path,
+            make_record(
+                time, columns, tuple(_channel(name, campaign.family.control) for name in columns), provenance, "trial"
+            ),
+            key,
+        )
     return Trials((read_record(path),), (), key)
 
 
@@ -194,11 +199,8 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
     )
 
 
-def _channels(columns: Sequence[str] | dict) -> tuple[Channel, ...]:
-    return tuple(
-        Channel(name, signal_unit(name), "control" if name in SIGNALS and name not in ("u",) else "measurement")
-        for name in columns
-    )
+def _channel(name: str, control: str) -> Channel:
+    return Channel(name, signal_unit(name), "control" if name == control else "measurement")
 
 
 def _write(path: Path, record: Record, key: str) -> None:

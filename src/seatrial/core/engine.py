@@ -26,6 +26,9 @@ def configure() -> None:
         jax = sys.modules["jax"]
         jax.config.update("jax_enable_x64", os.environ["JAX_ENABLE_X64"] not in ("0", "false", "False"))
         jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+        for name, kind in (("min_compile_time_secs", float), ("min_entry_size_bytes", int)):
+            text = os.environ[f"JAX_PERSISTENT_CACHE_{name.upper()}"]
+            jax.config.update(f"jax_persistent_cache_{name}", kind(text))
 
 
 def cache_directory() -> Path:

@@ -187,8 +187,16 @@ def output_error(
         free_initial: estimate each trial's initial state.
 
     Raises:
-        InputError: a missing channel, or a delay with a time step that varies.
+        InputError: a missing channel, trials of the same label, or a delay with a time step that varies.
     """
+    labels = tuple(record.label for record in records)
+    if len(set(labels)) < len(labels):
+        raise InputError(
+            "trials fitted jointly",
+            found="labels " + ", ".join(f'"{label}"' for label in labels),
+            expected="a label of its own for each trial",
+            remedy="rename the records: initial states are told apart by these labels",
+        )
     data = tuple(trial_data(record, model, channels, start) for record, start in zip(records, initial, strict=True))
     for record in records if delay else ():
         step = np.diff(record.time)
@@ -200,5 +208,4 @@ def output_error(
                 remedy="import the record with a fixed `step`, or estimate without `delay`",
             )
     complete = tuple(tuple(bool(np.isfinite(record.channel(name)).all()) for name in channels) for record in records)
-    labels = tuple(record.label for record in records)
     return OutputError(model, tuple(channels), colour, delay, complete, labels, free_initial), data

@@ -16,7 +16,7 @@ class ChainHealth(NamedTuple):
         r_hat: rank-normalised split R-hat (Vehtari et al. 2021).
         ess_bulk: effective sample size for the centre.
         ess_tail: effective sample size for the 5 % and 95 % quantiles.
-        geweke: largest absolute score over the chains, scaled so that 2 is as rare as for one chain.
+        geweke: root mean square of the scores of the chains, 1 where all have converged.
         mcse: Monte Carlo standard error of the mean.
     """
 

@@ -89,7 +89,7 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
             for record in (*outcome.trials.fit, *outcome.trials.predict)
         ),
         (store.design, "designs swept for the trial"),
-        (store.schedule(store.design), "control of the trial over time, SI"),
+        (store.schedule(store.design), "control of the trial over time, its unit in the header"),
         *(
             (store.posterior(estimate.structure.label), f"draws of {estimate.structure.label}")
             for estimate in outcome.estimates
@@ -98,7 +98,7 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
         (store.filter, "filter traces"),
         (store.predictions, "fitted and predicted records"),
         (store.next_design, "designs swept for the next trial"),
-        (store.schedule(store.next_design), "control of the next trial over time, SI"),
+        (store.schedule(store.next_design), "control of the next trial over time, its unit in the header"),
         (store.summary, "everything above in numbers, SI"),
     ]
     return [(path.relative_to(folder).as_posix(), words) for path, words in listed if path.is_file()]

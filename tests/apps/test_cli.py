@@ -1,0 +1,122 @@
+"""The command line as a user meets it: exit codes, one clear error on standard error, nothing half-written."""
+
+import io
+import sys
+
+import pytest
+
+from seatrial.apps.cli import Exit, main
+from seatrial.apps.console import ConsoleWatch
+from tests.campaign.small import write_small
+
+
+def run(monkeypatch, capsys, *arguments):
+    """Exit code, standard output and standard error of one command."""
+    monkeypatch.setattr(sys, "argv", ["seatrial", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code, *capsys.readouterr()
+
+
+def results(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["--version"]])
+def test_help_is_given(monkeypatch, capsys, arguments):
+    code, out, err = run(monkeypatch, capsys, *arguments)
+    assert (code, err) == (Exit.OK, "")
+    assert "seatrial" in out
+
+
+def test_unknown_command_names_the_nearest(monkeypatch, capsys):
+    code, _, err = run(monkeypatch, capsys, "estimat", "somewhere")
+    assert code == Exit.BAD_INPUT
+    assert "estimate" in err
+
+
+@pytest.mark.parametrize("command", ["design", "simulate", "import", "estimate", "select", "report", "run"])
+def test_a_folder_that_is_no_campaign(monkeypatch, capsys, tmp_path, command):
+    code, out, err = run(monkeypatch, capsys, command, tmp_path)
+    assert (code, out) == (Exit.BAD_INPUT, "")
+    assert "seatrial init" in err
+    assert results(tmp_path) == []
+
+
+def test_init_never_overwrites(monkeypatch, capsys, tmp_path):
+    assert run(monkeypatch, capsys, "init", tmp_path / "new")[0] == Exit.OK
+    code, _, err = run(monkeypatch, capsys, "init", tmp_path / "new")
+    assert code == Exit.BAD_INPUT
+    assert "a campaign already" in err
+
+
+REFUSED = {
+    "no feasible design": (
+        "design",
+        ('amplitude = { from = "100 rpm"', 'amplitude = { from = "900 rpm"'),
+        ('to = "200 rpm"', 'to = "1900 rpm"'),
+        ["limits", "n"],
+    ),
+    "import of a simulated campaign": (
+        "import",
+        ("seed = 3", "seed = 3"),
+        ("seed = 3", "seed = 3"),
+        ["seatrial simulate"],
+    ),
+    "a truth that diverges": (
+        "simulate",
+        ("X_uabsu = -2.93", "X_uabsu = 2.93"),
+        ("X_u = -1.21", "X_u = 31.0"),
+        ["diverges", "dissipate"],
+    ),
+    "a prior that excludes the data": (
+        "estimate",
+        ("lower = -8.8\nupper = 0.0", "lower = -1.0\nupper = 0.0"),
+        ("lower = -3.6\nupper = 1.2", "lower = -0.1\nupper = 0.1"),
+        ["key prior.", "widen the prior"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_done_is_refused_with_a_remedy(monkeypatch, capsys, tmp_path, name):
+    command, *replacements, words = REFUSED[name]
+    write_small(tmp_path, *replacements)
+    code, out, err = run(monkeypatch, capsys, command, tmp_path, "--quiet")
+    assert (code, out) == (Exit.BAD_INPUT, "")
+    assert "Traceback" not in err
+    for word in ("error:", "remedy", *words):
+        assert word in err
+    assert not [path for path in results(tmp_path) if "posterior" in path or "tmp" in path]
+
+
+def test_a_missing_log_is_named(monkeypatch, capsys, tmp_path):
+    truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
+    files = """[import]
+fit = ["1"]
+[[import.files]]
+path = "log_{run}.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "speed", unit = "m/s" }
+channels.n = { column = "rpm", unit = "rpm" }
+"""
+    write_small(tmp_path, (truth, files))
+    code, _, err = run(monkeypatch, capsys, "run", tmp_path)
+    assert code == Exit.BAD_INPUT
+    assert "log_1.csv" in err
+    (tmp_path / "log_1.csv").write_text("t,sped,rpm\n0,0,0\n1,1,1\n")
+    code, _, err = run(monkeypatch, capsys, "run", tmp_path)
+    assert code == Exit.BAD_INPUT
+    for word in ("log_1.csv", '"speed"', "sped", "remedy"):
+        assert word in err
+    assert results(tmp_path) == ["campaign.toml", "log_1.csv"]
+
+
+def test_piped_progress_is_one_line_for_each_piece_of_work(monkeypatch):
+    said = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", said)
+    report = ConsoleWatch().progress("estimate M-1")
+    for done in (0, 500, 1000, 1000):
+        report(done, 1000)
+    assert said.getvalue().count("\n") == 1
+    assert said.getvalue().startswith("estimate M-1: done in 0.0 s")
