@@ -6,7 +6,7 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from tests.estimation_cases import posterior
 
 KEY = jax.random.key(0)
@@ -59,6 +59,14 @@ def test_data_beyond_a_bound(prior, centre, bound):
     assert f"against its bound {bound} 1" in caught.value.found
     assert float(caught.value.found.split("they are ")[1].split()[0]) == pytest.approx(gain, rel=0.05)
     assert "widen the prior" in caught.value.remedy
+
+
+def test_scale_against_its_bound_is_judged_by_its_logarithm():
+    """0.011 is near 0.01 on the scale of decades though 0.1 % of the range away; 0.03 is not."""
+    prior = LogUniform(0.01, 1.0)
+    checked(prior, 0.03, 0.001)
+    with pytest.raises(InputError, match="nats more likely"):
+        checked(prior, 0.007, 0.0005)
 
 
 def complaints(centre, precision, draws, priors=None):

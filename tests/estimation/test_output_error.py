@@ -230,6 +230,5 @@ def test_golden_log_likelihood():
 
 
 def test_trials_of_the_same_label():
-    records = [SAMPLED, SAMPLED]
     with pytest.raises(InputError, match="a label of its own"):
-        output_error(MODEL, records, ["u"], [(1.0,)] * 2, free_initial=True)
+        output_error(paper_model(), [trial(), trial()], ["u"], [(U0,)] * 2, free_initial=True)

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.adaptive_metropolis import (
@@ -111,6 +114,13 @@ def test_longer_run_begins_with_the_shorter():
     assert (long.z[:, :400] == short.z).all()
 
 
+def test_thinned_run_keeps_every_so_many_draws():
+    problem = linear_gaussian(2)
+    every, _ = sample(problem.posterior, SHORT)
+    some, _ = sample(problem.posterior, replace(SHORT, thin=5))
+    np.testing.assert_array_equal(some.z, every.z[:, 4::5])
+
+
 @pytest.mark.parametrize("blocks", [1, 3, 5])
 def test_run_resumed_from_a_file_gives_the_same_bits(blocks, tmp_path):
     target = linear_gaussian(2).posterior
@@ -142,6 +152,12 @@ def test_proposal_is_frozen_after_warm_up():
     for i, state in enumerate(states):
         frozen = [(a == b).all() for a, b in zip(state[2:], end[2:], strict=True)]
         assert frozen == [i >= warm] * 3
+
+
+def test_dead_starts_are_refused():
+    target = posterior({"a": Uniform(0.0, 1.0)}, lambda values, data: jnp.where(values["a"] < 0.5, 0.0, -jnp.inf), ())
+    with pytest.raises(NumericalError, match="1 of 2 chains start where the density is zero"):
+        start_chains(target, jnp.array([[-1.0], [1.0]]), jnp.eye(1))
 
 
 def test_progress_is_told():

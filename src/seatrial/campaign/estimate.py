@@ -119,9 +119,8 @@ def _estimate(campaign: Campaign, structure: Structure, trials: Trials, progress
 def _sample(
     campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode, key: str, progress: Progress
 ) -> Run:
-    settings = MetropolisSettings(
-        campaign.source.estimation.chains, campaign.source.estimation.warmup, campaign.source.estimation.draws
-    )
+    table = campaign.source.estimation
+    settings = MetropolisSettings(table.chains, table.warmup, table.draws, table.thin)
     draw_key = random_key(campaign, f"chains {structure.terms}")
     checkpoint = Store(campaign.folder).checkpoint(f"posterior-{structure.label}")
     stored = load_checkpoint(checkpoint, key)

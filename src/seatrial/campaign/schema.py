@@ -132,6 +132,7 @@ class EstimationTable(Table):
     chains: int = Field(default=32, ge=2, le=1024)
     warmup: int = Field(default=1000, ge=100, multiple_of=100)
     draws: int = Field(default=4000, ge=100, multiple_of=100)
+    thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = 1
 
 
 class SelectionTable(Table):

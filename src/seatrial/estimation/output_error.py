@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.estimation.simulation import delay_control, simulate_outputs
+from seatrial.estimation.simulation import delay_control
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 
@@ -26,24 +26,36 @@ FOREVER = 1e12
 """Time since a measurement that was never made, s: its memory is zero, and so are its derivatives."""
 
 
+class ChannelData(NamedTuple):
+    """Measurements of one channel in a trial of n samples, of whose gaps between measurements k are distinct.
+
+    Attributes:
+        measured: what the sensor showed, 0 where missing, shape (n,).
+        present: 1 where measured, 0 where missing, shape (n,).
+        gaps: distinct times since the measurement before, s, `FOREVER` for the first, shape (k,).
+        counts: how many measurements follow each gap, shape (k,).
+        kind: which of the gaps precedes each sample, 0 where missing, shape (n,).
+    """
+
+    measured: Float[Array, " n"]
+    present: Float[Array, " n"]
+    gaps: Float[Array, " k"]
+    counts: Float[Array, " k"]
+    kind: Int[Array, " n"]
+
+
 class TrialData(NamedTuple):
-    """Arrays of one trial; n samples, m of them measured in a channel.
+    """Arrays of one trial of n samples.
 
     Attributes:
         control: one array of shape (n,) for each control.
-        measured: one array of shape (n,) for each channel, 0 where missing.
-        present: 1 where measured, 0 where missing, like `measured`.
-        samples: indices of the measured samples of each channel, shape (m,).
-        gaps: time since the measured sample before, s, `FOREVER` for the first, like `samples`.
+        channels: measurements of each channel.
         step: time to the next sample, s, shape (n,).
         initial: states at the first sample where they are not estimated.
     """
 
     control: tuple[Float[Array, " n"], ...]
-    measured: tuple[Float[Array, " n"], ...]
-    present: tuple[Float[Array, " n"], ...]
-    samples: tuple[Int[Array, " m"], ...]
-    gaps: tuple[Float[Array, " m"], ...]
+    channels: tuple[ChannelData, ...]
     step: Float[Array, " n"]
     initial: tuple[Float[Array, ""], ...]
 
@@ -72,9 +84,32 @@ class OutputError:
 
     def __call__(self, values: dict[str, Any], data: tuple[TrialData, ...]) -> Any:
         """Log-likelihood of all trials; -inf where the simulation diverges."""
-        one = self._white if self.colour == "white" else self._coloured
-        total = sum((one(values, trial, index) for index, trial in enumerate(data)), jnp.zeros(()))
+        total = sum((self._trial(values, trial, index) for index, trial in enumerate(data)), jnp.zeros(()))
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
+
+    def _trial(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
+        """One time loop that simulates and sums the squares of what is new in each residual, and keeps nothing else."""
+        params = {name.text: values[name.text] for name in self.model.coefficients}
+        noises = [
+            self._noise(values, name, channel) for name, channel in zip(self.channels, trial.channels, strict=True)
+        ]
+
+        def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
+            state, sums = carry
+            held, channels, step = sample
+            sums = tuple(
+                noise.absorb(total, y - self.model.output(name, params, state, held), present, kind, complete)
+                for noise, total, name, (y, present, kind), complete in zip(
+                    noises, sums, self.channels, channels, self.complete[index], strict=True
+                )
+            )
+            return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), sums), None
+
+        start = tuple(jnp.asarray(x, float) for x in self._start(values, trial, index))
+        sampled = tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
+        empty = tuple(noise.empty() for noise in noises)
+        (_, sums), _ = jax.lax.scan(advance, (start, empty), (self._control(values, trial), sampled, trial.step))
+        return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
 
     def _start(self, values: dict[str, Any], trial: TrialData, index: int) -> tuple:
         """Initial state of a trial."""
@@ -82,52 +117,66 @@ class OutputError:
             return trial.initial
         return tuple(values[initial_name(state, self.labels[index])] for state in self.model.states)
 
-    def _white(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
-        """Sums of squares in one time loop that keeps nothing else."""
-        params = {name.text: values[name.text] for name in self.model.coefficients}
-        control = (
-            tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control)
-            if self.delay
-            else trial.control
-        )
+    def _control(self, values: dict[str, Any], trial: TrialData) -> tuple:
+        """Controls as they act."""
+        if not self.delay:
+            return trial.control
+        return tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control)
 
-        def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-            state, squares = carry
-            held, measured, present, step = sample
-            residuals = [
-                y - self.model.output(name, params, state, held)
-                for name, y in zip(self.channels, measured, strict=True)
-            ]
-            squares = tuple(
-                total + (e * e if complete else weight * (e * e))
-                for total, e, weight, complete in zip(squares, residuals, present, self.complete[index], strict=True)
-            )
-            return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), squares), None
+    def _noise(self, values: dict[str, Any], name: str, channel: ChannelData) -> Any:
+        """Model of one channel's residuals under these parameters."""
+        sd = values[noise_name(name)]
+        if self.colour == "white":
+            return _White(sd, channel.counts)
+        memory = jnp.exp(-channel.gaps / values[correlation_name(name)])
+        return _Coloured(sd, channel.counts, memory, 1.0 / (1.0 - memory * memory))
 
-        start = tuple(jnp.asarray(x, float) for x in self._start(values, trial, index))
-        zeros = (jnp.zeros(()),) * len(self.channels)
-        (_, squares), _ = jax.lax.scan(advance, (start, zeros), (control, trial.measured, trial.present, trial.step))
-        total = jnp.zeros(())
-        for channel, square, samples in zip(self.channels, squares, trial.samples, strict=True):
-            sd = values[noise_name(channel)]
-            total = total - samples.size * (jnp.log(sd) + 0.5 * LOG_2PI) - 0.5 * square / (sd * sd)
-        return total
 
-    def _coloured(self, values: dict[str, Any], trial: TrialData, index: int) -> Any:
-        """Innovations of the residual process at the measured samples of each channel."""
-        start = jnp.stack([jnp.asarray(x, float) for x in self._start(values, trial, index)])
-        outputs = simulate_outputs(
-            self.model, self.channels, self.delay, values, start, jnp.stack(trial.control, -1), trial.step
-        )
-        total = jnp.zeros(())
-        for c, channel in enumerate(self.channels):
-            samples, sd = trial.samples[c], values[noise_name(channel)]
-            residual = trial.measured[c][samples] - outputs[samples, c]
-            memory = jnp.exp(-trial.gaps[c] / values[correlation_name(channel)])
-            before = jnp.concatenate([jnp.zeros(1), residual[:-1]])
-            variance = sd * sd * (1.0 - memory * memory)
-            total = total - 0.5 * jnp.sum((residual - memory * before) ** 2 / variance + jnp.log(variance) + LOG_2PI)
-        return total
+class _White(NamedTuple):
+    """Independent residuals of standard deviation `sd`; carries their sum of squares."""
+
+    sd: Any
+    counts: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        return jnp.zeros(())
+
+    def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
+        return total + (e * e if complete else present * (e * e))
+
+    def log_likelihood(self, total: Any) -> Any:
+        return -jnp.sum(self.counts) * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * total / (self.sd * self.sd)
+
+
+class _Coloured(NamedTuple):
+    """Ornstein-Uhlenbeck residuals; carries the last one measured and the sum of squared innovations over their variances.
+
+    Attributes:
+        sd: standard deviation of the process.
+        counts: number of measurements after each distinct gap.
+        memory: correlation across each distinct gap.
+        weight: process variance over innovation variance for each distinct gap.
+    """
+
+    sd: Any
+    counts: Float[Array, " k"]
+    memory: Float[Array, " k"]
+    weight: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        return (jnp.zeros(()), jnp.zeros(()))
+
+    def absorb(self, carry: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
+        before, total = carry
+        innovation = e - self.memory[kind] * before
+        gain = self.weight[kind] * (innovation * innovation)
+        if complete:
+            return e, total + gain
+        return before + present * (e - before), total + present * gain
+
+    def log_likelihood(self, carry: Any) -> Any:
+        spread = jnp.log(self.sd) + 0.5 * LOG_2PI - 0.5 * jnp.log(self.weight)
+        return -jnp.sum(self.counts * spread) - 0.5 * carry[1] / (self.sd * self.sd)
 
 
 def noise_name(channel: str) -> str:
@@ -151,17 +200,27 @@ def trial_data(record: Record, model: VehicleModel, channels: Sequence[str], ini
     Raises:
         InputError: a control or channel the record does not have.
     """
-    columns = [np.asarray(record.channel(name)) for name in channels]
-    present = [np.isfinite(column) for column in columns]
-    samples = [np.flatnonzero(p) for p in present]
     return TrialData(
         control=tuple(jnp.asarray(record.channel(name)) for name in model.controls),
-        measured=tuple(jnp.asarray(np.where(p, column, 0.0)) for p, column in zip(present, columns, strict=True)),
-        present=tuple(jnp.asarray(p, float) for p in present),
-        samples=tuple(jnp.asarray(index) for index in samples),
-        gaps=tuple(jnp.asarray(np.concatenate([[FOREVER], np.diff(record.time[index])])) for index in samples),
+        channels=tuple(channel_data(record.time, np.asarray(record.channel(name))) for name in channels),
         step=jnp.asarray(record.step),
         initial=tuple(jnp.asarray(x, float) for x in initial),
+    )
+
+
+def channel_data(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:
+    """Arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
+    present = np.isfinite(column)
+    between = np.concatenate([[FOREVER], np.diff(time[present])])[: present.sum()]
+    _, which, counts = np.unique(np.round(between, 9), return_inverse=True, return_counts=True)
+    kind = np.zeros(column.size, int)
+    kind[present] = which
+    return ChannelData(
+        jnp.asarray(np.where(present, column, 0.0)),
+        jnp.asarray(present, float),
+        jnp.asarray(np.bincount(which, between) / counts),
+        jnp.asarray(counts, float),
+        jnp.asarray(kind),
     )
 
 

@@ -31,11 +31,19 @@ PRIOR_WEIGHT = 100
 
 @dataclass(frozen=True)
 class MetropolisSettings:
-    """Size of a run: chains in step, warm-up iterations (dropped) and draws kept of each chain; multiples of 100."""
+    """Size of a run.
+
+    Attributes:
+        chains: chains in step.
+        warmup: iterations that adapt and are dropped, a multiple of 100.
+        draws: iterations after them, a multiple of 100.
+        thin: every how many-th of these is kept, a divisor of 100.
+    """
 
     chains: int = 32
     warmup: int = 1000
     draws: int = 4000
+    thin: int = 1
 
 
 class ChainState(NamedTuple):
@@ -103,12 +111,13 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: Metropoli
     iteration = run.iteration + BLOCK
     if iteration <= settings.warmup:
         return run._replace(state=state, iteration=iteration)
+    kept = slice(settings.thin - 1, None, settings.thin)
     return Run(
         state,
         iteration,
-        np.concatenate([run.z, np.asarray(z)]),
-        np.concatenate([run.log_density, np.asarray(log_density)]),
-        np.concatenate([run.acceptance, np.asarray(acceptance)]),
+        np.concatenate([run.z, np.asarray(z)[kept]]),
+        np.concatenate([run.log_density, np.asarray(log_density)[kept]]),
+        np.concatenate([run.acceptance, np.asarray(acceptance)[kept]]),
     )
 
 

@@ -21,7 +21,7 @@ from seatrial.sampling.target import Progress, Target, no_progress
 
 _FLOOR = -1e100
 """Stands for log 0 while tempering: 0 * (-inf) would be NaN."""
-_LANES = 128
+_LANES = 64
 """Particles simulated at once: enough to fill the vector units, few enough for their data to stay in the cache."""
 _START = 1e-30
 """First temperature: no finite likelihood is felt there, and one of 0 still is."""
