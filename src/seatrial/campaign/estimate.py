@@ -27,6 +27,7 @@ from seatrial.sampling.adaptive_metropolis import (
     advance_chains,
     finish,
     is_finished,
+    log_densities,
     start_chains,
 )
 from seatrial.sampling.diagnostics import complaints, diagnose
@@ -152,7 +153,7 @@ def _starts(posterior: Posterior, mode: Mode, chains: int, key: jax.Array) -> ja
     """Positions spread 1.5 times as wide as the normal approximation, so that R-hat can see chains that do not meet."""
     noise = jax.random.normal(jax.random.fold_in(key, 2**31), (chains, posterior.dim))
     starts = jnp.asarray(mode.z) + 1.5 * noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
-    finite = jnp.isfinite(jax.vmap(posterior.log_density)(starts))
+    finite = jnp.isfinite(log_densities(posterior, starts))
     return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
 
 

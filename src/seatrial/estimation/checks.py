@@ -6,7 +6,7 @@ from itertools import combinations
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.mode import Mode
@@ -66,7 +66,7 @@ def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.nda
                 f"the data cannot inform {parameter.name}: its standard deviation is {ratio:.0%} of the prior's, "
                 "so the stated value is the prior's; run a trial that excites it, or fix it"
             )
-    prior_precision = -np.asarray(jax.hessian(posterior.log_prior)(jnp.asarray(mode.z)))
+    prior_precision = -np.asarray(_prior_hessian(posterior, jnp.asarray(mode.z)))
     eigenvalues, vectors = np.linalg.eigh(mode.precision - prior_precision)
     if eigenvalues[0] < 1e-10 * eigenvalues[-1]:
         direction = vectors[:, 0]
@@ -84,6 +84,11 @@ def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.nda
                 "use them as a pair; a trial over a wider range of speeds would separate them"
             )
     return said
+
+
+@jax.jit
+def _prior_hessian(posterior: Posterior, z: Array) -> Array:
+    return jax.hessian(posterior.log_prior)(z)
 
 
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:

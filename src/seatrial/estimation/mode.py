@@ -67,7 +67,7 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     hessian = np.asarray(_hessian(posterior, jnp.asarray(z)))
     precision = -0.5 * (hessian + hessian.T)
     cov, log_volume, flat = _invert(precision)
-    slope = np.diag(np.asarray(jax.jacfwd(posterior.constrain)(jnp.asarray(z))))
+    slope = np.asarray(_slope(posterior, jnp.asarray(z)))
     return Mode(
         z,
         precision,
@@ -98,6 +98,12 @@ def _gradient(posterior: Posterior, z: Array) -> Array:
 @jax.jit
 def _hessian(posterior: Posterior, z: Array) -> Array:
     return jax.jacfwd(jax.jacfwd(posterior.log_density))(z)
+
+
+@jax.jit
+def _slope(posterior: Posterior, z: Array) -> Array:
+    """Derivative of each parameter's value with respect to its own z."""
+    return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))[1]
 
 
 def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
@@ -47,10 +48,12 @@ class Posterior:
         """Number of parameters."""
         return len(self.parameters)
 
+    @jax.jit
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Parameter values, SI, of unconstrained vectors."""
         return jnp.stack([parameter.prior.constrain(z[..., i]) for i, parameter in enumerate(self.parameters)], -1)
 
+    @jax.jit
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Unconstrained vectors of parameter values inside the support."""
         return jnp.stack(
@@ -70,6 +73,7 @@ class Posterior:
         """Unnormalised log posterior density of z."""
         return self.log_prior(z) + self.log_likelihood(z)
 
+    @partial(jax.jit, static_argnames="n")
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
         """Unconstrained draws from the prior."""
         keys = jax.random.split(key, self.dim)

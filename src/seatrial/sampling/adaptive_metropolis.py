@@ -94,7 +94,7 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
         NumericalError: a start of zero density.
     """
     d = target.dim
-    log_density = _log_densities(target, starts)
+    log_density = log_densities(target, starts)
     if not np.isfinite(log_density).all():
         bad = int(np.sum(~np.isfinite(log_density)))
         raise NumericalError(
@@ -109,6 +109,7 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: Metropoli
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, (z, log_density, acceptance) = _block(target, run.state, key, run.iteration, settings.warmup)
     iteration = run.iteration + BLOCK
+    acceptance.block_until_ready()
     if iteration <= settings.warmup:
         return run._replace(state=state, iteration=iteration)
     kept = slice(settings.thin - 1, None, settings.thin)
@@ -152,7 +153,8 @@ def _log_density(target: Target, z: Array) -> Array:
 
 
 @jax.jit
-def _log_densities(target: Target, z: Array) -> Array:
+def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
+    """Log densities of several positions at once."""
     return jax.vmap(partial(_log_density, target))(z)
 
 

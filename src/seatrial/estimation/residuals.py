@@ -1,0 +1,61 @@
+"""Models of what the simulation leaves over in one channel, each a running sum inside the time loop and a log-likelihood at its end."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+LOG_2PI = 1.8378770664093453
+
+
+class White(NamedTuple):
+    """Independent residuals of standard deviation `sd`; carries their sum of squares."""
+
+    sd: Any
+    counts: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        """Sum before the first sample."""
+        return jnp.zeros(())
+
+    def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
+        """Add the residual `e` of one sample; `complete` where no sample of the channel is missing."""
+        return total + (e * e if complete else present * (e * e))
+
+    def log_likelihood(self, total: Any) -> Any:
+        """Log density of all residuals."""
+        return -jnp.sum(self.counts) * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * total / (self.sd * self.sd)
+
+
+class Coloured(NamedTuple):
+    """Ornstein-Uhlenbeck residuals; carries the last one measured and the sum of squared innovations over their variances.
+
+    Attributes:
+        sd: standard deviation of the process.
+        counts: number of measurements after each distinct gap.
+        memory: correlation across each distinct gap.
+        weight: process variance over innovation variance for each distinct gap.
+    """
+
+    sd: Any
+    counts: Float[Array, " k"]
+    memory: Float[Array, " k"]
+    weight: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        """Sum before the first sample."""
+        return (jnp.zeros(()), jnp.zeros(()))
+
+    def absorb(self, carry: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
+        """Add the residual `e` of one sample; `complete` where no sample of the channel is missing."""
+        before, total = carry
+        innovation = e - self.memory[kind] * before
+        gain = self.weight[kind] * (innovation * innovation)
+        if complete:
+            return e, total + gain
+        return before + present * (e - before), total + present * gain
+
+    def log_likelihood(self, carry: Any) -> Any:
+        """Log density of all residuals."""
+        spread = jnp.log(self.sd) + 0.5 * LOG_2PI - 0.5 * jnp.log(self.weight)
+        return -jnp.sum(self.counts * spread) - 0.5 * carry[1] / (self.sd * self.sd)

@@ -1,0 +1,96 @@
+"""Trials as arrays: several of them stacked, the shorter ones padded with samples that take no time and measure nothing."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from seatrial.core.record import Record
+from seatrial.vehicles.model import VehicleModel
+
+FOREVER = 1e12
+"""Time since a measurement that was never made, s: its memory is zero, and so are its derivatives."""
+
+
+class ChannelData(NamedTuple):
+    """Measurements of one channel in a trial of n samples, of whose gaps between measurements k are distinct.
+
+    Attributes:
+        measured: what the sensor showed, 0 where missing, shape (n,).
+        present: 1 where measured, 0 where missing, shape (n,).
+        gaps: distinct times since the measurement before, s, `FOREVER` for the first, shape (k,).
+        counts: how many measurements follow each gap, shape (k,).
+        kind: which of the gaps precedes each sample, 0 where missing, shape (n,).
+    """
+
+    measured: Float[Array, " n"]
+    present: Float[Array, " n"]
+    gaps: Float[Array, " k"]
+    counts: Float[Array, " k"]
+    kind: Int[Array, " n"]
+
+
+class TrialData(NamedTuple):
+    """Arrays of one trial of n samples; stacked, every array has the trials as its first axis.
+
+    Attributes:
+        control: one array of shape (n,) for each control.
+        channels: measurements of each channel.
+        step: time to the next sample, s, shape (n,).
+        initial: states at the first sample where they are not estimated, shape (n_states,).
+    """
+
+    control: tuple[Float[Array, " n"], ...]
+    channels: tuple[ChannelData, ...]
+    step: Float[Array, " n"]
+    initial: Float[Array, " n_states"]
+
+
+def stack_trials(
+    records: Sequence[Record], model: VehicleModel, channels: Sequence[str], initial: Sequence[Sequence[float]]
+) -> TrialData:
+    """Arrays of several trials, so that compiled code does not grow with their number.
+
+    Raises:
+        InputError: a control or channel a record does not have.
+    """
+    trials = [_trial(record, model, channels, start) for record, start in zip(records, initial, strict=True)]
+
+    def pad(*arrays: np.ndarray) -> Array:
+        length = max(array.size for array in arrays)
+        return jnp.asarray(np.stack([np.pad(array, (0, length - array.size)) for array in arrays]))
+
+    stacked = jax.tree.map(pad, *trials)
+    return stacked._replace(
+        channels=tuple(
+            channel._replace(gaps=jnp.where(channel.counts > 0, channel.gaps, FOREVER)) for channel in stacked.channels
+        )
+    )
+
+
+def _trial(record: Record, model: VehicleModel, channels: Sequence[str], initial: Sequence[float]) -> TrialData:
+    return TrialData(
+        control=tuple(np.asarray(record.channel(name)) for name in model.controls),
+        channels=tuple(_channel(record.time, np.asarray(record.channel(name))) for name in channels),
+        step=np.asarray(record.step),
+        initial=np.asarray(initial, float),
+    )
+
+
+def _channel(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:
+    """Arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
+    present = np.isfinite(column)
+    between = np.concatenate([[FOREVER], np.diff(time[present])])[: present.sum()]
+    _, which, counts = np.unique(np.round(between, 9), return_inverse=True, return_counts=True)
+    kind = np.zeros(column.size, int)
+    kind[present] = which
+    return ChannelData(
+        np.where(present, column, 0.0),
+        present.astype(float),
+        np.bincount(which, between) / counts,
+        counts.astype(float),
+        kind,
+    )
