@@ -13,7 +13,7 @@ engine.configure()
 __version__ = "0.1.0"
 
 _HOME = {
-    "load_campaign": "seatrial.campaign.config",
+    "load_campaign": "seatrial.campaign.load",
     "init_campaign": "seatrial.campaign.templates",
     "design_first": "seatrial.campaign.designs",
     "get_trials": "seatrial.campaign.trials",
@@ -44,9 +44,9 @@ __all__ = [
 
 if TYPE_CHECKING:
     from seatrial.campaign.choose import select_structure
-    from seatrial.campaign.config import load_campaign
     from seatrial.campaign.designs import design_first
     from seatrial.campaign.estimate import estimate_all
+    from seatrial.campaign.load import load_campaign
     from seatrial.campaign.loop import run_loop
     from seatrial.campaign.templates import init_campaign
     from seatrial.campaign.trials import get_trials

@@ -2,7 +2,7 @@
 
 import pytest
 
-from seatrial.campaign.config import load_campaign
+from seatrial.campaign.load import load_campaign
 from seatrial.campaign.templates import init_campaign, template_names
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small

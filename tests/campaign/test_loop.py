@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.campaign.config import load_campaign
+from seatrial.campaign.load import load_campaign
 from seatrial.campaign.loop import run_loop
 from seatrial.campaign.store import Store, stamp_of
 from seatrial.campaign.watch import Silent

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from seatrial.campaign.config import Campaign, load_campaign
+from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import Estimate
+from seatrial.campaign.load import load_campaign
 from seatrial.campaign.loop import Outcome
 from seatrial.campaign.predict import Fit
 from seatrial.campaign.trials import Trials

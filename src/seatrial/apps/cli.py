@@ -196,7 +196,7 @@ def _finish(alarms: list[str], cautions: list[str]) -> Exit:
 
 def _with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -> None:
     from seatrial.apps.console import ConsoleWatch
-    from seatrial.campaign.config import load_campaign
+    from seatrial.campaign.load import load_campaign
 
     watch = ConsoleWatch(quiet)
     with watch.watching():

@@ -1,6 +1,7 @@
 """Selection among the candidate structures: evidences with checkpointed repeats, probabilities, verdicts."""
 
 from functools import partial
+from typing import Any
 
 import jax
 
@@ -84,24 +85,25 @@ def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str
     return combine_runs(runs)
 
 
+def structure_rows(selection: Selection) -> list[dict[str, Any]]:
+    """Each structure with its terms, evidence and probability."""
+    return [
+        {
+            "label": structure.label,
+            "terms": list(structure.terms),
+            "evidence": evidence.__dict__,
+            "probability": float(probability),
+            "probability_error": float(error),
+        }
+        for structure, evidence, probability, error in zip(
+            selection.structures, selection.evidences, selection.probability, selection.probability_error, strict=True
+        )
+    ]
+
+
 def _as_json(campaign: Campaign, selection: Selection) -> dict:
     return {
-        "structures": [
-            {
-                "label": structure.label,
-                "terms": list(structure.terms),
-                "evidence": evidence.__dict__,
-                "probability": float(probability),
-                "probability_error": float(error),
-            }
-            for structure, evidence, probability, error in zip(
-                selection.structures,
-                selection.evidences,
-                selection.probability,
-                selection.probability_error,
-                strict=True,
-            )
-        ],
+        "structures": structure_rows(selection),
         "inclusion": dict(selection.inclusion),
         "inclusion_error": dict(selection.inclusion_error),
         "chosen": selection.structures[selection.chosen].label,

@@ -1,23 +1,18 @@
-"""From a campaign's TOML file to checked objects in SI; every error names the file and the key."""
+"""A campaign's configuration as objects in SI; every error names the file and the key."""
 
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
 
 from seatrial.campaign.prior_tables import read_prior
 from seatrial.campaign.schema import CampaignFile, RangeTable
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.sweep import DoubletFamily
-from seatrial.estimation.output_error import correlation_name, noise_name
+from seatrial.estimation.output_error import noise_name
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure, all_structures
@@ -238,141 +233,3 @@ class Campaign:
                 remedy="swap or correct them",
             )
         return np.linspace(start, stop, table.points)
-
-
-def load_campaign(folder: Path) -> Campaign:
-    """Read and check the campaign of a folder.
-
-    Raises:
-        InputError: no such file, malformed TOML, unknown or missing key, wrong type, unit or name.
-    """
-    path = folder / FILE_NAME
-    if not path.is_file():
-        raise InputError(
-            str(path),
-            found="no such file",
-            expected=f"a campaign folder with {FILE_NAME}",
-            remedy=f"create one with `seatrial init {folder}`",
-        )
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
-        raise InputError(
-            str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
-        ) from cause
-    try:
-        campaign = Campaign(folder, CampaignFile.model_validate(content))
-    except ValidationError as cause:
-        raise _as_input_error(path, content, cause) from None
-    _check(campaign)
-    return campaign
-
-
-def _check(campaign: Campaign) -> None:
-    """Resolve everything once, so that mistakes are found before any work is done."""
-    full = campaign.structures[0]
-    model = campaign.model(full)
-    names = {term.text for term in model.coefficients}
-    for name in names:
-        campaign.prior(name, model.unit_of(CoefficientName.parse(name)))
-    nuisances = {noise_name(channel) for channel in campaign.channels}
-    if campaign.source.estimation.residuals == "coloured":
-        for channel in campaign.channels:
-            nuisances.add(correlation_name(channel))
-            campaign.prior(correlation_name(channel), "s")
-    allowed = names | nuisances | {"delay"}
-    for name in campaign.source.prior:
-        if name not in allowed:
-            raise InputError(
-                campaign.where(f"prior.{name}"),
-                found=f'"{name}", which nothing uses',
-                expected="one of " + ", ".join(sorted(allowed)),
-                remedy=nearest(name, allowed),
-            )
-    if campaign.has_delay and not isinstance(campaign.prior("delay", "s"), Uniform):
-        raise InputError(
-            campaign.where("prior.delay"),
-            found="a normal prior",
-            expected="a uniform prior from 0 s",
-            remedy="give lower and upper",
-        )
-    for channel in campaign.channels:
-        campaign.noise(channel)
-        if campaign.noise_prior(channel).bounds[0] < 0:
-            raise InputError(
-                campaign.where(f"prior.{noise_name(channel)}"),
-                found="a support that reaches below 0",
-                expected="a uniform prior from 0 up",
-                remedy="give lower = 0 and upper",
-            )
-    _ = campaign.family, campaign.grid(), campaign.limits()
-    _check_source(campaign, names)
-
-
-def _check_source(campaign: Campaign, names: set[str]) -> None:
-    source = campaign.source
-    if (source.imported is None) == (not source.truth):
-        raise InputError(
-            str(campaign.path),
-            found="both [truth] and [import]" if source.truth else "neither [truth] nor [import]",
-            expected="one of them: a simulated vehicle or a real log",
-            remedy="give [truth] with coefficients, or [import] with files",
-        )
-    for name in source.truth:
-        if name not in names:
-            raise InputError(
-                campaign.where(f"truth.{name}"),
-                found=f'"{name}"',
-                expected="one of " + ", ".join(sorted(names)),
-                remedy=nearest(name, names),
-            )
-    if source.estimation.initial == "trim" and "u" not in campaign.hull.trim:
-        raise InputError(
-            campaign.where("estimation.initial"),
-            found='"trim"',
-            expected="a vehicle whose trim speed is known",
-            remedy='give vehicle.trim.u, or set initial = "measured" or "estimated"',
-        )
-
-
-def _as_input_error(path: Path, content: Mapping[str, Any], cause: ValidationError) -> InputError:
-    first = cause.errors()[0]
-    location = [part for part in first["loc"] if isinstance(part, str | int)]
-    key = ".".join(str(part) for part in location)
-    where = f"{path}, key {key}"
-    if first["type"] == "extra_forbidden":
-        allowed = _keys_at(location[:-1])
-        return InputError(
-            where,
-            found=f'unknown key "{location[-1]}"',
-            expected="one of " + ", ".join(allowed),
-            remedy=nearest(str(location[-1]), allowed),
-        )
-    if first["type"] == "missing":
-        return InputError(
-            where,
-            found="nothing",
-            expected=f'the key "{location[-1]}"',
-            remedy="add it; `seatrial init` writes an example with every table",
-        )
-    return InputError(
-        where,
-        found=repr(first.get("input"))[:80],
-        expected=first["msg"],
-        remedy='correct the value; quantities are strings such as "200 rpm"',
-    )
-
-
-def _keys_at(location: list[str | int]) -> list[str]:
-    """Keys the schema allows at a place, following tables, lists and named sub-tables."""
-    table: Any = CampaignFile
-    for part in location:
-        if isinstance(table, type) and issubclass(table, BaseModel):
-            fields = {field.alias or name: field.annotation for name, field in table.model_fields.items()}
-            table = fields[str(part)]
-        else:
-            table = get_args(table)[-1] if get_args(table) else table
-        options = [option for option in get_args(table) if isinstance(option, type) and issubclass(option, BaseModel)]
-        if len(options) == 1 and "|" in str(table):
-            table = options[0]
-    return [field.alias or name for name, field in table.model_fields.items()]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from seatrial.campaign.choose import select_structure
+from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
@@ -95,23 +95,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "chosen": chosen.structure.label,
         "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],
-        "structures": [
-            {
-                "label": structure.label,
-                "terms": list(structure.terms),
-                "log_evidence": evidence.log_value,
-                "std_error": evidence.std_error,
-                "probability": float(probability),
-                "probability_error": float(error),
-            }
-            for structure, evidence, probability, error in zip(
-                selection.structures,
-                selection.evidences,
-                selection.probability,
-                selection.probability_error,
-                strict=True,
-            )
-        ],
+        "structures": structure_rows(selection),
         "verdicts": list(selection.verdicts),
         "cautions": cautions,
         "alarms": alarms,
