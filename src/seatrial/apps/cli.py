@@ -180,9 +180,18 @@ def _run_and_report(campaign: Any, watch: Any) -> Exit:
 
 
 def _say_trials(trials: Any) -> Exit:
+    from seatrial.core.signals import signal_unit
+
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
+        for name in record.controls:
+            if record.channel(name).min() == record.channel(name).max():
+                typer.echo(
+                    f'caution: record {record.label}, channel "{name}": {record.channel(name)[0]:g} {signal_unit(name)} in every '
+                    "sample; a control that never moves excites nothing: check its column in the channel map",
+                    err=True,
+                )
     return Exit.OK
 
 
@@ -220,6 +229,18 @@ def main() -> None:
     except SeatrialError as error:
         fail(str(error))
         sys.exit(Exit.BUG)
+    except OSError as error:
+        fail(str(_as_input_error(error)))
+        sys.exit(Exit.BAD_INPUT)
     except KeyboardInterrupt:
         fail("interrupted; run the same command again to resume")
         sys.exit(Exit.INTERRUPTED)
+
+
+def _as_input_error(error: OSError) -> InputError:
+    return InputError(
+        str(error.filename2 or error.filename or "file system"),
+        found=error.strerror or str(error),
+        expected="a place where files can be read and written",
+        remedy="check the path, its permissions and the space left",
+    )

@@ -21,6 +21,8 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
 FILE_NAME = "campaign.toml"
+MOST_SAMPLES = 200_000
+"""Samples of a designed trial: beyond, a sweep no longer fits the memory of a laptop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +181,14 @@ class Campaign:
                 found=f"{family.sample_time:g} s",
                 expected="more than 0 and a tenth of the duration at most",
                 remedy='for example "0.02 s"',
+            )
+        samples = round(family.duration / family.sample_time)
+        if samples > MOST_SAMPLES:
+            raise InputError(
+                self.where("design.sample_time"),
+                found=f"{samples} samples in a trial of {family.duration:g} s",
+                expected=f"at most {MOST_SAMPLES}",
+                remedy="use a longer sample time: a hundredth of the fastest time constant is enough",
             )
         if family.start + family.active > family.duration * (1 + 1e-9):
             raise InputError(

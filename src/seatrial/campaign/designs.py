@@ -9,10 +9,10 @@ from seatrial.campaign.config import Campaign
 from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.files import write_text
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.record_file import open_dataset
 from seatrial.design.sweep import Sweep, sweep_doublets
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel

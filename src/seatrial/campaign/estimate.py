@@ -15,7 +15,7 @@ from seatrial.campaign.problem import build_posterior, random_key
 from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
-from seatrial.core.record_file import open_dataset
+from seatrial.core.dataset_file import open_dataset
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior

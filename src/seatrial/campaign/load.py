@@ -30,7 +30,7 @@ def load_campaign(folder: Path) -> Campaign:
             remedy=f"create one with `seatrial init {folder}`",
         )
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
         raise InputError(
             str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"

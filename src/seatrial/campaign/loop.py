@@ -16,7 +16,7 @@ from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
 from seatrial.campaign.trials import Trials, get_trials
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.core.record_file import open_dataset
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
 from seatrial.selection.verdict import Selection

@@ -15,8 +15,8 @@ from seatrial.campaign.estimate import Estimate
 from seatrial.campaign.problem import initial_state
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.trials import Trials
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
-from seatrial.core.record_file import open_dataset
 from seatrial.estimation.output_error import initial_name, noise_name
 from seatrial.estimation.simulation import simulate_outputs
 from seatrial.vehicles.model import VehicleModel

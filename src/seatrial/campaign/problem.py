@@ -61,6 +61,7 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
                 )
                 for state, value in zip(model.states, start, strict=True)
             ]
+    _check_enough(campaign, records, len(parameters))
     likelihood, data = output_error(
         model,
         records,
@@ -71,6 +72,17 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
         free_initial=estimated,
     )
     return Posterior(tuple(parameters), likelihood, data)
+
+
+def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) -> None:
+    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in campaign.channels)
+    if count < 2 * unknowns:
+        raise InputError(
+            "records " + ", ".join(f'"{record.label}"' for record in records),
+            found=f"{count} measurements for {unknowns} unknowns",
+            expected=f"at least {2 * unknowns} measurements",
+            remedy="check the unit of the time column, or give a longer record",
+        )
 
 
 def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tuple[float, ...]:

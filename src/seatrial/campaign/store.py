@@ -14,9 +14,10 @@ import numpy as np
 import xarray as xr
 
 from seatrial import __version__
+from seatrial.core import dataset_file
+from seatrial.core.dataset_file import SEAL
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, sha256_of_json, write_json
-from seatrial.core.record_file import open_dataset
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,9 @@ def stamp_of(path: Path) -> str | None:
         return None
     try:
         if path.suffix == ".json":
-            return json.loads(path.read_text(encoding="utf-8")).get("key")
-        return open_dataset(path).attrs.get("key")
-    except (InputError, ValueError, AttributeError):
+            return read_json(path, "seatrial run").get("key")
+        return dataset_file.open_dataset(path).attrs.get("key")
+    except InputError:
         return None
 
 
@@ -106,28 +107,31 @@ def is_current(path: Path, key: str) -> bool:
 
 def write_dataset(path: Path, dataset: xr.Dataset, key: str) -> None:
     """Write a stamped NetCDF file, atomically."""
-    with atomic_path(path) as temporary:
-        dataset.assign_attrs(key=key, seatrial_version=__version__).to_netcdf(temporary, engine="h5netcdf")
+    dataset_file.write_dataset(path, dataset.assign_attrs(key=key, seatrial_version=__version__))
 
 
 def write_stamped_json(path: Path, content: Mapping[str, Any], key: str) -> None:
-    """Write a stamped JSON file, atomically."""
-    write_json(path, {"key": key, "seatrial_version": __version__, **content})
+    """Write a stamped JSON file with the hash of its content, atomically."""
+    stamped = {"key": key, "seatrial_version": __version__, **content}
+    write_json(path, {SEAL: sha256_of_json(stamped), **stamped})
 
 
 def read_json(path: Path, made_by: str) -> dict[str, Any]:
     """Read a JSON result.
 
     Raises:
-        InputError: missing or damaged; the remedy names the command that makes it.
+        InputError: missing, damaged or edited; the remedy names the command that makes it.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if sha256_of_json({name: value for name, value in content.items() if name != SEAL}) != content.get(SEAL):
+            raise ValueError("its content does not match its hash")
+        return content
     except FileNotFoundError as cause:
         raise InputError(
             str(path), found="no such file", expected="a result", remedy=f"run `{made_by}` first"
         ) from cause
-    except ValueError as cause:
+    except (ValueError, AttributeError) as cause:
         raise InputError(
             str(path),
             found=f"damaged JSON ({cause})",

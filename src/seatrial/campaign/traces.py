@@ -11,8 +11,8 @@ from seatrial.campaign.estimate import Estimate
 from seatrial.campaign.problem import initial_state
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.trials import Trials
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.record_file import open_dataset
 from seatrial.estimation.simulation import delay_control
 from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter

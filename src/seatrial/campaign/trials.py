@@ -11,10 +11,10 @@ from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_first, design_key
 from seatrial.campaign.problem import random_key
 from seatrial.campaign.schema import FileTable
-from seatrial.campaign.store import Store, is_current, key_of
+from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.files import atomic_path, sha256_of
+from seatrial.core.files import sha256_of
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
@@ -204,5 +204,4 @@ def _channel(name: str, control: str) -> Channel:
 
 
 def _write(path: Path, record: Record, key: str) -> None:
-    with atomic_path(path) as temporary:
-        record_dataset(record).assign_attrs(key=key).to_netcdf(temporary, engine="h5netcdf")
+    write_dataset(path, record_dataset(record), key)

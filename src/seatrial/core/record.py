@@ -154,7 +154,7 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
         kind = "the same time stamp as the row before" if step[row] == 0 else "time running backwards"
         raise InputError(
             f"{where}, row {first_row + row + 1}",
-            found=f"{kind} ({time[row]!r} s, then {time[row + 1]!r} s); {int((step <= 0).sum())} such rows",
+            found=f"{kind} ({float(time[row])!r} s, then {float(time[row + 1])!r} s); {int((step <= 0).sum())} such rows",
             expected="strictly increasing time",
             remedy='use another time column, or say how to mend the clock (clock = "even" or "drop_repeated")',
         )
@@ -208,7 +208,7 @@ def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
     if channel.role == "measurement" and values.size > 1 and np.ptp(values) == 0:
         raise InputError(
             where,
-            found=f"{values[0]!r} in every sample",
+            found=f"{float(values[0])!r} in every sample",
             expected="a measurement that varies",
             remedy="map another column, or drop the channel",
         )

@@ -1,4 +1,4 @@
-"""Records on disk: NetCDF that any xarray user can open without seatrial."""
+"""Records as datasets, and on disk."""
 
 import json
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.errors import InputError
-from seatrial.core.files import atomic_path
 from seatrial.core.record import Channel, Provenance, Record, make_record
 
 FORMAT = "seatrial record 1"
@@ -35,8 +35,7 @@ def record_dataset(record: Record) -> xr.Dataset:
 
 def write_record(record: Record, path: Path) -> None:
     """Write the record to a NetCDF file, atomically."""
-    with atomic_path(path) as temporary:
-        record_dataset(record).to_netcdf(temporary, engine="h5netcdf")
+    write_dataset(path, record_dataset(record))
 
 
 def read_record(path: Path) -> Record:
@@ -69,24 +68,3 @@ def read_record(path: Path) -> Record:
             remedy="write the file again",
         ) from cause
     return make_record(time, columns, channels, provenance, label)
-
-
-def open_dataset(path: Path) -> xr.Dataset:
-    """Load a whole NetCDF file into memory and close it.
-
-    Raises:
-        InputError: no such file, or one that is truncated or not NetCDF.
-    """
-    if not path.is_file():
-        raise InputError(
-            str(path), found="no such file", expected="a NetCDF file", remedy="run the step that writes it"
-        )
-    try:
-        return xr.load_dataset(path, engine="h5netcdf", decode_times=False)
-    except (OSError, KeyError, ValueError, RuntimeError) as cause:
-        raise InputError(
-            str(path),
-            found=f"{path.stat().st_size} bytes that cannot be read as NetCDF ({cause})",
-            expected="a whole NetCDF-4 file",
-            remedy="the file is truncated or of another kind: write it again",
-        ) from cause

@@ -1,6 +1,6 @@
 """Two questions every estimate must answer: does the prior hold the data's answer, and do the data say more than the prior?"""
 
-import math
+from collections.abc import Callable
 from itertools import combinations
 
 import jax
@@ -17,13 +17,15 @@ EDGE = 0.02
 GAIN = 10.0
 CONTRACTION = 0.9
 CORRELATION = 0.95
+LEANING = 0.1
+"""Share of the posterior that may lie within `EDGE` of a bound."""
 
 
 def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> None:
     """Refuse a uniform prior against whose edge the data push.
 
-    A mode within 2 % of a bound is suspect; if a step of a tenth of the width beyond the bound makes the data more likely
-    by over 10 nats, the prior excludes them.
+    A mode within 2 % of a bound is suspect; if a step of a tenth of the width beyond the bound, the other parameters following
+    along the ridge of the likelihood, makes the data more likely by over 10 nats, the prior excludes them.
 
     Args:
         posterior: posterior.
@@ -33,10 +35,9 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> N
     Raises:
         InputError: naming the parameter, its bound and the gain beyond it.
     """
-    values = dict(zip(posterior.names, map(float, mode.values), strict=True))
-    for parameter in posterior.parameters:
-        for bound, beyond in _suspect_bounds(parameter, values[parameter.name]):
-            gain = _log_likelihood(posterior, {**values, parameter.name: beyond}) - _log_likelihood(posterior, values)
+    for index, parameter in enumerate(posterior.parameters):
+        for bound, beyond in _suspect_bounds(parameter, float(mode.values[index])):
+            gain = _gain_beyond(posterior, mode.values, index, beyond)
             if gain > GAIN:
                 raise InputError(
                     f"{where}, key prior.{parameter.name}",
@@ -76,6 +77,12 @@ def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.nda
             + " ".join(involved)
             + " in units of the prior standard deviations; fix one of these, or measure something else"
         )
+    said += [
+        f"the posterior of {parameter.name} leans on the bound {bound:.4g} {parameter.unit} of its prior ({share:.0%} of it within "
+        f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or say why it ends there"
+        for parameter, column in zip(posterior.parameters, draws.T, strict=True)
+        for bound, share in _leaning(parameter, column)
+    ]
     correlation = np.corrcoef(draws.T) if len(names) > 1 else np.ones((1, 1))
     for i, j in combinations(range(len(names)), 2):
         if abs(correlation[i, j]) > CORRELATION:
@@ -91,22 +98,53 @@ def _prior_hessian(posterior: Posterior, z: Array) -> Array:
     return jax.hessian(posterior.log_prior)(z)
 
 
+def _scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, np.ndarray]:
+    """Map to the scale on which widths are measured, its inverse, and the bounds on it; scales are logarithmic."""
+    there, back = (np.log, np.exp) if isinstance(parameter.prior, LogUniform) else (np.asarray, np.asarray)
+    return there, back, there(np.asarray(parameter.prior.bounds, float))
+
+
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:
-    """Bounds near which the mode lies, each with a point a tenth of the width beyond it; widths of scales are logarithmic."""
-    scale = isinstance(parameter.prior, LogUniform)
-    there, back = (math.log, math.exp) if scale else (float, float)
-    if not np.isfinite(parameter.prior.bounds).all():
+    """Bounds near which the mode lies, each with a point a tenth of the width beyond it."""
+    there, back, bounds = _scaled_bounds(parameter)
+    width = bounds[1] - bounds[0]
+    if not np.isfinite(width):
         return []
-    lower, upper = map(there, parameter.prior.bounds)
-    width = upper - lower
-    near = [(bound, sign) for bound, sign in ((lower, -1.0), (upper, 1.0)) if abs(there(value) - bound) <= EDGE * width]
-    pairs = [(back(bound), back(bound + sign * 0.1 * width)) for bound, sign in near]
+    near = [(at, sign) for at, sign in zip(bounds, (-1.0, 1.0), strict=True) if abs(there(value) - at) <= EDGE * width]
+    pairs = [(float(back(at)), float(back(at + sign * 0.1 * width))) for at, sign in near]
     return [(bound, beyond) for bound, beyond in pairs if not (parameter.prior.bounds[0] >= 0 >= beyond)]
 
 
-def _log_likelihood(posterior: Posterior, values: dict[str, float]) -> float:
-    return float(
-        jax.jit(lambda p, v: p.likelihood(v, p.data))(
-            posterior, {name: jnp.asarray(value) for name, value in values.items()}
-        )
-    )
+def _leaning(parameter: Parameter, draws: Float[np.ndarray, " n"]) -> list[tuple[float, float]]:
+    """Bounds against which much of the posterior lies, each with that share."""
+    there, back, bounds = _scaled_bounds(parameter)
+    width = bounds[1] - bounds[0]
+    if not np.isfinite(width):
+        return []
+    shares = [(float(back(at)), float(np.mean(np.abs(there(draws) - at) <= EDGE * width))) for at in bounds]
+    return [(bound, share) for bound, share in shares if share > LEANING]
+
+
+def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: int, beyond: float) -> float:
+    """Gain in log-likelihood of moving one parameter, the others following where the likelihood is quadratic."""
+    move = np.zeros(values.size)
+    move[index] = beyond - values[index]
+    others = np.arange(values.size) != index
+    hessian = np.asarray(_likelihood_hessian(posterior, jnp.asarray(values)))
+    candidates = [values + move]
+    if np.isfinite(hessian).all() and np.linalg.eigvalsh(-hessian[np.ix_(others, others)]).min(initial=1.0) > 0:
+        follow = -np.linalg.solve(hessian[np.ix_(others, others)], hessian[others, index]) * move[index]
+        candidates.append(candidates[0] + np.insert(follow, index, 0.0))
+    here, *there = (float(_likelihood(posterior, jnp.asarray(point))) for point in (values, *candidates))
+    return max(there) - here
+
+
+@jax.jit
+def _likelihood(posterior: Posterior, values: Array) -> Array:
+    """Log-likelihood at parameter values, which need not lie inside the prior."""
+    return posterior.likelihood(dict(zip(posterior.names, values, strict=True)), posterior.data)
+
+
+@jax.jit
+def _likelihood_hessian(posterior: Posterior, values: Array) -> Array:
+    return jax.jacfwd(jax.jacfwd(lambda v: _likelihood(posterior, v)))(values)
