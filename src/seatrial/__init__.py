@@ -24,11 +24,14 @@ _HOME = {
     "CoefficientName": "seatrial.core.coefficients",
     "Record": "seatrial.core.record",
     "SeatrialError": "seatrial.core.errors",
+    "NumericalError": "seatrial.core.errors",
+    "make_record": "seatrial.core.record",
     "InputError": "seatrial.core.errors",
 }
 __all__ = [
     "CoefficientName",
     "InputError",
+    "NumericalError",
     "Record",
     "SeatrialError",
     "__version__",
@@ -37,6 +40,7 @@ __all__ = [
     "get_trials",
     "init_campaign",
     "load_campaign",
+    "make_record",
     "run_loop",
     "select_structure",
     "write_report",
@@ -51,9 +55,13 @@ if TYPE_CHECKING:
     from seatrial.campaign.templates import init_campaign
     from seatrial.campaign.trials import get_trials
     from seatrial.core.coefficients import CoefficientName
-    from seatrial.core.errors import InputError, SeatrialError
-    from seatrial.core.record import Record
+    from seatrial.core.errors import InputError, NumericalError, SeatrialError
+    from seatrial.core.record import Record, make_record
     from seatrial.report.page import write_report
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:

@@ -166,8 +166,8 @@ def test_combination_of_extreme_logs(shift):
     ("given", "words"),
     [
         (runs(1.0, 1.1), ""),
-        (runs(1.0, 4.0), "repeats differ by 2.1 nats: use more particles or moves"),
-        (runs(1.0, 1.1, acceptance=0.02), "accepted only 2% of the time: use more moves"),
+        (runs(1.0, 4.0), "repeats differ by 2.1 nats: use more particles, or narrower priors"),
+        (runs(1.0, 1.1, acceptance=0.02), "accepted only 2% of the time: use more particles, or narrower priors"),
         (runs(1.0, 4.0, acceptance=0.02), "; "),
         (runs(1.0, 1.1, alive=0.03), "only 3.0% of the prior can be simulated"),
     ],

@@ -1,5 +1,7 @@
 """The command line: `seatrial init | design | simulate | import | estimate | select | report | run`."""
 
+import os
+import signal
 import sys
 from collections.abc import Callable
 from enum import IntEnum
@@ -142,7 +144,7 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo(f"{structure.label}  {value}  probability {probability:.3f}  {' '.join(structure.terms)}")
         for verdict in selection.verdicts:
             typer.echo(verdict)
-        return _finish([evidence.status for evidence in selection.evidences if evidence.status], [])
+        return _finish(list(selection.alarms), [])
 
     _with_campaign(folder, quiet, work)
 
@@ -180,18 +182,13 @@ def _run_and_report(campaign: Any, watch: Any) -> Exit:
 
 
 def _say_trials(trials: Any) -> Exit:
-    from seatrial.core.signals import signal_unit
+    from seatrial.campaign.record_checks import record_cautions
 
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
-        for name in record.controls:
-            if record.channel(name).min() == record.channel(name).max():
-                typer.echo(
-                    f'caution: record {record.label}, channel "{name}": {record.channel(name)[0]:g} {signal_unit(name)} in every '
-                    "sample; a control that never moves excites nothing: check its column in the channel map",
-                    err=True,
-                )
+        for text in record_cautions(record):
+            typer.echo(f"caution: {text}", err=True)
     return Exit.OK
 
 
@@ -208,10 +205,21 @@ def _with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) 
     from seatrial.campaign.load import load_campaign
 
     watch = ConsoleWatch(quiet)
+    signal.signal(signal.SIGINT, lambda *_: _stop(watch))
     with watch.watching():
         code = work(load_campaign(folder), watch)
     if code is not Exit.OK:
         raise typer.Exit(int(code))
+
+
+def _stop(watch: Any) -> None:
+    """End at once: results are whole or absent and long work has checkpoints, so there is nothing to wait for."""
+    from seatrial.core.files import discard_unfinished
+
+    watch.bars.stop()
+    discard_unfinished()
+    watch.console.print("interrupted; run the same command again to resume")
+    os._exit(Exit.INTERRUPTED)
 
 
 def main() -> None:
@@ -232,9 +240,6 @@ def main() -> None:
     except OSError as error:
         fail(str(_as_input_error(error)))
         sys.exit(Exit.BAD_INPUT)
-    except KeyboardInterrupt:
-        fail("interrupted; run the same command again to resume")
-        sys.exit(Exit.INTERRUPTED)
 
 
 def _as_input_error(error: OSError) -> InputError:

@@ -175,6 +175,13 @@ class Campaign:
             for key in ("duration", "active", "sample_time", "start", "ramp")
         }
         family = DoubletFamily(table.control, trim, **seconds)
+        if not family.duration > 0:
+            raise InputError(
+                self.where("design.duration"),
+                found=f"{family.duration:g} s",
+                expected="more than 0",
+                remedy='for example "60 s"',
+            )
         if not 0 < family.sample_time <= family.duration / 10:
             raise InputError(
                 self.where("design.sample_time"),
@@ -222,7 +229,7 @@ class Campaign:
         unit = signal_unit(self.source.design.control)
         rate_unit = "N/s" if self.source.design.control.startswith("tau") else "rad/s^2"
         key = f"limits.{self.source.design.control}"
-        return Limits(
+        limits = Limits(
             *(
                 None if text is None else self.si(text, at, f"{key}.{name}")
                 for name, text, at in (
@@ -232,6 +239,14 @@ class Campaign:
                 )
             )
         )
+        if limits.lower is not None and limits.upper is not None and not limits.lower < limits.upper:
+            raise InputError(
+                self.where(key),
+                found=f"lower {table.lower}, upper {table.upper}",
+                expected="lower below upper",
+                remedy="swap or correct them",
+            )
+        return limits
 
     def _range(self, table: RangeTable, unit: str, key: str) -> np.ndarray:
         start, stop = self.si(table.start, unit, f"{key}.from"), self.si(table.stop, unit, f"{key}.to")

@@ -1,5 +1,6 @@
 """Design of the first trial from the priors, and of the next one from the posterior."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,16 +71,20 @@ def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str,
     )
 
 
-def read_sweep(campaign: Campaign, path: Any) -> Sweep:
-    """Read a stored sweep."""
+def read_sweep(campaign: Campaign, path: Path) -> Sweep:
+    """Read a stored sweep; the schedule of its best trial is written again where it is missing or not the same."""
     data = open_dataset(path)
-    return Sweep(
+    sweep = Sweep(
         campaign.family, *(np.asarray(data[name]) for name in ("amplitude", "period", "gain", "peak_speed", "final_sd"))
     )
+    schedule, text = Store(campaign.folder).schedule(path), _schedule(sweep)
+    if not schedule.is_file() or schedule.read_bytes() != text.encode():
+        write_text(schedule, text)
+    return sweep
 
 
 def _sweep(
-    campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Any, key: str, attrs: dict[str, str], watch: Watch
+    campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Path, key: str, attrs: dict[str, str], watch: Watch
 ) -> Sweep:
     """Run the filter in units of the current standard deviations, where every coefficient is of order one."""
     family, (amplitude, period) = campaign.family, campaign.grid()
@@ -128,7 +133,6 @@ def _sweep(
         },
         attrs={**attrs, "control": family.control, "trim": family.trim},
     )
-    write_text(Store(campaign.folder).schedule(path), _schedule(sweep))
     write_dataset(path, dataset, key)
     return read_sweep(campaign, path)
 

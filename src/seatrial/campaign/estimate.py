@@ -71,7 +71,7 @@ class Estimate:
 
     def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
         """Draws of the named parameters, SI, all chains together, shape (n, k)."""
-        chosen = self.data["draws"].sel(parameter=list(names or self.names))
+        chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
         return chosen.values.reshape(-1, chosen.sizes["parameter"])
 
 

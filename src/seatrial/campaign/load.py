@@ -15,12 +15,14 @@ from seatrial.estimation.output_error import correlation_name, noise_name
 from seatrial.estimation.priors import Uniform
 
 
-def load_campaign(folder: Path) -> Campaign:
-    """Read and check the campaign of a folder.
+def load_campaign(folder: Path | str) -> Campaign:
+    """Read and check the campaign of a folder, or of the campaign file itself.
 
     Raises:
         InputError: no such file, malformed TOML, unknown or missing key, wrong type, unit or name.
     """
+    folder = Path(folder)
+    folder = folder.parent if folder.name == FILE_NAME and folder.is_file() else folder
     path = folder / FILE_NAME
     if not path.is_file():
         raise InputError(
@@ -31,7 +33,14 @@ def load_campaign(folder: Path) -> Campaign:
         )
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
+    except UnicodeDecodeError as cause:
+        raise InputError(
+            f"{path}, line {cause.object[: cause.start].count(10) + 1}",
+            found=f"the byte 0x{cause.object[cause.start]:02x}, which is not UTF-8",
+            expected="a TOML file in UTF-8",
+            remedy="save the file as UTF-8",
+        ) from cause
+    except tomllib.TOMLDecodeError as cause:
         raise InputError(
             str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
         ) from cause
@@ -62,7 +71,9 @@ def _check(campaign: Campaign) -> None:
                 campaign.where(f"prior.{name}"),
                 found=f'"{name}", which nothing uses',
                 expected="one of " + ", ".join(sorted(allowed)),
-                remedy=nearest(name, allowed),
+                remedy="remove it: white residuals have no correlation time"
+                if name in map(correlation_name, campaign.channels)
+                else nearest(name, allowed),
             )
     if campaign.has_delay and not isinstance(campaign.prior("delay", "s"), Uniform):
         raise InputError(
@@ -133,7 +144,7 @@ def _as_input_error(path: Path, content: Mapping[str, Any], cause: ValidationErr
     return InputError(
         where,
         found=repr(first.get("input"))[:80],
-        expected=first["msg"],
+        expected="text in quotes" if first["type"] == "string_type" else first["msg"].removeprefix("Input should be "),
         remedy='correct the value; quantities are strings such as "200 rpm"',
     )
 

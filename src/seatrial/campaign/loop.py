@@ -11,6 +11,7 @@ from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
+from seatrial.campaign.record_checks import record_cautions
 from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
@@ -84,12 +85,10 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     coloured = campaign.source.estimation.residuals == "coloured"
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
-    alarms += [
-        f"evidence of {structure.label}: {evidence.status}"
-        for structure, evidence in zip(selection.structures, selection.evidences, strict=True)
-        if evidence.status
-    ]
-    cautions = [*chosen.cautions, *fit_complaints(outcome.fits, coloured), *filter_complaints(outcome.filter)]
+    alarms += selection.alarms
+    records = [*outcome.trials.fit, *outcome.trials.predict]
+    cautions = [text for record in records for text in record_cautions(record)]
+    cautions += [*chosen.cautions, *fit_complaints(outcome.fits, coloured), *filter_complaints(outcome.filter)]
     return {
         "name": campaign.source.campaign.name,
         "chosen": chosen.structure.label,

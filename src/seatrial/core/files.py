@@ -9,6 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+_UNFINISHED: set[Path] = set()
+"""Temporary files being written in this process."""
+
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
@@ -17,6 +20,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     os.close(handle)
     temporary = Path(name)
+    _UNFINISHED.add(temporary)
     try:
         yield temporary
         os.chmod(temporary, 0o644)
@@ -24,6 +28,13 @@ def atomic_path(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+        _UNFINISHED.discard(temporary)
+
+
+def discard_unfinished() -> None:
+    """Remove the temporary files of this process, before it ends at once."""
+    for path in list(_UNFINISHED):
+        path.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

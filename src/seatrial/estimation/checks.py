@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.coefficients import AXES
 from seatrial.core.errors import InputError
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior
@@ -44,8 +45,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> N
                     found=f"the data push {parameter.name} against its bound {bound:.4g} {parameter.unit}; beyond it, "
                     f"at {beyond:.4g}, they are {gain:.0f} nats more likely",
                     expected="a prior that contains what the data say",
-                    remedy="widen the prior, or check units, signs and the channel map: "
-                    "a prior this certain should not be wrong",
+                    remedy=_remedy(parameter, bound),
                 )
 
 
@@ -88,14 +88,29 @@ def information_complaints(posterior: Posterior, mode: Mode, draws: Float[np.nda
         if abs(correlation[i, j]) > CORRELATION:
             said.append(
                 f"{names[i]} and {names[j]} are known together rather than each (correlation {correlation[i, j]:+.3f}): "
-                "use them as a pair; a trial over a wider range of speeds would separate them"
+                "use them as a pair"
+                + (
+                    "; a trial over a wider range of speeds would separate them"
+                    if _are_forces(names[i], names[j])
+                    else ""
+                )
             )
     return said
+
+
+def _are_forces(*names: str) -> bool:
+    return all(name.split("_")[0] in AXES for name in names)
 
 
 @jax.jit
 def _prior_hessian(posterior: Posterior, z: Array) -> Array:
     return jax.hessian(posterior.log_prior)(z)
+
+
+def _remedy(parameter: Parameter, bound: float) -> str:
+    if parameter.unit == "s" and parameter.name.startswith("tau_") and bound == parameter.prior.bounds[0]:
+        return 'set estimation.residuals = "white" and remove this prior: what is left over has no memory'
+    return "widen the prior, or check units, signs and the channel map"
 
 
 def _scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, np.ndarray]:

@@ -77,7 +77,7 @@ def align(
             remedy="correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
-    columns, notes = {}, []
+    columns, notes, cautions = {}, [], []
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
     for track in tracks:
@@ -87,6 +87,7 @@ def align(
         else:
             columns[name], note = _place(time, track, instants, slack, reach)
         notes += [f"{name}: {note}"] if note else []
+        cautions += [f'channel "{name}": {text}' for text in _holes(time, instants[-1], track.channel.role)]
     hashes = [table.sha256 for table in tables]
     options = {
         "files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
@@ -96,6 +97,7 @@ def align(
         "available": last - first,
         "begins_at": str(origin + Decimal(f"{begin:.9f}")),
         "notes": notes,
+        "cautions": cautions,
     }
     provenance = Provenance(
         ", ".join(dict.fromkeys(table.source for table in tables)),
@@ -166,6 +168,20 @@ def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float |
             remedy="give the sampling time of the record, in seconds",
         )
     return step * np.arange(math.floor((stop - begin) / step + _HAIR) + 1)
+
+
+def _holes(time: np.ndarray, last: float, role: str) -> list[str]:
+    """Say where a channel fell silent: for over a second and twenty times its usual spacing."""
+    inside = time[(time >= 0) & (time <= last)]
+    gaps = np.diff(inside)
+    if gaps.size == 0 or gaps.max() < max(1.0, 20.0 * np.median(gaps)):
+        return []
+    at, usual = int(np.argmax(gaps)), float(np.median(gaps))
+    held = "its last value was held" if role == "control" else "nothing was measured"
+    return [
+        f"no sample from {inside[at]:.2f} s to {inside[at + 1]:.2f} s, though one comes every {usual:.3g} s: {held}; "
+        "end the run before the hole, or make two runs of it"
+    ]
 
 
 def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:

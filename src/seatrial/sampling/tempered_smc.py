@@ -2,7 +2,8 @@
 
 Particles start as draws from the prior, less those whose likelihood is zero, and move through p(z) L(z)^b with b from 0 to
 1, each step of b chosen so that the weights keep a stated effective sample size; in between they move by random-walk
-Metropolis with the covariance of the particles. The product of the mean weights estimates the evidence without bias.
+Metropolis with the covariance of the particles, scaled so that about a quarter of the moves are accepted. The product of
+the mean weights estimates the evidence.
 """
 
 from dataclasses import dataclass
@@ -17,12 +18,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import NumericalError
+from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import Progress, Target, no_progress
 
 _FLOOR = -1e100
 """Stands for log 0 while tempering: 0 * (-inf) would be NaN."""
 _LANES = 64
 """Particles simulated at once: enough to fill the vector units, few enough for their data to stay in the cache."""
+_GAIN = 2.0
+"""How fast the scale of the moves follows their acceptance."""
 _START = 1e-30
 """First temperature: no finite likelihood is felt there, and one of 0 still is."""
 
@@ -85,9 +89,10 @@ def sample_tempered_smc(
             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     log_evidence, temperatures, acceptance = float(np.log(alive)), [], []
+    log_scale = jnp.zeros(())
     for iteration in range(max_steps):
         before = float(state.sampler_state.tempering_param)
-        state, increment, accepted = step(target, state, jax.random.fold_in(key, iteration))
+        state, log_scale, increment, accepted = step(target, state, log_scale, jax.random.fold_in(key, iteration))
         temperature = float(state.sampler_state.tempering_param)
         log_evidence += float(increment)
         temperatures.append(temperature)
@@ -163,9 +168,12 @@ def _steps(settings: SMCSettings, dim: int):
         return state._replace(sampler_state=begun, parameter_override=factor_of(particles)), share
 
     @jax.jit
-    def step(target: Target, state: Any, key: Array):
+    def step(target: Target, state: Any, log_scale: Array, key: Array):
         state, info = kernel(target).step(key, state)
-        return state, info.log_likelihood_increment, jnp.mean(info.update_info.acceptance_rate)
+        acceptance = jnp.mean(info.update_info.acceptance_rate)
+        log_scale = log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
+        tuned = {"factor": jnp.exp(log_scale) * state.parameter_override["factor"]}
+        return state._replace(parameter_override=tuned), log_scale, info.log_likelihood_increment, acceptance
 
     return initial, step
 

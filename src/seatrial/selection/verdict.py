@@ -29,6 +29,7 @@ class Selection:
         inclusion_error: its Monte Carlo standard error.
         chosen: index of the most probable structure.
         verdicts: one sentence for each question.
+        alarms: evidences that are not to be trusted and on which a probability depends.
     """
 
     structures: tuple[Structure, ...]
@@ -39,6 +40,7 @@ class Selection:
     inclusion_error: Mapping[str, float]
     chosen: int
     verdicts: tuple[str, ...]
+    alarms: tuple[str, ...]
 
 
 def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]) -> Selection:
@@ -56,10 +58,10 @@ def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optio
     inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
     verdicts = [term_verdict(term, inclusion[term], inclusion_error[term]) for term in optional]
     verdicts += pair_verdicts(has, probability)
-    verdicts += [
+    unsettled = [
         f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
-        for structure, evidence in zip(structures, evidences, strict=True)
-        if evidence.status
+        for index, (structure, evidence) in enumerate(zip(structures, evidences, strict=True))
+        if evidence.status and _decides(logs, index, evidence)
     ]
     return Selection(
         tuple(structures),
@@ -70,7 +72,16 @@ def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optio
         inclusion_error,
         int(np.argmax(probability)),
         tuple(verdicts),
+        tuple(unsettled),
     )
+
+
+def _decides(logs: np.ndarray, index: int, evidence: Evidence) -> bool:
+    """Whether an evidence whose run is in doubt could change a probability: by ten times its error, 3 nats at least."""
+    doubt = max(10.0 * evidence.std_error, 3.0)
+    shifted = [logs + sign * doubt * (np.arange(logs.size) == index) for sign in (-1.0, 1.0)]
+    low, high = (np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in shifted)
+    return bool(np.abs(high - low).max() > 0.01)
 
 
 def term_verdict(term: str, inclusion: float, error: float) -> str:

@@ -13,7 +13,7 @@ def template_names() -> tuple[str, ...]:
     return tuple(sorted(PurePath(item.name).stem for item in files(__name__).iterdir() if item.name.endswith(".toml")))
 
 
-def init_campaign(folder: Path, template: str) -> Path:
+def init_campaign(folder: Path | str, template: str) -> Path:
     """Write a template's campaign file into a folder, which is made if missing; returns the file.
 
     Raises:
@@ -26,7 +26,7 @@ def init_campaign(folder: Path, template: str) -> Path:
             expected=", ".join(template_names()),
             remedy=nearest(template, template_names()),
         )
-    path = folder / FILE_NAME
+    path = Path(folder) / FILE_NAME
     if path.exists():
         raise InputError(
             str(path),

@@ -68,14 +68,12 @@ def coefficient(row: dict[str, Any]) -> Markup:
 
 def find(outcome: Outcome) -> list[Finding]:
     """Alarms, then verdicts, then cautions; what is said of the chosen structure first, and once for many parameters."""
-    labels, summary, selection = labels_of(outcome), outcome.summary, outcome.selection
-    repeated = {
-        f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
-        for structure, evidence in zip(selection.structures, selection.evidences, strict=True)
-    }
+    labels, summary = labels_of(outcome), outcome.summary
     chosen = outcome.chosen.structure.label
-    alarms = sorted(summary["alarms"], key=lambda text: (not text.startswith("evidence"), f"{chosen}: " not in text))
-    verdicts = [text for text in summary["verdicts"] if text not in repeated]
+    alarms = sorted(
+        summary["alarms"], key=lambda text: (not text.startswith("the evidence"), f"{chosen}: " not in text)
+    )
+    verdicts = list(summary["verdicts"])
     if len(outcome.campaign.structures) == 1:
         verdicts.append("only one model was compared: whether its terms are needed was not asked")
     said = [("alarm", alarms), ("finding", verdicts), ("caution", summary["cautions"])]

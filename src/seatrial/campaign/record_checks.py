@@ -1,0 +1,18 @@
+"""What a user must know about a record before believing what is fitted to it."""
+
+from seatrial.campaign.shown import shown_unit
+from seatrial.core.record import Record
+
+
+def record_cautions(record: Record) -> list[str]:
+    """Holes in its channels, and controls that never move, in words."""
+    said = [f"run {record.label}, {text}" for text in record.provenance.options.get("cautions", [])]
+    for name in record.controls:
+        column = record.channel(name)
+        if column.min() == column.max():
+            factor, unit = shown_unit(name)
+            said.append(
+                f'run {record.label}, channel "{name}": {column[0] * factor:g} {unit} in every sample; a control that never '
+                "moves excites nothing: check its column in the channel map"
+            )
+    return said
