@@ -64,14 +64,22 @@ SIGNALS: dict[str, Signal] = {
     "tau_M": Signal(MOMENT, r"\tau_M", "commanded pitch moment"),
     "tau_N": Signal(MOMENT, r"\tau_N", "commanded yaw moment"),
 }
+POSITIONS = ("x", "y", "z")
+"""States no hydrodynamic force depends on; in m."""
+ANGLES = ("phi", "theta", "psi")
 RATES = ("u", "v", "w", "p", "q", "r")
 """Signals whose time derivative may be written, as in `X_udot`."""
 
 
 def signal_unit(name: str) -> str:
-    """SI unit of a signal, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
-    if name.endswith("dot") and name[:-3] in RATES:
-        return str(SIGNALS[name[:-3]].dimension.times(Dimension(s=-1)))
+    """SI unit of a signal or position, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
+    if name in POSITIONS:
+        return "m"
+    base = name.removesuffix("dot")
+    if base != name and base in POSITIONS:
+        return str(SPEED)
+    if base != name and base in (*RATES, *ANGLES):
+        return str(SIGNALS[base].dimension.times(Dimension(s=-1)))
     return str(SIGNALS[name].dimension)
 
 

@@ -125,7 +125,7 @@ def sweep_doublets(
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
     predict = _predict(method, family)
-    gain, peak, sd, failures = _in_blocks(
+    gain, peak, sd, failures = in_blocks(
         lambda a, p: predict(space, start, a, p, jnp.asarray(time), gaps), amplitudes, periods
     )
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
@@ -180,7 +180,7 @@ def _signals(family: DoubletFamily, amplitude: Array, period: Array, time: Array
     return family.signal(amplitude, period, time)
 
 
-def _in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarray]:
+def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarray]:
     """Run over designs of shape (n,) in blocks of one size, on every core; the last block repeats its last design."""
     n = designs[0].size
     lanes = LANES if jax.default_backend() == "cpu" else n

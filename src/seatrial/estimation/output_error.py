@@ -53,10 +53,10 @@ class OutputError:
         def add(total: Array, trial: tuple[TrialData, Array]) -> tuple[Array, None]:
             return total + self._trial(values, *trial), None
 
-        total, _ = jax.lax.scan(add, jnp.zeros(()), (data, self._starts(values, data)))
+        total, _ = jax.lax.scan(add, jnp.zeros(()), (data, self.starts(values, data)))
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def _starts(self, values: dict[str, Any], data: TrialData) -> Float[Array, "trials n_states"]:
+    def starts(self, values: dict[str, Any], data: TrialData) -> Float[Array, "trials n_states"]:
         """Initial states."""
         if not self.free_initial:
             return data.initial

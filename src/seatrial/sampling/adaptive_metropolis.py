@@ -107,19 +107,22 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
 
 def advance_chains(target: Target, run: Run, key: jax.Array, settings: MetropolisSettings) -> Run:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    state, (z, log_density, acceptance) = _block(target, run.state, key, run.iteration, settings.warmup)
+    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
+    return keep(run, state, drawn, settings)
+
+
+def keep(run: Run, state: ChainState, drawn: tuple[Array, Array, Array], settings: MetropolisSettings) -> Run:
+    """Append the positions, log densities and acceptances of one block to a run, thinned, unless it is still warming up."""
+    drawn[-1].block_until_ready()
     iteration = run.iteration + BLOCK
-    acceptance.block_until_ready()
     if iteration <= settings.warmup:
         return run._replace(state=state, iteration=iteration)
-    kept = slice(settings.thin - 1, None, settings.thin)
-    return Run(
-        state,
-        iteration,
-        np.concatenate([run.z, np.asarray(z)[kept]]),
-        np.concatenate([run.log_density, np.asarray(log_density)[kept]]),
-        np.concatenate([run.acceptance, np.asarray(acceptance)[kept]]),
-    )
+    so_far = (run.z, run.log_density, run.acceptance)
+    kept = [
+        np.concatenate([old, np.asarray(new)[settings.thin - 1 :: settings.thin]])
+        for old, new in zip(so_far, drawn, strict=True)
+    ]
+    return Run(state, iteration, *kept)
 
 
 def is_finished(run: Run, settings: MetropolisSettings) -> bool:

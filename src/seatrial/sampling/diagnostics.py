@@ -48,7 +48,7 @@ def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float
     zero: with the plain variance of the draws, as sometimes printed, the score cannot fail.
     """
     early, late = chain[: int(first * chain.size)], chain[chain.size - int(last * chain.size) :]
-    variance = _variance_of_mean(early) + _variance_of_mean(late)
+    variance = variance_of_mean(early) + variance_of_mean(late)
     return float((early.mean() - late.mean()) / np.sqrt(variance)) if variance > 0 else float("inf")
 
 
@@ -74,7 +74,7 @@ def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
     return said
 
 
-def _variance_of_mean(x: np.ndarray) -> float:
+def variance_of_mean(x: np.ndarray) -> float:
     """Variance of a mean of correlated draws: autoregression of order chosen by AIC, spectral density at zero over n."""
     n = x.size
     centred = x - x.mean()

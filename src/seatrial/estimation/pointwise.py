@@ -1,0 +1,92 @@
+"""Log density of every single measurement under every draw, log N(y_k; h(x_k), s^2): what cross-validation of the fit is made of."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError
+from seatrial.estimation.output_error import OutputError, noise_name
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.residuals import LOG_2PI
+from seatrial.estimation.simulation import simulate_outputs
+from seatrial.estimation.trial_data import TrialData
+
+MAX_ENTRIES = 60_000_000
+"""Largest table, 0.5 GB."""
+_LANES = 64
+"""Draws simulated at once."""
+
+
+def thin_draws(draws: Float[np.ndarray, "chains draws d"], most: int = 2000) -> Float[np.ndarray, "chains kept d"]:
+    """Every so-many-th draw of each chain, at most `most` over all chains."""
+    chains, n, _ = draws.shape
+    every = -(-n // max(1, most // chains))
+    return draws[:, every - 1 :: every]
+
+
+def pointwise_log_likelihood(
+    posterior: Posterior, draws: Float[np.ndarray, "chains draws d"]
+) -> Float[np.ndarray, "chains draws n"]:
+    """Log density of each measurement, n in all, ordered by trial, then channel, then time; their sum is the log-likelihood.
+
+    Args:
+        posterior: posterior with an output-error likelihood of white residuals.
+        draws: parameters in their own units, thinned to a thousand or two: see `thin_draws`.
+
+    Raises:
+        InputError: another likelihood, coloured residuals, whose measurements are not independent, or a table beyond 0.5 GB.
+    """
+    likelihood = posterior.likelihood
+    if not isinstance(likelihood, OutputError) or likelihood.colour != "white":
+        raise InputError(
+            "pointwise log-likelihood",
+            found=f"{likelihood.colour} residuals" if isinstance(likelihood, OutputError) else "another likelihood",
+            expected="an output-error likelihood with white residuals, under which measurements are independent",
+            remedy="compare evidences instead, or estimate with white residuals",
+        )
+    data: TrialData = posterior.data
+    present = np.stack([np.asarray(channel.present) for channel in data.channels], 1) > 0
+    chains, n, dim = draws.shape
+    count = int(present.sum())
+    if chains * n * count > MAX_ENTRIES:
+        raise InputError(
+            "pointwise log-likelihood",
+            found=f"{chains * n} draws of {count} measurements",
+            expected=f"at most {MAX_ENTRIES} numbers",
+            remedy=f"thin the draws to {MAX_ENTRIES // count} first",
+        )
+    flat = draws.reshape(-1, dim)
+    table = np.empty((flat.shape[0], count))
+    for start in range(0, flat.shape[0], _LANES):
+        lanes = np.minimum(np.arange(start, start + _LANES), flat.shape[0] - 1)
+        values = dict(zip(posterior.names, jnp.asarray(flat[lanes].T), strict=True))
+        table[start : start + _LANES] = np.asarray(_densities(likelihood, values, data))[
+            lanes == start + np.arange(_LANES)
+        ][:, present]
+    return table.reshape(chains, n, count)
+
+
+@partial(jax.jit, static_argnums=0)
+def _densities(likelihood: OutputError, values: dict[str, Array], data: TrialData) -> Float[Array, "draws trials m n"]:
+    """Log density of every sample, measured or not, under several draws."""
+    return jax.vmap(lambda one: _of_one_draw(likelihood, one, data))(values)
+
+
+def _of_one_draw(likelihood: OutputError, values: Mapping[str, Any], data: TrialData) -> Float[Array, "trials m n"]:
+    sd = jnp.stack([values[noise_name(channel)] for channel in likelihood.channels])
+
+    def of_one_trial(trial: TrialData, start: Array) -> Array:
+        control = jnp.stack(trial.control, 1)
+        shown = simulate_outputs(
+            likelihood.model, likelihood.channels, likelihood.delay, values, start, control, trial.step
+        )
+        measured = jnp.stack([channel.measured for channel in trial.channels])
+        density = -0.5 * ((measured - shown.T) / sd[:, None]) ** 2 - jnp.log(sd)[:, None] - 0.5 * LOG_2PI
+        return jnp.where(jnp.isfinite(density), density, -jnp.inf)
+
+    return jax.vmap(of_one_trial)(data, likelihood.starts(dict(values), data))

@@ -1,0 +1,213 @@
+"""Self-oscillating test, the zigzag generalised: control = trim ± amplitude, reversed when the output has gone far enough.
+
+    side = -1 once effect (y - y_trim) >= threshold, +1 once effect (y - y_trim) <= -threshold, else as before
+
+It is the relay with hysteresis of Åström and Hägglund (Automatica 20, 1984) and, with heading as output, the zigzag of ships.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.state_space import StateSpace
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
+
+
+@dataclass(frozen=True)
+class RelayFamily:
+    """What all self-oscillating tests of one kind share; SI.
+
+    Attributes:
+        trim: every control's name and trim value, in the vehicle's order.
+        control: the control that is switched; the others stay at trim.
+        output: the measured channel that is fed back.
+        output_trim: its trim value.
+        duration: of the trial, s.
+        sample_time: s.
+        start: when the control first leaves trim, to the positive side, s.
+        active: time for which the relay acts, s; the control returns to trim afterwards.
+        effect: +1 where more control raises the output, -1 where it lowers it (stern plane on pitch).
+        rate: fastest change of the control, per s.
+    """
+
+    trim: tuple[tuple[str, float], ...]
+    control: str
+    output: str
+    output_trim: float
+    duration: float
+    sample_time: float
+    start: float = 0.0
+    active: float = inf
+    effect: float = 1.0
+    rate: float = inf
+
+    @property
+    def control_trim(self) -> float:
+        """Trim value of the control that is switched."""
+        return dict(self.trim)[self.control]
+
+    def time(self) -> Float[np.ndarray, " n"]:
+        """Sample times, s."""
+        return np.arange(round(self.duration / self.sample_time)) * self.sample_time
+
+
+class RelayMemory(NamedTuple):
+    """What the relay remembers: the side it is on, +1 or -1, and the change of control now applied."""
+
+    side: Any
+    applied: Any
+
+
+class RelayRun(NamedTuple):
+    """A closed-loop run; n samples, c controls, d dynamic states, m channels.
+
+    Attributes:
+        control: shape (n, c).
+        state: dynamic states, shape (n, d).
+        outputs: noise-free channels, shape (n, m).
+        switches: number of reversals; below 2 the loop does not oscillate.
+        reached: largest change of the measured output from trim while the relay acts.
+    """
+
+    control: Float[Array, "n c"]
+    state: Float[Array, "n d"]
+    outputs: Float[Array, "n m"]
+    switches: Float[Array, ""]
+    reached: Float[Array, ""]
+
+
+def relay_control(
+    family: RelayFamily, amplitude: Any, threshold: Any, time: Any, deviation: Any, memory: RelayMemory
+) -> RelayMemory:
+    """One decision of the relay; traced.
+
+    Args:
+        family: effect, rate and timing.
+        amplitude: of the control.
+        threshold: change of the output from trim at which the control is reversed.
+        time: s.
+        deviation: measured output less its trim value; NaN, not measured, leaves the relay as it is.
+        memory: from the sample before.
+    """
+    # Times that should be equal differ by rounding (k * 0.01 s against 1 s); a nanosecond decides.
+    elapsed = time - family.start + 1e-9
+    running = (elapsed >= 0) & (elapsed < family.active)
+    driven = family.effect * deviation
+    reversed_side = jnp.where(driven >= threshold, -1.0, jnp.where(driven <= -threshold, 1.0, memory.side))
+    side = jnp.where(running, reversed_side, memory.side)
+    wanted = jnp.where(running, amplitude * side, 0.0)
+    if family.rate < inf:
+        step = family.rate * family.sample_time
+        wanted = memory.applied + jnp.clip(wanted - memory.applied, -step, step)
+    return RelayMemory(side, wanted)
+
+
+def run_relay(
+    space: StateSpace,
+    family: RelayFamily,
+    amplitude: Float[Array, ""],
+    threshold: Float[Array, ""],
+    start: Float[Array, " d"],
+    noise: Float[Array, " n"] | None = None,
+) -> RelayRun:
+    """Simulate the closed loop. May be batched with `jax.vmap` over any array.
+
+    At each sample the relay sees the output under the control in force so far, and then decides.
+
+    Args:
+        space: vehicle; its transition moves it from sample to sample.
+        family: what is switched, what is fed back, and timing.
+        amplitude: of the control, SI.
+        threshold: change of the output from trim at which the control is reversed, SI.
+        start: dynamic states and coefficients, in the units of `space`.
+        noise: added to the output that is fed back; NaN where it is not measured; None for a perfect sensor.
+
+    Raises:
+        InputError: a family that does not fit the space.
+    """
+    check_family(family, space)
+    n = family.time().size
+    return _run(
+        space, family, amplitude, threshold, jnp.asarray(start, float), jnp.zeros(n) if noise is None else noise
+    )
+
+
+def replay(family: RelayFamily, amplitude: float, threshold: float, run: RelayRun) -> Manoeuvre:
+    """Open-loop manoeuvre with the control of a run, held from sample to sample: for schedules and figures."""
+    held = np.asarray(run.control)[:, [name for name, _ in family.trim].index(family.control)]
+    settings = {"trim": family.control_trim, "amplitude": amplitude, "threshold": threshold, "start": family.start}
+
+    def signal(time: np.ndarray) -> np.ndarray:
+        index = np.floor(np.asarray(time) / family.sample_time + 1e-6).astype(int)
+        return held[np.clip(index, 0, held.size - 1)]
+
+    return Manoeuvre("self-oscillation", family.control, family.duration, settings, signal)
+
+
+def check_family(family: RelayFamily, space: StateSpace) -> None:
+    """Check that the family names a control of its own and a channel of the space, and that its numbers make sense.
+
+    Raises:
+        InputError: naming the setting at fault.
+    """
+    named, span = dict(family.trim), f"{family.sample_time:g} s in a trial of {family.duration:g} s"
+    timing = f"start {family.start:g} s, active {family.active:g} s, rate {family.rate:g} per s"
+    in_time = 0 <= family.start < family.duration and family.active > 0 and family.rate > 0
+    for holds, setting, found, expected in (
+        (family.control in named, "control", family.control, "a control with a trim value: " + ", ".join(named)),
+        (family.output in space.outputs, "output", family.output, "a measured channel: " + ", ".join(space.outputs)),
+        (
+            family.effect in (1.0, -1.0),
+            "effect",
+            str(family.effect),
+            "1 or -1, as more control raises the output or not",
+        ),
+        (
+            0 < family.sample_time <= family.duration < inf,
+            "sample_time",
+            span,
+            "a positive sample time within the trial",
+        ),
+        (in_time, "timing", timing, f"a start before {family.duration:g} s, and a positive active time and rate"),
+    ):
+        if not holds:
+            raise InputError(
+                f"manoeuvre relay, {setting}",
+                found=found,
+                expected=expected,
+                remedy="correct this setting of the family",
+            )
+
+
+@partial(jax.jit, static_argnums=1)
+def _run(space: StateSpace, family: RelayFamily, amplitude: Array, threshold: Array, start: Array, noise: Array):
+    d, fed_back = space.n_dynamic, space.outputs.index(family.output)
+    fixed = tuple(start[d:])
+
+    def controls(applied: Any) -> tuple:
+        return tuple(value + applied if name == family.control else jnp.asarray(value) for name, value in family.trim)
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        state, memory, switches, reached = carry
+        time, error = sample
+        joint = (*state, *fixed)
+        deviation = space.observe(joint, controls(memory.applied))[fed_back] + error - family.output_trim
+        decided = relay_control(family, amplitude, threshold, time, deviation, memory)
+        held = controls(decided.applied)
+        moved = space.transition(joint, held, family.sample_time)
+        acts = jnp.isfinite(deviation) & (time < family.start + family.active)
+        reached = jnp.maximum(reached, jnp.where(acts, jnp.abs(deviation), 0.0))
+        switches = switches + (decided.side != memory.side)
+        return (moved, decided, switches, reached), (held, state, space.observe(joint, held))
+
+    begin = (tuple(start[:d]), RelayMemory(jnp.ones(()), jnp.zeros(())), jnp.zeros(()), jnp.zeros(()))
+    (_, _, switches, reached), kept = jax.lax.scan(advance, begin, (jnp.asarray(family.time()), noise))
+    control, state, outputs = (jnp.stack([jnp.asarray(x, float) for x in part], -1) for part in kept)
+    return RelayRun(control, state, outputs, switches, reached)

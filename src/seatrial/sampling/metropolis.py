@@ -1,0 +1,95 @@
+"""Metropolis-Hastings, one variable at a time, many chains in step (Metropolis et al. 1953).
+
+    for each iteration t, for each variable i in turn
+        propose z'_i = z_i + s_i e,  e ~ N(0, 1), the others held
+        accept with probability min(1, p(z') / p(z))
+        while warming up
+            log s_i <- log s_i + (t + 1)^-0.6 (mean acceptance of i - 0.44)
+
+The paper's rival of adaptive Metropolis. The proposal is fixed but for its scales, which are tuned in warm-up only; it
+knows nothing of correlation, so that it creeps along ridges, and an iteration costs as many likelihoods as there are
+variables. A run has the form of `seatrial.sampling.adaptive_metropolis`: its state holds the squares of the scales as a
+diagonal covariance.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from seatrial.sampling import adaptive_metropolis
+from seatrial.sampling.adaptive_metropolis import BLOCK, ChainState, Draws, MetropolisSettings, Run, finish, is_finished
+from seatrial.sampling.target import Progress, Target, no_progress
+
+TARGET_ACCEPTANCE = 0.44
+"""Of a proposal in one dimension (Gelman, Roberts and Gilks, Bayesian Statistics 5, 1996)."""
+
+
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+    """Begin a run.
+
+    Args:
+        target: density to sample.
+        starts: one position for each chain, of finite density.
+        cov: guess of the posterior covariance, of which only the variances are used.
+
+    Raises:
+        NumericalError: a start of zero density.
+    """
+    run = adaptive_metropolis.start_chains(target, starts, cov)
+    return run._replace(state=run.state._replace(cov=jnp.diag(jnp.diag(cov)), log_scale=jnp.zeros(())))
+
+
+def advance_chains(target: Target, run: Run, key: jax.Array, settings: MetropolisSettings) -> Run:
+    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
+    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
+    return adaptive_metropolis.keep(run, state, drawn, settings)
+
+
+def sample_metropolis(
+    target: Target,
+    starts: Float[Array, "chains d"],
+    cov: Float[Array, "d d"],
+    key: jax.Array,
+    settings: MetropolisSettings,
+    progress: Progress = no_progress,
+) -> Draws:
+    """Sample without checkpoints: `start_chains`, then `advance_chains` until all draws are made."""
+    run = start_chains(target, starts, cov)
+    while not is_finished(run, settings):
+        run = advance_chains(target, run, key, settings)
+        progress(run.iteration, settings.warmup + settings.draws)
+    return finish(run)
+
+
+@jax.jit
+def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup: int):
+    chains, d = state.z.shape
+    density = jax.vmap(lambda z: target.log_prior(z) + target.log_likelihood(z))
+
+    def move(i: Array, carry: tuple, step: Array, threshold: Array, scales: Array) -> tuple:
+        z, log_density, acceptance = carry
+        proposal = z.at[:, i].add(scales[i] * step[:, i])
+        proposed = density(proposal)
+        log_ratio = jnp.where(jnp.isfinite(proposed), proposed, -jnp.inf) - log_density
+        accepted = threshold[:, i] < log_ratio
+        mean_acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
+        return (
+            jnp.where(accepted[:, None], proposal, z),
+            jnp.where(accepted, proposed, log_density),
+            acceptance.at[i].set(mean_acceptance),
+        )
+
+    def iterate(state: ChainState, t: Array):
+        step_key, accept_key = jax.random.split(jax.random.fold_in(key, t))
+        step = jax.random.normal(step_key, (chains, d))
+        threshold = jnp.log(jax.random.uniform(accept_key, (chains, d)))
+        variances = jnp.diag(state.cov)
+        moved = partial(move, step=step, threshold=threshold, scales=jnp.sqrt(variances))
+        z, log_density, acceptance = jax.lax.fori_loop(0, d, moved, (state.z, state.log_density, jnp.zeros(d)))
+        gain = jnp.where(t < warmup, (t + 1.0) ** -0.6, 0.0)
+        cov = jnp.diag(variances * jnp.exp(2 * gain * (acceptance - TARGET_ACCEPTANCE)))
+        return state._replace(z=z, log_density=log_density, cov=cov), (z, log_density, acceptance.mean())
+
+    return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))

@@ -1,0 +1,218 @@
+"""Information criteria from posterior draws, on the deviance scale D = -2 log p(y | theta).
+
+    DIC = Dbar + p_D,  BPIC = Dbar + 2 p_D,  p_D = Dbar - D(mean theta)   Spiegelhalter et al. 2002, Ando 2007
+    WAIC = -2 sum_i [log mean_s p(y_i | theta_s) - var_s log p(y_i | theta_s)]   Watanabe 2010
+    LOO = -2 sum_i log p(y_i | y_-i), by Pareto-smoothed importance sampling   Vehtari, Gelman and Gabry 2017
+
+Lower is better. Their absolute values mean nothing: compare differences with their errors.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.special import logsumexp
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.posterior import Posterior
+
+MAX_K_HAT = 0.7
+MAX_POINT_VARIANCE = 0.4
+"""Variance of a point's log density above which its WAIC term is not to be trusted (Vehtari, Gelman and Gabry 2017)."""
+SMALL_DIFFERENCE = 8.0
+"""Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020)."""
+_BATCHES = 20
+_LANES = 64
+"""Draws simulated at once."""
+_AT_ONCE = 500
+"""Measurements handled at once: their temporary copies stay small."""
+
+
+class Estimated(NamedTuple):
+    """A number and its Monte Carlo standard error."""
+
+    value: float
+    error: float
+
+
+class DevianceCriteria(NamedTuple):
+    """Criteria from the posterior mean of the deviance; p_D counts the parameters the data determine."""
+
+    mean_deviance: Estimated
+    p_d: Estimated
+    dic: Estimated
+    bpic: Estimated
+
+
+@dataclass(frozen=True, eq=False)
+class PredictiveCriterion:
+    """Estimate of how badly new data would be predicted.
+
+    Attributes:
+        method: which criterion.
+        value: the criterion with its Monte Carlo error.
+        std_error: its standard error over the measurements, as if they were a sample of possible ones.
+        effective: effective number of parameters.
+        pointwise: contribution of each measurement, shape (n,).
+        k_hat: tail index of each measurement's importance weights, shape (n,); empty for WAIC.
+        status: empty if healthy, else what is wrong in words.
+    """
+
+    method: Literal["WAIC", "PSIS-LOO"]
+    value: Estimated
+    std_error: float
+    effective: float
+    pointwise: Float[np.ndarray, " n"]
+    k_hat: Float[np.ndarray, " k"]
+    status: str
+
+
+class Comparison(NamedTuple):
+    """Difference of a criterion between two models, first minus second, its standard error and what follows."""
+
+    delta: float
+    std_error: float
+    verdict: str
+
+
+def deviance_criteria(posterior: Posterior, draws: Float[np.ndarray, "chains draws d"]) -> DevianceCriteria:
+    """DIC and BPIC; the posterior mean is that of the parameters in their own units.
+
+    Errors are those of batch means, D(mean theta) being taken as linear in the mean of the draws.
+
+    Args:
+        posterior: posterior; its likelihood is evaluated at every draw.
+        draws: parameters in their own units.
+
+    Raises:
+        NumericalError: the likelihood is zero at a draw or at the posterior mean.
+    """
+    dim = draws.shape[2]
+    deviance = np.asarray(_deviances(posterior, jnp.asarray(draws.reshape(-1, dim)))).reshape(draws.shape[:2])
+    mean = draws.mean((0, 1))
+    at_mean, slope = map(np.asarray, _deviance_and_slope(posterior, jnp.asarray(mean)))
+    if not (np.isfinite(deviance).all() and np.isfinite(at_mean)):
+        raise NumericalError(
+            "the deviance is infinite at a draw or at the posterior mean: the draws are not from this posterior, or it has "
+            "several modes with nothing between them; compare evidences instead"
+        )
+    moved = (draws - mean) @ slope
+    centre, p_d = deviance.mean(), deviance.mean() - at_mean
+    return DevianceCriteria(
+        Estimated(float(centre), mean_error(deviance)),
+        *(
+            Estimated(float(share * centre + times * p_d), mean_error((share + times) * deviance - times * moved))
+            for share, times in ((0, 1), (1, 1), (1, 2))
+        ),
+    )
+
+
+def waic(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveCriterion:
+    """Widely applicable information criterion from the log density of each measurement under each draw."""
+    density, variance, influence = [], [], np.zeros(log_likelihood.shape[:2]).ravel()
+    for part in _columns(log_likelihood):
+        density.append(_log_mean(part))
+        variance.append(part.var(axis=1, ddof=1))
+        influence += (np.exp(part - density[-1][:, None]) - (part - part.mean(1, keepdims=True)) ** 2).sum(0)
+    effective = np.concatenate(variance)
+    bad = int((effective > MAX_POINT_VARIANCE).sum())
+    status = f"{bad} of {effective.size} measurements are too influential for WAIC: use PSIS-LOO" if bad else ""
+    error = 2 * mean_error(influence.reshape(log_likelihood.shape[:2]))
+    pointwise = -2 * (np.concatenate(density) - effective)
+    return _summed("WAIC", pointwise, error, float(effective.sum()), np.empty(0), status)
+
+
+def psis_loo(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveCriterion:
+    """Leave-one-out cross-validation from the log density of each measurement under each draw, smoothing by arviz-stats.
+
+    The Monte Carlo error is that of the unsmoothed weights.
+    """
+    from arviz_stats.base.array import array_stats
+
+    density, left_out, tails, influence = [], [], [], np.zeros(log_likelihood.shape[:2]).ravel()
+    for part in _columns(log_likelihood):
+        weights, tail = array_stats.psislw(part)
+        tails.append(tail)
+        density.append(_log_mean(part))
+        left_out.append(logsumexp(weights + part, axis=1))
+        influence += np.exp(-part - _log_mean(-part)[:, None]).sum(0)
+    elpd, k_hat = np.concatenate(left_out), np.concatenate(tails)
+    bad = int((~(k_hat <= MAX_K_HAT)).sum())
+    status = (
+        f"{bad} of {k_hat.size} measurements are too influential to be left out by reweighting (k-hat up to {k_hat.max():.2f}, "
+        f"at most {MAX_K_HAT}): look at them for outliers, or compare evidences"
+        if bad
+        else ""
+    )
+    error = 2 * mean_error(influence.reshape(log_likelihood.shape[:2]))
+    return _summed("PSIS-LOO", -2 * elpd, error, float((np.concatenate(density) - elpd).sum()), k_hat, status)
+
+
+def compare(one: PredictiveCriterion, other: PredictiveCriterion) -> Comparison:
+    """Difference of two models on the same measurements, its error from the pointwise differences.
+
+    Raises:
+        InputError: different criteria or different numbers of measurements.
+    """
+    if one.method != other.method or one.pointwise.shape != other.pointwise.shape:
+        raise InputError(
+            "comparison of two models",
+            found=f"{one.method} of {one.pointwise.size} measurements and {other.method} of {other.pointwise.size}",
+            expected="the same criterion of the same measurements",
+            remedy="compute both from the same records and channels",
+        )
+    difference = one.pointwise - other.pointwise
+    delta = float(difference.sum())
+    std_error = float(np.hypot(_sum_error(difference), np.hypot(one.value.error, other.value.error)))
+    if abs(delta) < max(SMALL_DIFFERENCE, 2 * std_error):
+        verdict = "the two models predict equally well as far as these data can tell"
+    else:
+        verdict = f"the {'first' if delta < 0 else 'second'} model predicts better"
+    return Comparison(delta, std_error, f"{verdict}: {one.method} differs by {delta:+.1f} ± {std_error:.1f}")
+
+
+def mean_error(series: Float[np.ndarray, "chains draws"]) -> float:
+    """Standard error of the mean of correlated draws, by the spread of about 20 batch means, or one for each chain if these are more."""
+    chains, n = series.shape
+    pieces = max(1, min(-(-_BATCHES // chains), n // 4))
+    means = series[:, n % pieces :].reshape(chains * pieces, -1).mean(1)
+    return float(means.std(ddof=1) / np.sqrt(means.size))
+
+
+def _columns(log_likelihood: np.ndarray) -> Iterator[np.ndarray]:
+    """The table a few measurements at a time, these first and all draws last."""
+    table = log_likelihood.reshape(-1, log_likelihood.shape[2])
+    for start in range(0, table.shape[1], _AT_ONCE):
+        yield np.ascontiguousarray(table[:, start : start + _AT_ONCE].T)
+
+
+def _log_mean(part: np.ndarray) -> np.ndarray:
+    return logsumexp(part, axis=1) - np.log(part.shape[1])
+
+
+def _sum_error(pointwise: np.ndarray) -> float:
+    return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
+
+
+def _summed(method, pointwise: np.ndarray, error: float, effective: float, k_hat: np.ndarray, status: str):
+    total = Estimated(float(pointwise.sum()), error)
+    return PredictiveCriterion(method, total, _sum_error(pointwise), effective, pointwise, k_hat, status)
+
+
+def _deviance(posterior: Posterior, values: Array) -> Array:
+    return -2 * posterior.likelihood(dict(zip(posterior.names, values, strict=True)), posterior.data)
+
+
+@jax.jit
+def _deviances(posterior: Posterior, values: Array) -> Array:
+    return jax.lax.map(partial(_deviance, posterior), values, batch_size=_LANES)
+
+
+@jax.jit
+def _deviance_and_slope(posterior: Posterior, values: Array) -> tuple[Array, Array]:
+    return _deviance(posterior, values), jax.jacfwd(partial(_deviance, posterior))(values)

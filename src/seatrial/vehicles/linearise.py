@@ -1,0 +1,127 @@
+"""Level flight, and small motions dx about any state: d(dx)/dt = A dx + B dc with A = df/dx and B = df/dc.
+
+Derivatives are exact, by forward differentiation of the model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError
+from seatrial.vehicles.longitudinal import STATES as LONGITUDINAL
+from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.surge import trim_speed
+
+
+class Trim(NamedTuple):
+    """Steady level flight: state and control in the model's order, SI."""
+
+    state: tuple[float, ...]
+    control: tuple[float, ...]
+
+
+def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: float | None = None) -> Trim:
+    """Steady level flight: du/dt = dw/dt = dq/dt = dz/dt = q = 0, by Levenberg-Marquardt with exact derivatives.
+
+    Args:
+        model: longitudinal vehicle driven by n; without delta_s only a vehicle that needs none has a trim.
+        params: value of each free coefficient, SI.
+        u: surge speed, m/s, for which the propeller speed is sought; or
+        n: propeller speed, rad/s, for which the surge speed is sought.
+
+    Raises:
+        InputError: both or none of u and n given, no propeller, or no level flight within 60 degrees of pitch and fin.
+    """
+    from scipy.optimize import root
+
+    where = f'vehicle "{model.name}", trim'
+    if model.states != LONGITUDINAL or "n" not in model.controls or (u is None) == (n is None):
+        raise InputError(
+            where,
+            found=f"u = {u}, n = {n}, states {', '.join(model.states)}, controls {', '.join(model.controls) or 'none'}",
+            expected="one of u and n, of a longitudinal vehicle driven by n",
+            remedy="give the speed or the propeller speed, and a thrust term such as T_nabsn",
+        )
+
+    given = u if u is not None else n
+    rates, jacobian = _level_rates(model, u is not None)
+    first = np.copysign(100.0, u) if u is not None else _level_speed(model, params, n)
+    found = root(
+        rates,
+        np.array([first, 0.0, 0.0, 0.0]),
+        args=(given, dict(params)),
+        jac=jacobian,
+        method="lm",
+        options={"xtol": 1e-15, "ftol": 1e-15},
+    )
+    residual = float(np.abs(rates(found.x, given, dict(params))).max())
+    if not (residual < 1e-9 and np.abs(found.x[2:]).max() < np.pi / 3):
+        raise InputError(
+            where,
+            found=f"accelerations down to {residual:.3g} at pitch {found.x[2]:.3g} rad and stern plane {found.x[3]:.3g} rad",
+            expected="an equilibrium in level flight",
+            remedy="go faster, trim the buoyancy, or check the signs of the coefficients of Z and M",
+        )
+    state, control = _level(model, u is not None, found.x, given)
+    return Trim(tuple(float(x) for x in state), tuple(float(x) for x in control))
+
+
+def linearise(
+    model: VehicleModel, params: Params, state: Sequence[Any], control: Sequence[Any]
+) -> tuple[Float[Array, "d d"], Float[Array, "d c"]]:
+    """Jacobians (A, B) of the state's rate; the point need not be an equilibrium.
+
+    Args:
+        model: any vehicle, d states and c controls.
+        params: value of each free coefficient, SI.
+        state: in the model's order, SI.
+        control: in the model's order, SI.
+    """
+    return _jacobians(lambda x, c: model.derivative(params, x, c), state, control)
+
+
+def linearise_outputs(
+    model: VehicleModel, outputs: Sequence[str], params: Params, state: Sequence[Any], control: Sequence[Any]
+) -> tuple[Float[Array, "m d"], Float[Array, "m c"]]:
+    """Jacobians (C, D) of measured channels, states (`u`) or their rates (`udot`); arguments as `linearise`."""
+    return _jacobians(lambda x, c: tuple(model.output(name, params, x, c) for name in outputs), state, control)
+
+
+def _jacobians(function: Any, state: Sequence[Any], control: Sequence[Any]) -> tuple[Array, Array]:
+    def stacked(x: Array, c: Array) -> Array:
+        return jnp.stack([jnp.asarray(value, float) for value in function(tuple(x), tuple(c))])
+
+    return jax.jacfwd(stacked, argnums=(0, 1))(jnp.asarray(state, float), jnp.asarray(control, float))
+
+
+def _level(model: VehicleModel, speed_given: bool, x: Any, given: Any) -> Trim:
+    """Level flight with the unknowns x: the other one of speed and propeller speed, then w, theta and delta_s."""
+    speed, turns = (given, x[0]) if speed_given else (x[0], given)
+    control = {"n": turns, "delta_s": x[3]}
+    return Trim((speed, x[1], 0.0, 0.0, x[2]), tuple(control.get(name, 0.0) for name in model.controls))
+
+
+@lru_cache(maxsize=64)
+def _level_rates(model: VehicleModel, speed_given: bool) -> tuple[Any, Any]:
+    """Rates of u, w, q and z in level flight, and their Jacobian by the unknowns, compiled once for each model."""
+
+    def rates(x: Any, given: Any, params: Params) -> Any:
+        return jnp.stack(model.derivative(params, *_level(model, speed_given, x, given))[:4])
+
+    return jax.jit(rates), jax.jit(jax.jacfwd(rates))
+
+
+def _level_speed(model: VehicleModel, params: Params, n: float | None) -> float:
+    """Speed at which thrust and drag balance with heave, pitch and stern plane at zero: where the search starts."""
+
+    def surge(params: Params, state: tuple, control: tuple) -> tuple:
+        return model.derivative(params, (state[0], 0.0, 0.0, 0.0, 0.0), control)
+
+    control = [n if name == "n" else 0.0 for name in model.controls]
+    return trim_speed(replace(model, states=("u",), derivative=surge), params, control)

@@ -1,0 +1,187 @@
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.design.relay_sweep import sweep_relay
+from seatrial.filters.extended import ExtendedKalmanFilter
+from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.relay import RelayFamily, run_relay
+from seatrial.manoeuvres.signals import repeated_doublet
+from seatrial.vehicles.simulate import simulate
+from tests.cases import N0, RPM, THRUST, U0, X_U, X_UU, paper_model, surge_rate
+from tests.design.test_sweep import BELIEF_SD, PROCESS_SD, paper_space
+from tests.estimation_cases import SIGMA, THRUST_UNIT
+from tests.filters.textbook import Problem, extended, unscented
+
+TRUTH = np.array([U0, X_U, X_UU, THRUST])
+SHORT = RelayFamily((("n", N0),), "n", "u", U0, duration=15.0, sample_time=0.1)
+AMPLITUDES, THRESHOLDS = np.array([100.0, 200.0]) * RPM, np.array([0.1, 0.3])
+MINUTE = RelayFamily((("n", N0),), "n", "u", U0, duration=60.0, sample_time=0.01)
+FAST = ExtendedKalmanFilter()
+
+
+def textbook(method, amplitude, threshold, noise):
+    """Entropy reduction, peak speed, final sds and reversals of one relay test, by plain Euler loops and matrices."""
+
+    def rate(u, control, x):
+        return surge_rate(u, control / (2 * np.pi), *x[1:])
+
+    n, h = SHORT.time().size, SHORT.sample_time
+    u, side, speed, control, switches = U0, 1, [], [], 0
+    for k in range(n):
+        if side * (u + noise[k] - U0) >= threshold:
+            side, switches = -side, switches + 1
+        speed.append(u)
+        control.append(N0 + side * amplitude)
+        u = u + h * rate(u, control[-1], TRUTH)
+    speed, control = np.array(speed), np.array(control)
+    problem = Problem(
+        TRUTH,
+        np.diag(BELIEF_SD**2),
+        lambda x, c, h: np.array([x[0] + h * rate(x[0], c, x), *x[1:]]),
+        lambda x, c: np.array([x[0], rate(x[0], c, x)]),
+        np.diag(PROCESS_SD**2),
+        0.01 * np.eye(2),
+    )
+    measured = np.column_stack([speed, rate(speed, control, TRUTH)])
+    last = method(problem, control, measured, np.full(n, h)).covs[-1]
+    gain = 0.5 * (2 * np.log(BELIEF_SD[1:]).sum() - np.linalg.slogdet(last[1:, 1:])[1])
+    return gain, np.abs(speed).max(), np.sqrt(np.diag(last)[1:]), switches
+
+
+@pytest.mark.parametrize(
+    ("method", "naive"),
+    [
+        (FAST, extended),
+        pytest.param(SquareRootUnscentedKalmanFilter(), unscented, marks=pytest.mark.thorough),
+    ],
+    ids=["extended", "square root"],
+)
+@pytest.mark.parametrize("noise_sd", [0.0, 0.04])
+def test_every_design_alone_by_the_textbook(method, naive, noise_sd):
+    noise = np.random.default_rng(3).normal(size=SHORT.time().size) * noise_sd
+    sweep = sweep_relay(paper_space(BELIEF_SD), SHORT, AMPLITUDES, THRESHOLDS, method=method, noise=noise)
+    assert sweep.gain.shape == sweep.switches.shape == sweep.reached.shape == (2, 2)
+    assert sweep.final_sd.shape == (2, 2, 3)
+    for i, amplitude in enumerate(AMPLITUDES):
+        for j, threshold in enumerate(THRESHOLDS):
+            gain, peak, sd, switches = textbook(naive, amplitude, threshold, noise)
+            assert sweep.gain[i, j] == pytest.approx(gain, abs=1e-6)
+            assert sweep.peak_speed[i, j] == pytest.approx(peak, rel=1e-12)
+            assert sweep.final_sd[i, j] == pytest.approx(sd, rel=1e-6)
+            assert sweep.switches[i, j] == switches
+
+
+def test_unreachable_thresholds_are_said_and_never_best():
+    """In 15 s, 100 rpm moves the speed by less than 0.23 m/s, and 200 rpm by 0.4 m/s one way but not back as well."""
+    sweep = sweep_relay(paper_space(BELIEF_SD), SHORT, AMPLITUDES, np.array([0.1, 0.3, 0.4]), method=FAST)
+    assert sweep.oscillates.tolist() == [[True, False, False], [True, True, False]]
+    assert sweep.switches[:, 1:].tolist() == [[0, 0], [3, 1]]
+    assert len(sweep.warnings) == 2
+    assert "amplitude 10.47 does not oscillate at thresholds from 0.3 on: u moves 0.22" in sweep.warnings[0]
+    assert "amplitude 20.94 does not oscillate at thresholds from 0.4 on: u moves 0.4" in sweep.warnings[1]
+    assert sweep.oscillates[sweep.best]
+    assert sweep.gain[sweep.best] == sweep.gain[sweep.oscillates].max()
+
+
+def test_no_design_oscillates():
+    with pytest.raises(InputError, match="never on both sides") as caught:
+        sweep_relay(paper_space(BELIEF_SD), SHORT, AMPLITUDES, np.array([0.6, 0.7]), method=FAST)
+    assert "lower the thresholds" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("limits", "rate", "allowed"),
+    [
+        (Limits(), np.inf, [True, True]),
+        (Limits(upper=N0 + 150 * RPM), np.inf, [True, False]),
+        (Limits(lower=N0 - 150 * RPM), np.inf, [True, False]),
+        (Limits(rate=30 * 10.0), np.inf, [True, False]),
+        (Limits(rate=300.0), 300.0, [True, True]),
+    ],
+    ids=["none", "upper", "lower", "rate", "slow enough"],
+)
+def test_designs_outside_the_limits_have_no_gain(limits, rate, allowed):
+    """A reversal of 200 rpm is 41.9 rad/s within a sample of 0.1 s."""
+    sweep = sweep_relay(
+        paper_space(BELIEF_SD), replace(SHORT, rate=rate), AMPLITUDES, THRESHOLDS[:1], limits, method=FAST
+    )
+    assert np.isfinite(sweep.gain[:, 0]).tolist() == allowed
+    assert allowed[sweep.best[0]]
+
+
+@pytest.mark.parametrize(
+    ("limits", "found"),
+    [
+        (Limits(upper=80.0), "upper limit 80, but the gentlest design reaches 89"),
+        (Limits(rate=30.0), "rate limit 30, but the gentlest design reaches 209.4"),
+    ],
+)
+def test_no_design_inside_the_limits(limits, found):
+    with pytest.raises(InputError, match="control n") as caught:
+        sweep_relay(paper_space(BELIEF_SD), SHORT, AMPLITUDES, THRESHOLDS, limits, method=FAST)
+    assert found in caught.value.found
+
+
+@pytest.mark.parametrize(("amplitudes", "thresholds"), [([0.0, 1.0], [0.1]), ([1.0], [-0.1]), ([1.0], [np.nan])])
+def test_impossible_grids(amplitudes, thresholds):
+    with pytest.raises(InputError, match="design grid"):
+        sweep_relay(paper_space(BELIEF_SD), SHORT, np.array(amplitudes), np.array(thresholds), method=FAST)
+
+
+def test_motion_that_diverges():
+    runaway = np.array([U0, X_U, 60.0, THRUST])
+    with pytest.raises(NumericalError, match=r"first at amplitude.*threshold.*narrow the priors"):
+        sweep_relay(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, THRESHOLDS, method=FAST)
+
+
+def half_log_det(control):
+    """Output-error information of u alone about (X_u, X_uabsu, 100 T), sd 0.0757 m/s, by forward sensitivities."""
+    model, step = paper_model(), np.full(control.shape[0], 0.01)
+
+    def speed(params):
+        named = {"X_u": params[0], "X_uabsu": params[1], "T_nabsn": params[2] * THRUST_UNIT}
+        return simulate(model, named, control, step, jnp.array([U0]))[:, 0]
+
+    sensitivity = jax.jacfwd(speed)(jnp.array([X_U, X_UU, 100 * THRUST])) / SIGMA
+    return 0.5 * float(jnp.linalg.slogdet(sensitivity.T @ sensitivity)[1])
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("period", "golden"), [(10.0, 10.9), (20.0, 11.75)])
+def test_golden_information_of_doublets(period, golden):
+    doublet = repeated_doublet("n", trim=N0, amplitude=200 * RPM, period=period, duration=60.0, active=40.0)
+    _, control = doublet.sample(0.01)
+    assert half_log_det(control[:, None]) == pytest.approx(golden, abs=0.02)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("rpm", "golden", "oscillates"), [(200, 11.3, True), (100, 3.3, False), (150, 4.4, False)])
+def test_golden_information_of_self_oscillation(rpm, golden, oscillates):
+    """Relay from the first sample to the last, threshold 0.35 m/s: below some 155 rpm it is never reached."""
+    run = run_relay(paper_space(), MINUTE, rpm * RPM, 0.35, TRUTH)
+    assert (run.switches >= 2) == oscillates
+    assert half_log_det(run.control) == pytest.approx(golden, abs=0.05)
+
+
+@pytest.mark.thorough
+def test_surface_over_amplitude_and_threshold():
+    """Where it oscillates more amplitude always helps; without oscillation at least 3 nats are lost."""
+    space, amplitudes, thresholds = (
+        paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]),
+        np.linspace(100, 200, 6) * RPM,
+        np.array([0.1, 0.2, 0.3, 0.35, 0.4, 0.5]),
+    )
+    sweep = sweep_relay(space, MINUTE, amplitudes, thresholds, truth=TRUTH)
+    linear = sweep_relay(space, MINUTE, amplitudes, thresholds, method=FAST, truth=TRUTH)
+    assert np.array_equal(sweep.switches, linear.switches)
+    assert np.abs(sweep.gain - linear.gain)[sweep.oscillates].max() < 0.05
+    reachable = sweep.oscillates[:-1] & sweep.oscillates[1:]
+    assert (np.diff(sweep.gain, axis=0)[reachable] > 0).all()
+    assert (sweep.gain[~sweep.oscillates].max()) < sweep.gain[sweep.oscillates].min() - 3
+    assert len(sweep.warnings) == 6

@@ -1,0 +1,182 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.filters.extended import ExtendedKalmanFilter
+from seatrial.filters.noise import noise_from_high_pass
+from seatrial.filters.run import run_filter
+from seatrial.filters.tuning import check_tuning
+from tests.cases import X_U, naive_rk4, surge_rate
+from tests.estimation_cases import golden_motion
+from tests.filters.surge_trial import MEASUREMENT_SD, TRUE_STATE, surge_space
+
+N = 1500
+PRIOR_SD = np.array([0.05, 0.3, 0.005])
+PROCESS_SD = np.array([0.003, 1e-6, 1e-8])
+SEEDS = range(4)
+
+
+@cache
+def trial(seed, n=N):
+    """Truth drawn from the prior, moved with process noise, and measured; random steps of 2.5 s."""
+    rng = np.random.default_rng(seed)
+    truth = TRUE_STATE + PRIOR_SD * rng.normal(size=3)
+    rev_per_s, u, measured, speed = np.repeat(rng.uniform(8, 17, n // 25), 25), truth[0], [], []
+    for rev in rev_per_s:
+        speed.append(u)
+        measured.append(np.array([u, surge_rate(u, rev, X_U, *truth[1:])]) + MEASUREMENT_SD * rng.normal(size=2))
+        u = naive_rk4(lambda x, rev=rev: surge_rate(x, rev, X_U, *truth[1:]), u, 0.1) + PROCESS_SD[0] * rng.normal()
+    return 2 * np.pi * rev_per_s[:, None], np.array(measured), np.full(n, 0.1), np.array([speed[-1], *truth[1:]])
+
+
+def report(seed, p=1.0, q=1.0, r=1.0, n=N, gaps=None):
+    """Report on a filter whose P_0, Q and R are wrong by these factors."""
+    control, measured, step, truth = trial(seed, n)
+    measured = measured if gaps is None else np.where(np.arange(n)[:, None] % np.array(gaps) == 0, measured, np.nan)
+    sds = (sd * np.sqrt(factor) for sd, factor in ((PRIOR_SD, p), (PROCESS_SD, q), (MEASUREMENT_SD, r)))
+    space = surge_space(TRUE_STATE, *sds)
+    return check_tuning(run_filter(ExtendedKalmanFilter(), space, control, measured, step), space, truth)
+
+
+@pytest.mark.parametrize("gaps", [None, (3, 4)], ids=["complete", "two rates"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_well_tuned(seed, gaps):
+    found = report(seed, gaps=gaps)
+    assert found.findings == ()
+    assert found.nis_band[0] < found.nis < found.nis_band[1]
+    assert found.moved_band[0] < found.moved < found.moved_band[1]
+    assert found.nees_band[0] < found.nees < found.nees_band[1]
+    assert (found.whiteness > 0.001).all()
+    assert found.settling == pytest.approx(np.sqrt(0.75), abs=0.08)
+    assert (found.erratic < 1.5).all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(
+    ("factors", "change", "words"),
+    [
+        ({"r": 100}, ("R", "down"), ["smaller than R alone", "u to a standard deviation of 0.02", "udot"]),
+        ({"r": 0.01}, ("R", "up"), ["chases the noise", "raise R of u", "udot to a standard deviation of 0.0"]),
+        ({"q": 1e4}, ("Q", "down"), ["though not smaller than R", "chases the noise", "lower Q of u"]),
+        ({"q": 1e-4}, ("Q", "up"), ["follow one another", "raise Q of u"]),
+        ({"p": 1e6}, ("P", "down"), ["less than P_0 expects", "lower P_0 of X_uabsu, T_nabsn"]),
+        ({"p": 1e-3}, ("P", "up"), ["raise P_0 of X_uabsu, T_nabsn, then check again"]),
+    ],
+    ids=lambda x: str(x) if isinstance(x, dict) else "",
+)
+def test_the_wrong_matrix_is_named(factors, change, words, seed):
+    findings = report(seed, **factors).findings
+    assert [finding[:2] for finding in findings] == [change]
+    assert all(word in findings[0].words for word in words)
+
+
+def test_one_wrong_channel_is_named():
+    (finding,) = report(0, r=np.array([1.0, 100.0])).findings
+    assert finding[:2] == ("R", "down")
+    assert "udot to a standard deviation of 0.05" in finding.words
+    assert "of u " not in finding.words
+
+
+def test_constants_that_may_drift_are_erratic():
+    findings = report(0, q=np.array([1.0, 1e9, 1e9])).findings
+    assert {finding[:2] for finding in findings} == {("Q", "down")}
+    assert any("erratic" in finding.words and "lower Q of X_uabsu" in finding.words for finding in findings)
+
+
+def test_trial_that_is_too_short_has_not_settled():
+    """The first 2.5 s hold one propeller speed: the second step brings most of what is known."""
+    control, measured, step, _ = trial(0)
+    control = np.where(np.arange(100)[:, None] < 80, control[0], control[0] + 40)
+    space = surge_space(TRUE_STATE, 100 * PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
+    found = check_tuning(run_filter(ExtendedKalmanFilter(), space, control, measured[:100], step[:100]), space)
+    assert ("trial", "longer") in [finding[:2] for finding in found.findings]
+    assert found.settling.min() < 0.75
+    assert np.isnan(found.nees)
+
+
+def test_numbers_by_hand():
+    control, measured, step, truth = trial(1)
+    space = surge_space(TRUE_STATE, PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
+    trace = run_filter(ExtendedKalmanFilter(), space, control, measured, step)
+    found, e = check_tuning(trace, space, truth), np.asarray(trace.innovations)[N // 2 :]
+    assert found.nis == pytest.approx(np.asarray(trace.nis)[N // 2 :].mean() / 2, rel=1e-12)
+    assert found.spread == pytest.approx((e**2).mean(0) / MEASUREMENT_SD**2, rel=1e-12)
+    assert found.correlation == pytest.approx([np.corrcoef(x[1:], x[:-1])[0, 1] for x in e.T], abs=0.005)
+    error, moved = np.asarray(trace.final.mean) - truth, np.asarray(trace.final.mean)[1:] - TRUE_STATE[1:]
+    assert found.nees == pytest.approx(error @ np.linalg.solve(trace.final.cov, error) / 3, rel=1e-9)
+    gained = np.diag(PRIOR_SD[1:] ** 2 + N * PROCESS_SD[1:] ** 2) - np.asarray(trace.final.cov)[1:, 1:]
+    assert found.moved == pytest.approx(moved @ np.linalg.solve(gained, moved) / 2, rel=1e-6)
+
+
+def test_wrong_truth_is_noticed():
+    control, measured, step, truth = trial(0)
+    space = surge_space(TRUE_STATE, PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
+    trace = run_filter(ExtendedKalmanFilter(), space, control, measured, step)
+    (finding,) = check_tuning(trace, space, truth + 8 * np.asarray(trace.sds)[-1]).findings
+    assert "errors squared" in finding.words
+
+
+def test_traces_that_cannot_be_judged():
+    control, measured, step, _ = trial(0)
+    space = surge_space(TRUE_STATE, PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
+    trace = run_filter(ExtendedKalmanFilter(), space, control, measured, step)
+    with pytest.raises(NumericalError, match="failed at 3 samples"):
+        check_tuning(trace._replace(failures=np.array(3)), space)
+    with pytest.raises(InputError, match="longer record"):
+        report(0, n=50, gaps=(1, 3))
+
+
+SIGNALS = {
+    "nothing": (np.arange(1000) * 0.1, np.zeros(1000), 0.05),
+    "golden speed": (golden_motion()[0], golden_motion()[2], 0.0757),
+    "coarse speed": (golden_motion()[0][::20], golden_motion()[2][::20], 0.02),
+    "fast sine": (np.arange(2000) * 0.05, np.sin(np.arange(2000) * 0.1), 0.01),
+}
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_noise_is_within_its_stated_error(name):
+    """Root mean square of 100 errors over what is stated is 1 with an error of 0.07, of which 4 are allowed."""
+    time, signal, sd = SIGNALS[name]
+    found = [
+        noise_from_high_pass(time, signal + sd * np.random.default_rng(i).normal(size=time.size)) for i in range(100)
+    ]
+    scores = np.array([(estimate.sd - sd) / estimate.std_error for estimate in found])
+    assert np.sqrt((scores**2).mean()) == pytest.approx(1, abs=0.28)
+    assert np.abs(scores).max() < 4
+    assert max(estimate.std_error for estimate in found) < 0.15 * sd
+
+
+def test_outliers_steps_and_gaps_do_not_matter():
+    """One sample in 200 is off by 50 sds, the signal jumps, and a third is missing in one stretch of alternate samples."""
+    rng = np.random.default_rng(3)
+    time, sd = np.arange(4000) * 0.05, 0.02
+    measured = np.where(time > 90, 1.0, 0.0) + sd * rng.normal(size=4000)
+    measured[rng.integers(0, 4000, 20)] += 1.0
+    measured[1000:2000:2] = np.nan
+    found = noise_from_high_pass(time, measured)
+    assert abs(found.sd - sd) < 4 * found.std_error
+    assert found.std_error < 0.05 * sd
+
+
+def test_unit_carries_over():
+    rng = np.random.default_rng(0)
+    time, measured = np.arange(500) * 0.1, rng.normal(size=500)
+    one, other = noise_from_high_pass(time, measured), noise_from_high_pass(60 * time, 1e3 * measured)
+    assert other == pytest.approx((1e3 * one.sd, 1e3 * one.std_error, one.order))
+
+
+@pytest.mark.parametrize(
+    ("measured", "words"),
+    [
+        (np.full(1000, np.nan), "0 differences"),
+        (np.arange(30.0), "at least 50"),
+        (np.round(np.arange(1000) / 100), "steps"),
+    ],
+    ids=["nothing", "few", "quantised"],
+)
+def test_data_without_visible_noise_are_refused(measured, words):
+    with pytest.raises(InputError, match=words):
+        noise_from_high_pass(np.arange(measured.size) * 0.1, measured)
