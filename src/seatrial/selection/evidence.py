@@ -95,7 +95,9 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
     if spread > 1.0:
         complaints.append(f"repeats differ by {spread:.1f} nats: use more particles, or narrower priors")
     if acceptance < 0.05:
-        complaints.append(f"the moves were accepted only {acceptance:.0%} of the time: use more particles, or narrower priors")
+        complaints.append(
+            f"the moves were accepted only {acceptance:.0%} of the time: use more particles, or narrower priors"
+        )
     if alive < ALIVE:
         complaints.append(
             f"only {alive:.1%} of the prior can be simulated: narrow it to damping that dissipates, or use more particles"
