@@ -44,6 +44,7 @@ lock: $(VENV)/ready
 
 $(VENV)/ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if (3, 11) <= v < (3, 14) else f"seatrial needs Python 3.11 to 3.13; this is {v.major}.{v.minor}. Try: make PYTHON=python3.11 run")'
+	@echo "setting up $(VENV): one to three minutes"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .

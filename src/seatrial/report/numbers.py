@@ -58,7 +58,7 @@ def plain(value: float) -> str:
     if not isfinite(value):
         return DASH
     exponent = 0 if value == 0 or 1e-3 <= abs(value) < 1e5 else floor(log10(abs(value)))
-    return _minus(f"{value / 10.0**exponent:.6g}") + times_ten(exponent)
+    return _minus(f"{value / 10.0**exponent:.4g}") + times_ten(exponent)
 
 
 def times_ten(exponent: int) -> str:

@@ -9,7 +9,7 @@ from seatrial.campaign.loop import ENOUGH, Outcome
 from seatrial.campaign.shown import shown_unit
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, name_html
-from seatrial.report.numbers import percent, probability, rounded, times_ten, unit_html
+from seatrial.report.numbers import DASH, MINUS, percent, probability, rounded, times_ten, unit_html
 from seatrial.selection.verdict import DECIDED
 
 MOST_NAMED = 4
@@ -94,7 +94,7 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
             "name": "Data",
             "value": f"{len(trials.fit)} run{'s' * (len(trials.fit) != 1)}, {seconds:.0f} s",
             "href": "#fit",
-            "note": "simulated" if simulated else f"{len(trials.predict)} more held back for testing",
+            "note": "simulated" if simulated else f"{len(trials.predict) or 'none'} held back for testing",
         },
         {
             "name": "Model",
@@ -129,13 +129,13 @@ def _next(outcome: Outcome) -> dict[str, Any]:
         "name": "Next trial",
         "value": f"±{trial['amplitude'] * factor:.4g} {unit}, {trial['period']:.3g} s",
         "href": "#next",
-        "note": f"doublets; standard deviations to {_span(left)} of now",
+        "note": f"doublets; standard deviations shrink to {_span(left)} of now",
     }
 
 
 def _span(shares: list[float]) -> str:
     low, high = percent(min(shares)), percent(max(shares))
-    return low if low == high else f"{low.removesuffix(' %')} to {high}"
+    return low if low == high else f"{low.removesuffix(' %')}{DASH}{high}"
 
 
 def _basis(outcome: Outcome) -> str:
@@ -172,10 +172,9 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
         groups.setdefault(_NUMBER.sub("#", name.sub("§", text)), []).append(text)
     said = []
     for first, *others in groups.values():
-        names = [match[0] for other in others if (match := name.search(other))]
-        likewise = (
-            Markup(" Likewise {}.").format(Markup(", ").join(label_html(labels[n]) for n in names)) if names else ""
-        )
+        names = [found for other in others if (found := tuple(dict.fromkeys(name.findall(other))))]
+        listed = [Markup(" with ").join(label_html(labels[n]) for n in group) for group in dict.fromkeys(names)]
+        likewise = Markup(" Likewise {}.").format(Markup(", ").join(listed)) if names else ""
         said += (
             [_sentence(first, labels) + likewise]
             if len(names) == len(others)
@@ -188,4 +187,5 @@ def _sentence(text: str, labels: dict[str, str]) -> Markup:
     """Print names by their labels, and begin with a capital unless it begins with a name."""
     if text.split(" ", 1)[0] not in labels:
         text = text[:1].upper() + text[1:]
+    text = re.sub(r"(?<=[\s(])-(?=\d)", MINUS, text)
     return name_html(text, labels) + escape("" if text.endswith(".") else ".")
