@@ -1,0 +1,93 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.priors import Normal
+from seatrial.selection.nested import _integrate, nested_evidence, sample_nested
+from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, posterior
+from tests.selection.test_evidence import box, half_forbidden
+
+KEY = jax.random.key(1)
+PAIR = linear_gaussian(2)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        lambda: (PAIR.posterior, PAIR.log_evidence),
+        box,
+        pytest.param(half_forbidden, marks=pytest.mark.thorough),
+        pytest.param(
+            lambda: (linear_gaussian(5).posterior, linear_gaussian(5).log_evidence), marks=pytest.mark.thorough
+        ),
+    ],
+    ids=["linear 2", "box", "half forbidden", "linear 5"],
+)
+def test_known_evidence(problem):
+    target, exact = problem()
+    found = nested_evidence(target, KEY)
+    assert found.status == ""
+    assert 0.02 < found.std_error < 0.3
+    assert abs(found.log_value - exact) < 4 * found.std_error
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("model", ["M-1", "M-0 wide", "M-0 narrow"])
+def test_golden_evidence(model):
+    found = nested_evidence(golden_posterior(model), KEY)
+    assert found.status == ""
+    assert found.std_error < 0.5
+    assert found.log_value == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.6)
+
+
+@pytest.mark.thorough
+def test_stated_error_of_one_run_is_honest():
+    """Over 30 runs, errors in units of sqrt(H / live): mean 0 within 4 of its errors, root mean square 1 +- 13 %."""
+    runs = [sample_nested(PAIR.posterior, jax.random.key(i)) for i in range(30)]
+    scores = np.array([(run.log_evidence - PAIR.log_evidence) / np.sqrt(run.information / 500) for run in runs])
+    assert abs(scores.mean()) < 4 / np.sqrt(30)
+    assert np.sqrt((scores**2).mean()) == pytest.approx(1.0, abs=0.5)
+
+
+def test_information_of_a_normal_posterior():
+    """H is the divergence of posterior from prior, in closed form; a run's H scatters as its log Z does."""
+    mean, cov = PAIR.moments
+    shift = (mean - PAIR.prior_mean) / PAIR.prior_sd
+    ratio = cov / PAIR.prior_sd**2
+    exact = 0.5 * (np.trace(ratio) + shift @ shift - 2 - np.log(np.linalg.det(ratio)))
+    assert sample_nested(PAIR.posterior, KEY).information == pytest.approx(exact, abs=4 * np.sqrt(exact / 500))
+
+
+def test_integration_of_a_known_shrinkage():
+    """L(X) = exp(-50 X) over the prior mass X, points at their expected mass: Z = (1 - exp(-50)) / 50."""
+    live, batch, steps = 400, 50, 80
+    log_mass = np.cumsum(np.tile(-1.0 / np.arange(live, live - batch, -1), steps))
+    dead = list(-50 * np.exp(log_mass).reshape(steps, batch))
+    last = -50 * np.exp(log_mass[-1]) * (np.arange(live) + 0.5) / live
+    log_evidence, information = _integrate(dead, last)
+    assert log_evidence == pytest.approx(np.log(1 / 50), abs=1 / live)
+    assert information == pytest.approx(np.log(50) - 1, abs=0.02)
+
+
+def test_likelihood_that_says_nothing_is_one():
+    log_evidence, information = _integrate([np.zeros(10)] * 5, np.zeros(80))
+    assert log_evidence == pytest.approx(0.0, abs=1e-12)
+    assert information == pytest.approx(0.0, abs=1e-12)
+
+
+def test_one_run_cannot_be_judged():
+    with pytest.raises(NumericalError, match="set repeats to 2"):
+        nested_evidence(PAIR.posterior, KEY, repeats=1)
+
+
+def test_no_draw_can_be_simulated():
+    target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.where(v["a"] > 100.0, 0.0, -jnp.inf))
+    with pytest.raises(NumericalError, match="Narrow the prior"):
+        sample_nested(target, KEY, live=16)
+
+
+def test_end_not_reached():
+    with pytest.raises(NumericalError, match="did not end"):
+        sample_nested(PAIR.posterior, KEY, max_steps=1)
