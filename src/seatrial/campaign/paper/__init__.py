@@ -1,0 +1,1 @@
+"""The paper this project began from, reproduced item by item and judged."""
