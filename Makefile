@@ -4,18 +4,21 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := outputs/remus100
 
-.PHONY: run test quick lint types imports examples bench figures lock clean
+.PHONY: run test quick thorough lint types imports examples bench figures lock clean
 
 run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
 	@$(BIN)/seatrial run $(DEMO)
 
+# Both halves at once: each keeps about one core busy.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -m "not thorough"
-	$(BIN)/python -m pytest -m thorough
+	$(MAKE) --no-print-directory -j2 --output-sync=target quick thorough
 
 quick: $(VENV)/ready
 	$(BIN)/python -m pytest -m "not thorough"
+
+thorough: $(VENV)/ready
+	$(BIN)/python -m pytest -m thorough
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
