@@ -53,7 +53,11 @@ class OutputError:
         def add(total: Array, trial: tuple[TrialData, Array]) -> tuple[Array, None]:
             return total + self._trial(values, *trial), None
 
-        total, _ = jax.lax.scan(add, jnp.zeros(()), (data, self.starts(values, data)))
+        trials = (data, self.starts(values, data))
+        if len(self.labels) == 1:
+            total = self._trial(values, *jax.tree.map(lambda x: x[0], trials))
+        else:
+            total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
     def starts(self, values: dict[str, Any], data: TrialData) -> Float[Array, "trials n_states"]:
