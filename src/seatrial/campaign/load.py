@@ -1,14 +1,10 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
-import tomllib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
-
-from pydantic import BaseModel, ValidationError
 
 from seatrial.campaign.config import FILE_NAME, Campaign
 from seatrial.campaign.schema import CampaignFile
+from seatrial.campaign.toml_file import read_toml
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.output_error import correlation_name, noise_name
@@ -31,23 +27,7 @@ def load_campaign(folder: Path | str) -> Campaign:
             expected=f"a campaign folder with {FILE_NAME}",
             remedy=f"create one with `seatrial init {folder}`",
         )
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as cause:
-        raise InputError(
-            f"{path}, line {cause.object[: cause.start].count(10) + 1}",
-            found=f"the byte 0x{cause.object[cause.start]:02x}, which is not UTF-8",
-            expected="a TOML file in UTF-8",
-            remedy="save the file as UTF-8",
-        ) from cause
-    except tomllib.TOMLDecodeError as cause:
-        raise InputError(
-            str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
-        ) from cause
-    try:
-        campaign = Campaign(folder, CampaignFile.model_validate(content))
-    except ValidationError as cause:
-        raise _as_input_error(path, content, cause) from None
+    campaign = Campaign(folder, read_toml(path, CampaignFile))
     _check(campaign)
     return campaign
 
@@ -119,46 +99,3 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
             expected="a vehicle whose trim speed is known",
             remedy='give vehicle.trim.u, or set initial = "measured" or "estimated"',
         )
-
-
-def _as_input_error(path: Path, content: Mapping[str, Any], cause: ValidationError) -> InputError:
-    first = cause.errors()[0]
-    location = [part for part in first["loc"] if isinstance(part, str | int)]
-    key = ".".join(str(part) for part in location)
-    where = f"{path}, key {key}"
-    if first["type"] == "extra_forbidden":
-        allowed = _keys_at(location[:-1])
-        return InputError(
-            where,
-            found=f'unknown key "{location[-1]}"',
-            expected="one of " + ", ".join(allowed),
-            remedy=nearest(str(location[-1]), allowed),
-        )
-    if first["type"] == "missing":
-        return InputError(
-            where,
-            found="nothing",
-            expected=f'the key "{location[-1]}"',
-            remedy="add it; `seatrial init` writes an example with every table",
-        )
-    return InputError(
-        where,
-        found=repr(first.get("input"))[:80],
-        expected="text in quotes" if first["type"] == "string_type" else first["msg"].removeprefix("Input should be "),
-        remedy='correct the value; quantities are strings such as "200 rpm"',
-    )
-
-
-def _keys_at(location: list[str | int]) -> list[str]:
-    """Keys the schema allows at a place, following tables, lists and named sub-tables."""
-    table: Any = CampaignFile
-    for part in location:
-        if isinstance(table, type) and issubclass(table, BaseModel):
-            fields = {field.alias or name: field.annotation for name, field in table.model_fields.items()}
-            table = fields[str(part)]
-        else:
-            table = get_args(table)[-1] if get_args(table) else table
-        options = [option for option in get_args(table) if isinstance(option, type) and issubclass(option, BaseModel)]
-        if len(options) == 1 and "|" in str(table):
-            table = options[0]
-    return [field.alias or name for name, field in table.model_fields.items()]
