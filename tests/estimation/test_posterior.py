@@ -47,9 +47,9 @@ def test_prior_draws_are_independent():
     assert stats.kstest(values[:, 1], stats.uniform(0.5, 2.5).cdf).pvalue > 0.01
 
 
-def test_data_are_the_only_leaves():
-    """So that one compiled sampler serves all data of the same shape."""
-    assert jax.tree.leaves(POSTERIOR) == [POSTERIOR.data]
+def test_numbers_of_priors_and_data_are_the_leaves():
+    """So that one compiled sampler serves all data of the same shape under priors of the same kind."""
+    assert jax.tree.leaves(POSTERIOR) == [1.0, 2.0, 0.5, 3.0, POSTERIOR.data]
     traces = []
 
     @jax.jit
@@ -59,6 +59,6 @@ def test_data_are_the_only_leaves():
 
     z = jnp.zeros(2)
     first = density(POSTERIOR, z)
-    other = posterior({"a": Normal(1.0, 2.0), "s": Uniform(0.5, 3.0)}, likelihood, jnp.array(0.0))
+    other = posterior({"a": Normal(1.5, 2.5), "s": Uniform(0.4, 3.5)}, likelihood, jnp.array(0.0))
     assert density(other, z) != first
     assert len(traces) == 1

@@ -26,7 +26,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Prior and likelihood, kept apart because tempering needs both. A pytree: the data are arrays, the rest static.
+    """Prior and likelihood, kept apart because tempering needs both. A pytree: the priors' numbers and the data are its leaves.
 
     Attributes:
         parameters: the unknowns, in the order of the vector z.
@@ -82,4 +82,5 @@ class Posterior:
         )
 
 
-jax.tree_util.register_dataclass(Posterior, data_fields=["data"], meta_fields=["parameters", "likelihood"])
+jax.tree_util.register_dataclass(Parameter, data_fields=["prior"], meta_fields=["name", "unit", "label"])
+jax.tree_util.register_dataclass(Posterior, data_fields=["parameters", "data"], meta_fields=["likelihood"])

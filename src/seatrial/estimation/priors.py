@@ -1,7 +1,7 @@
 """Priors of scalar parameters, and the smooth map from the real line to their support.
 
 Samplers work on the unconstrained z, of mean 0 and standard deviation 1 under the prior; `log_density(z)` is the prior's
-density of z, the log-Jacobian included.
+density of z, the log-Jacobian included. Priors are pytrees of their numbers: code compiled for one serves all of its kind.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 
 class Prior(Protocol):
-    """What every prior offers; implementations are frozen dataclasses of plain numbers."""
+    """What every prior offers; implementations are frozen dataclasses of plain numbers, registered as pytrees."""
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -51,6 +51,7 @@ CORNER = 50.0
 """Sharpness of the bend where the box map leaves the line: within 1/50 of the width of a bound."""
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Uniform:
     """Uniform between two bounds.
@@ -101,6 +102,7 @@ class Uniform:
         return self.unconstrain(self.lower + (self.upper - self.lower) * jax.random.uniform(key, shape, minval=1e-12))
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class LogUniform:
     """Uniform in the logarithm between two positive bounds: for scales, such as noise or a correlation time."""
@@ -125,7 +127,7 @@ class LogUniform:
 
     @property
     def _log(self) -> Uniform:
-        return Uniform(log(self.lower), log(self.upper))
+        return Uniform(jnp.log(self.lower), jnp.log(self.upper))
 
     def constrain(self, z: Any) -> Any:
         """See `Prior.constrain`."""
@@ -144,6 +146,7 @@ class LogUniform:
         return self._log.sample(key, shape)
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Normal:
     """Normal by mean and standard deviation; z is standard normal."""

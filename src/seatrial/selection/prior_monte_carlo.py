@@ -18,6 +18,7 @@ from scipy.special import logsumexp, softmax
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.target import Progress, no_progress
 from seatrial.selection.early_stop import log_likelihoods
 from seatrial.selection.evidence import Evidence
 
@@ -55,6 +56,7 @@ def listing_one(
     shared: bool = False,
     early_stop: bool = True,
     prior_probability: Sequence[float] | None = None,
+    progress: Progress = no_progress,
 ) -> ListingOne:
     """Posterior probabilities of several models from the same data, with their spread over repeats.
 
@@ -67,6 +69,7 @@ def listing_one(
             their errors then cancel in part, which flatters the agreement of repeats and mends nothing.
         early_stop: leave draws that cannot matter before their simulation ends, where the likelihood allows it.
         prior_probability: prior probability of each model, up to a factor; equal if not given.
+        progress: called with the repeats done and in all.
 
     Raises:
         InputError: no draws, or prior probabilities that are not one positive number for each model.
@@ -93,6 +96,7 @@ def listing_one(
             stream = jax.random.fold_in(jax.random.fold_in(key, repeat), 0 if shared else j)
             z = draw_by_name(posterior, stream, draws)
             log_mean[repeat, j], ess[repeat, j] = _average(log_likelihoods(posterior, z, early_stop=early_stop))
+        progress(repeat + 1, repeats)
     log_odds = log_mean + np.log(weight)
     evidences = tuple(_pool(log_mean[:, j], ess[:, j], draws) for j in range(len(posteriors)))
     return ListingOne(evidences, np.asarray(softmax(log_odds, axis=1)), _refusal(ess, draws))
