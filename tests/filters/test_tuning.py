@@ -79,6 +79,13 @@ def test_one_wrong_channel_is_named():
     assert "of u " not in finding.words
 
 
+def test_noise_that_moves_the_constants_is_no_fault_of_p():
+    """Measured noise taken for motion of u pushes a constant further than P_0 allows; small innovations tell it from a small P_0."""
+    found = report(1, p=0.01, q=np.array([1e6, 1.0, 1.0]))
+    assert found.moved > found.moved_band[1]
+    assert [finding[:2] for finding in found.findings] == [("Q", "down")]
+
+
 def test_constants_that_may_drift_are_erratic():
     findings = report(0, q=np.array([1.0, 1e9, 1e9])).findings
     assert {finding[:2] for finding in findings} == {("Q", "down")}

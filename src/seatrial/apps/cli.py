@@ -1,4 +1,4 @@
-"""The command line: `seatrial init | design | simulate | import | estimate | select | report | run`."""
+"""The command line: `seatrial init | design | simulate | import | estimate | select | tuning | report | run | paper`."""
 
 import os
 import signal
@@ -150,6 +150,26 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
 
 
 @app.command()
+def tuning(folder: Folder, quiet: Quiet = False) -> None:
+    """Check the tuning of the filter along each fitted record, and say which of P, Q and R to change."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.estimate import estimate_all
+        from seatrial.campaign.trials import get_trials
+        from seatrial.campaign.tuning import WHERE, check_filter
+
+        trials = get_trials(campaign, watch)
+        checks = check_filter(campaign, estimate_all(campaign, trials, watch)[0], trials)
+        for check in checks:
+            typer.echo(f"record {check.record.label}")
+            typer.echo("\n".join(check.lines()))
+        typer.echo(WHERE)
+        return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command()
 def report(folder: Folder, quiet: Quiet = False) -> None:
     """Write report.html from the results; whatever is missing is computed first."""
     _with_campaign(folder, quiet, _run_and_report)
@@ -159,6 +179,44 @@ def report(folder: Folder, quiet: Quiet = False) -> None:
 def run(folder: Folder, quiet: Quiet = False) -> None:
     """Run the whole loop, resuming where it stopped, and write report.html."""
     _with_campaign(folder, quiet, _run_and_report)
+
+
+@app.command()
+def paper(
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="Folder of results; by default named after the options.")
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Items to reproduce, such as table-3,figure-6; all if not given.")
+    ] = None,
+    reading: Annotated[str, typer.Option(help="How the paper's unprinted units are read: A or B.")] = "A",
+    vehicle: Annotated[
+        Path | None, typer.Option(help="TOML file of another surge vehicle to make the same study of.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Smaller samples: a look in under a minute.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Reproduce, check and judge every table, figure and claim of the paper seatrial starts from."""
+
+    def work(watch: Any) -> Exit:
+        from seatrial.campaign.paper.registry import chosen_items
+        from seatrial.campaign.paper.run import choose_vehicle, run_paper
+        from seatrial.campaign.paper.study import FULL, QUICK
+        from seatrial.report.paper.page import write_paper
+
+        chosen = choose_vehicle(reading, vehicle)
+        items = chosen_items(only or [], chosen.is_paper)
+        place = folder or Path("-".join(["paper", chosen.name, *(["quick"] if quick else [])]))
+        study, judged = run_paper(place, chosen, QUICK if quick else FULL, items, watch)
+        width = max(len(item.key) for item in judged)
+        for item in judged:
+            typer.echo(f"{item.key:<{width}}  {item.words}")
+        if quick:
+            typer.echo("smaller samples (--quick): Monte Carlo errors are several times those of the full study")
+        typer.echo(f"report: {write_paper(study, judged)}")
+        return Exit.OK
+
+    _watched(quiet, work)
 
 
 def _run_and_report(campaign: Any, watch: Any) -> Exit:
@@ -201,13 +259,18 @@ def _finish(alarms: list[str], cautions: list[str]) -> Exit:
 
 
 def _with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -> None:
-    from seatrial.apps.console import ConsoleWatch
     from seatrial.campaign.load import load_campaign
+
+    _watched(quiet, lambda watch: work(load_campaign(folder), watch))
+
+
+def _watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
+    from seatrial.apps.console import ConsoleWatch
 
     watch = ConsoleWatch(quiet)
     signal.signal(signal.SIGINT, lambda *_: _stop(watch))
     with watch.watching():
-        code = work(load_campaign(folder), watch)
+        code = work(watch)
     if code is not Exit.OK:
         raise typer.Exit(int(code))
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,28 @@ class Campaign:
                 remedy="estimate it from a quiet stretch of the record",
             )
         return value
+
+    def process_noise(self) -> np.ndarray:
+        """Standard deviation that each state and coefficient of the full structure gains in one second, SI; 0 if not given."""
+        table, model = self.source.filter.process_noise, self.model(self.structures[0])
+        units = {state: signal_unit(state) for state in model.states}
+        units |= {term.text: model.unit_of(term) for term in model.coefficients}
+        values = dict.fromkeys(units, 0.0)
+        for name, written in table.items():
+            key = f"filter.process_noise.{name}"
+            if name not in units:
+                raise InputError(
+                    self.where(key),
+                    found=f'"{name}"',
+                    expected="a state or a coefficient: " + ", ".join(units),
+                    remedy=nearest(name, units),
+                )
+            values[name] = written if isinstance(written, float) else self.si(written, units[name], key)
+            if not 0 <= values[name] < inf:
+                raise InputError(
+                    self.where(key), found=f"{written}", expected="0 or more", remedy="0 says that the model is perfect"
+                )
+        return np.array(list(values.values()))
 
     def measured_mask(self, time: np.ndarray) -> np.ndarray:
         """1 where each sensor gives a sample, 0 between, shape (n, m)."""

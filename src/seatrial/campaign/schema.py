@@ -124,6 +124,12 @@ class ImportTable(Table):
     files: list[FileTable] = Field(min_length=1)
 
 
+class FilterTable(Table):
+    """`[filter]`: what the model leaves out, as the standard deviation that each state or coefficient gains in one second."""
+
+    process_noise: dict[str, Quantity | float] = {}
+
+
 class EstimationTable(Table):
     """`[estimation]`: initial state, colour of the residuals, size of the chains."""
 
@@ -154,5 +160,6 @@ class CampaignFile(Table):
     design: DesignTable
     truth: dict[str, float] = {}
     imported: ImportTable | None = Field(default=None, alias="import")
+    filter: FilterTable = FilterTable()
     estimation: EstimationTable = EstimationTable()
     selection: SelectionTable = SelectionTable()

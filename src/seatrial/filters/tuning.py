@@ -48,7 +48,8 @@ class TuningReport:
         moved_band: what it may be by chance.
         settling: sd of each constant at the end over that at three quarters of the record, shape (c,).
         erratic: total variation of each constant's estimate in the second half, over its net change plus the total variation of a
-            random walk that spreads by its sd; the square says how often the data were forgotten, shape (c,).
+            random walk that spreads by its sd, which constants without Q stay below (the squares of a belief's steps add up to what its
+            variance lost); the square says how often the data were forgotten, shape (c,).
         nees: normalised error squared at the end for each state, NaN where the truth is unknown.
         nees_band: what it may be by chance.
         findings: what to change; empty where the filter is tuned.
@@ -96,7 +97,7 @@ def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray,
     count = sum(column.size for column in innovations)
     tests = np.array([_ljung_box(column) for column in innovations])
     estimates, sds = (np.asarray(x)[:, space.n_dynamic :] for x in (trace.means, trace.sds))
-    walk = np.sqrt(2 * (n - half) / np.pi) * sds[-1]
+    walk = np.sqrt(2 * (n - half) / np.pi) * np.maximum(sds[half], sds[-1])
     travelled = np.abs(np.diff(estimates[half:], axis=0)).sum(0)
     moved, freedom = _moved(trace, space)
     error = None if truth is None else np.linalg.solve(np.asarray(final.chol_cov), np.asarray(truth - final.mean))
@@ -117,9 +118,12 @@ def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray,
 
 
 def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[Finding]:
-    """What to change, the most telling check of each matrix first; after a P that holds the constants fast nothing else can be told."""
+    """What to change, the most telling check of each matrix first.
+
+    A P that holds the constants fast hides all else, unless innovations are small: then it is noise that moves them.
+    """
     constants = space.states[space.n_dynamic :]
-    if report.moved > report.moved_band[1]:
+    if report.moved > report.moved_band[1] and report.nis > min(report.nis_band[0], 1 - RELEVANT):
         words = (
             f"the constants moved {np.sqrt(report.moved):.0f} times as far from their first values as P_0 allows: raise P_0 of "
             f"{', '.join(constants)}, then check again"
