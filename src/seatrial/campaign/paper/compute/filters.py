@@ -1,21 +1,21 @@
-"""Tables I and II: four filters on the same noisy surge trials of random steps, over many seeds.
+"""Tables I and II and Figures 1 and 2: four filters on the same noisy surge trials of random steps, over many seeds.
 
-The paper shows one run of unstated input. Here the input is random steps of 400 rpm about trim, each held for 2 s, over 15 s at
-0.01 s, from trim; noise, covariances and initial estimates are the paper's.
+The paper shows one run of unstated input. Here the input is random steps about trim, each held for 2 s, over 15 s at 0.01 s,
+from trim; noise, covariances and initial estimates are the paper's.
 """
 
 import time
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from jaxtyping import Array, Float
 
-from seatrial.campaign.paper.items import Item, Number
-from seatrial.campaign.paper.reading import NAMES, PRINTED, RPM, Reading
+from seatrial.campaign.paper.reading import NAMES, Reading
+from seatrial.campaign.paper.study import Study
 from seatrial.core.gaussian import independent
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Filter
@@ -27,32 +27,51 @@ from seatrial.manoeuvres.signals import random_steps
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.simulate import simulate
 
-STEP, N_STEPS, HOLD, AMPLITUDE = 0.01, 1500, 2.0, 400 * RPM
+STEP, N_STEPS, HOLD = 0.01, 1500, 2.0
 FIRST_SEED = 1000
-NOISE = 0.1
-"""R = 1e-2 of both channels."""
-PROCESS_SD = tuple(map(sqrt, (1e-6, 1e-7, 1e-7, 1e-10)))
-INITIAL_SD = tuple(map(sqrt, (1.0, 1e4, 1e4, 10.0)))
-"""Those of the tables; the text has 1e5 for the two drag coefficients, which hardly changes the estimates."""
+PROCESS_VARIANCE = (1e-6, 1e-7, 1e-7, 1e-10)
+"""Q."""
+INITIAL_VARIANCE = (1.0, 1e4, 1e4, 1e5)
+"""P of the tables, T in printed units (316 squared); the text has 1e5 for the drag coefficients, which hardly changes the estimates."""
 INITIAL_SHARE, BOUND_SHARE = 0.75, 0.5
-TABLE_1 = {"EKF": (-1.21, -2.93, 6.28), "UKF": (-1.27, -2.91, 6.28), "SRUKF": (-1.28, -2.91, 6.28)}
-TABLE_1_SD = (0.38, 0.18, 0.10)
-TABLE_2 = {"SRUKF": (-1.27, -2.91, 6.28), "SRUKF-C": (-1.24, -2.93, 6.28)}
+MARKS = np.arange(1, 16) * 100
+"""Samples, each second, at which the filters' errors are kept."""
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Trials of many seeds: control in rad/s, shape (seeds, n, 1), noisy u and udot, shape (seeds, n, 2)."""
+    """Trials of many seeds: control in rad/s, shape (seeds, n, 1), noisy u and udot and true ones, shape (seeds, n, 2)."""
 
     control: Float[np.ndarray, "seeds n 1"]
     measured: Float[np.ndarray, "seeds n 2"]
+    true: Float[np.ndarray, "seeds n 2"]
 
 
-class FilterRuns(NamedTuple):
-    """One filter over all trials: its traces, and the wall-clock time of one 15 s trial run alone, s."""
-
-    trace: FilterTrace
-    seconds: float
+def filters_part(study: Study) -> xr.Dataset:
+    """Every filter over the same trials: estimates at the end and at each second, clipping, run times, one whole trace."""
+    reading, seeds = study.reading, study.sizes.filter_seeds
+    trials, space = make_trials(reading, seeds), filter_space(reading)
+    report, runs = study.progress("four filters"), {}
+    for done, (name, method) in enumerate(paper_filters(reading).items()):
+        report(done, 4)
+        runs[name] = _over_seeds(reading, method, space, trials)
+    report(4, 4)
+    first = xr.Dataset(
+        {
+            "n": ("time", trials.control[0, :, 0]),
+            "measured": (("time", "channel"), trials.measured[0]),
+            "true": (("time", "channel"), trials.true[0]),
+        }
+    )
+    dataset = xr.concat(list(runs.values()), xr.IndexVariable("filter", list(runs)))
+    coordinates = {
+        "time": STEP * np.arange(N_STEPS),
+        "coefficient": list(NAMES),
+        "channel": ["u", "udot"],
+        "mark": MARKS * STEP,
+        "seed": FIRST_SEED + np.arange(seeds),
+    }
+    return dataset.merge(first).assign_coords(coordinates)
 
 
 def make_trials(reading: Reading, seeds: int) -> Trials:
@@ -61,32 +80,41 @@ def make_trials(reading: Reading, seeds: int) -> Trials:
     control, noise = [], []
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
         manoeuvre = random_steps(
-            "n", trim=reading.trim, amplitude=AMPLITUDE, hold=HOLD, duration=N_STEPS * STEP, seed=seed
+            "n", trim=reading.trim, amplitude=reading.steps, hold=HOLD, duration=N_STEPS * STEP, seed=seed
         )
         control.append(manoeuvre.signal(stamps)[:, None])
-        noise.append(NOISE * np.random.default_rng([seed, 1]).normal(size=(N_STEPS, 2)))
+        noise.append(reading.filter_noise * np.random.default_rng([seed, 1]).normal(size=(N_STEPS, 2)))
     held, truth = np.stack(control), reading.truth
     start = jnp.array([reading.hull.trim["u"]])
     u = jax.vmap(lambda n: simulate(model, truth, n, steps, start))(jnp.asarray(held))[..., 0]
     udot = jax.vmap(jax.vmap(lambda x, n: model.output("udot", truth, (x,), (n[0],))))(u, jnp.asarray(held))
-    return Trials(held, np.stack([u, udot], -1) + np.stack(noise))
+    true = np.asarray(jnp.stack([u, udot], -1))
+    return Trials(held, true + np.stack(noise), true)
 
 
-def filter_space(reading: Reading) -> StateSpace:
-    """Joint state space, eqs. (15) and (16), with the paper's Q, R and P, coefficients at 75 % of the truth."""
-    scales = (1.0, 1.0, reading.thrust_filter)
+def filter_space(reading: Reading, p: float = 1.0, q: float = 1.0, r: float = 1.0) -> StateSpace:
+    """Joint state space, eqs. (15) and (16), with the paper's P, Q and R times these factors, coefficients at 75 % of the truth.
+
+    P and Q are factors of the coefficients' and of the whole state's variances.
+    """
+    scales = filter_scales(reading)
     mean = [reading.hull.trim["u"], *(INITIAL_SHARE * reading.truth[n] / s for n, s in zip(NAMES, scales, strict=True))]
-    sd = np.array(INITIAL_SD)
-    if reading.name == "B":
-        sd[3] = INITIAL_SD[3] * 100
-    initial = independent(np.array(mean), sd)
-    return discretise(reading.model(), ("u", "udot"), initial, np.array(PROCESS_SD), np.full(2, NOISE), scales)
+    variance = np.array(INITIAL_VARIANCE) * [1.0, p, p, p * (reading.thrust_print / reading.thrust_filter) ** 2]
+    initial = independent(np.array(mean), np.sqrt(variance))
+    noise = reading.filter_noise * sqrt(r)
+    return discretise(
+        reading.model(), ("u", "udot"), initial, np.sqrt(q * np.array(PROCESS_VARIANCE)), np.full(2, noise), scales
+    )
+
+
+def filter_scales(reading: Reading) -> tuple[float, float, float]:
+    """SI value of one filter unit of each coefficient."""
+    return (1.0, 1.0, reading.thrust_filter)
 
 
 def paper_filters(reading: Reading) -> dict[str, Filter]:
     """The four filters; the constrained one keeps each coefficient within 50 % of its true value."""
-    scales = (1.0, 1.0, reading.thrust_filter)
-    centres = [reading.truth[name] / scale for name, scale in zip(NAMES, scales, strict=True)]
+    centres = [reading.truth[name] / scale for name, scale in zip(NAMES, filter_scales(reading), strict=True)]
     bounds = [(c - BOUND_SHARE * abs(c), c + BOUND_SHARE * abs(c)) for c in centres]
     return {
         "EKF": ExtendedKalmanFilter(),
@@ -96,105 +124,56 @@ def paper_filters(reading: Reading) -> dict[str, Filter]:
     }
 
 
-def run_all(reading: Reading, seeds: int) -> dict[str, FilterRuns]:
-    """Run every filter over the same trials."""
-    trials, space, steps = make_trials(reading, seeds), filter_space(reading), jnp.full(N_STEPS, STEP)
-    return {
-        name: FilterRuns(
-            jax.vmap(lambda c, y, method=method: run_filter(method, space, c, y, steps))(
-                jnp.asarray(trials.control), jnp.asarray(trials.measured)
-            ),
-            _seconds(method, space, trials, steps),
-        )
-        for name, method in paper_filters(reading).items()
-    }
+def run_over_seeds(method: Filter, space: StateSpace, trials: Trials) -> FilterTrace:
+    """Traces of one filter over all trials."""
+    return jax.vmap(lambda c, y: run_filter(method, space, c, y, jnp.full(N_STEPS, STEP)))(
+        jnp.asarray(trials.control), jnp.asarray(trials.measured)
+    )
 
 
-def printed_units(reading: Reading, coefficients: Float[Array, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+def in_printed_units(reading: Reading, coefficients: Float[Array, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
     """Coefficients, or their standard deviations, of a filter in the units of the tables."""
     return np.asarray(coefficients) * [1.0, 1.0, reading.thrust_filter / reading.thrust_print]
 
 
-def table_1(reading: Reading, runs: dict[str, FilterRuns]) -> Item:
-    """Table I: three filters agree, and their standard deviations are the printed ones."""
-    numbers = [number for name in TABLE_1 for number in _rows(reading, name, runs[name], TABLE_1[name])]
-    sds = printed_units(reading, runs["SRUKF"].trace.sds[:, -1, 1:]).mean(0)
-    finals = [printed_units(reading, runs[name].trace.means[:, -1, 1:]) for name in TABLE_1]
-    apart = np.max([np.sqrt(np.mean((one - finals[-1]) ** 2, 0)) / sds for one in finals])
-    agree = apart < 0.5 and bool((np.abs(np.log(sds / TABLE_1_SD)) < np.log(2.0)).all())
-    because = (
-        "the input is not printed: with steps of 400 rpm held for 2 s the standard deviations are within a factor of two of the "
-        "printed ones, and the 0.01 printed for T under the SRUKF is not reached by any input"
-    )
-    return Item(
-        "table-1",
-        "EKF, UKF and SRUKF estimates",
-        "reproduced in shape" if agree else "differs",
-        because,
-        tuple(numbers),
-        _settings(reading, runs),
-    )
+def estimated_udot(reading: Reading, trace: FilterTrace, trials: Trials) -> Float[np.ndarray, "seeds n"]:
+    """Acceleration as each filter's own state and coefficients have it, m/s^2."""
+    model, scales = reading.model(), filter_scales(reading)
+
+    def rate(mean: Array, n: Array) -> Array:
+        params = {name: mean[i + 1] * scale for i, (name, scale) in enumerate(zip(NAMES, scales, strict=True))}
+        return model.output("udot", params, (mean[0],), (n[0],))
+
+    return np.asarray(jax.vmap(jax.vmap(rate))(trace.means, jnp.asarray(trials.control)))
 
 
-def table_2(reading: Reading, runs: dict[str, FilterRuns]) -> Item:
-    """Table II: the constrained filter is a little closer to the truth."""
-    numbers = [number for name in TABLE_2 for number in _rows(reading, name, runs[name], TABLE_2[name])]
-    clipped = np.asarray(runs["SRUKF-C"].trace.clipped).sum(0)
-    early = float(clipped[: round(5 / STEP)].sum() / max(clipped.sum(), 1.0))
-    numbers.append(Number("share of clipping in the first 5 s", None, early))
-    sd, sd_c = (printed_units(reading, runs[name].trace.sds[:, -1, 1:]).mean(0)[0] for name in ("SRUKF", "SRUKF-C"))
-    closer = rms_error(reading, runs["SRUKF-C"])[0] < rms_error(reading, runs["SRUKF"])[0]
-    return Item(
-        "table-2",
-        "SRUKF against the constrained SRUKF-C",
-        "differs" if closer else "cannot hold",
-        f"the constrained filter is closer, but its standard deviation of X_u is not the same: {sd:.2f} becomes {sd_c:.2f}, since "
-        "clipped points count as knowledge",
-        tuple(numbers),
-        _settings(reading, runs),
+def _over_seeds(reading: Reading, method: Filter, space: StateSpace, trials: Trials) -> xr.Dataset:
+    trace = run_over_seeds(method, space, trials)
+    means, sds = (in_printed_units(reading, x[..., 1:]) for x in (trace.means, trace.sds))
+    truth = np.array([reading.printed_truth[name] for name in NAMES])
+    udot = estimated_udot(reading, trace, trials)
+    early = slice(0, round(1.0 / STEP))
+    return xr.Dataset(
+        {
+            "final_mean": (("seed", "coefficient"), means[:, -1]),
+            "final_sd": (("seed", "coefficient"), sds[:, -1]),
+            "relative_error": (("seed", "mark", "coefficient"), np.abs(means[:, MARKS - 1] / truth - 1)),
+            "clipped": ("time", np.asarray(trace.clipped).sum(0)),
+            "early_udot_error": ("seed", np.sqrt(np.mean((udot - trials.true[..., 1])[:, early] ** 2, 1))),
+            "failures": ((), int(np.asarray(trace.failures).sum())),
+            "smallest_sd": ((), float(np.asarray(trace.sds).min())),
+            "mean": (("time", "coefficient"), means[0]),
+            "sd": (("time", "coefficient"), sds[0]),
+            "u": ("time", np.asarray(trace.means)[0, :, 0]),
+            "udot": ("time", udot[0]),
+            "seconds": ((), _seconds(method, space, trials)),
+        }
     )
 
 
-def rms_error(reading: Reading, runs: FilterRuns) -> Float[np.ndarray, " 3"]:
-    """Root mean square error of the final estimates over the seeds, printed units."""
-    final = printed_units(reading, runs.trace.means[:, -1, 1:])
-    return np.sqrt(np.mean((final - np.array([PRINTED[name] for name in NAMES])) ** 2, 0))
-
-
-def _rows(reading: Reading, name: str, runs: FilterRuns, printed: tuple[float, ...]) -> list[Number]:
-    final = printed_units(reading, runs.trace.means[:, -1, 1:])
-    sds = printed_units(reading, runs.trace.sds[:, -1, 1:])
-    errors, count = rms_error(reading, runs), final.shape[0]
-    rows = []
-    for i, term in enumerate(NAMES):
-        mean, spread = float(final[:, i].mean()), float(final[:, i].std(ddof=1))
-        rows += [
-            Number(f"{name} {term}, mean over seeds", printed[i], mean, spread / sqrt(count)),
-            Number(
-                f"{name} {term}, stated sd",
-                TABLE_1_SD[i],
-                float(sds[:, i].mean()),
-                float(sds[:, i].std() / sqrt(count)),
-            ),
-            Number(f"{name} {term}, rms error", None, float(errors[i]), float(errors[i] / sqrt(2 * count))),
-        ]
-    return [*rows, Number(f"{name}, time of one 15 s trial [ms]", None, 1e3 * runs.seconds)]
-
-
-def _settings(reading: Reading, runs: dict[str, FilterRuns]) -> dict:
-    seeds = int(next(iter(runs.values())).trace.means.shape[0])
-    return {
-        "reading": reading.name,
-        "seeds": seeds,
-        "first_seed": FIRST_SEED,
-        "amplitude_rpm": AMPLITUDE / RPM,
-        "hold_s": HOLD,
-    }
-
-
-def _seconds(method: Filter, space: StateSpace, trials: Trials, steps: Array) -> float:
-    """Smallest of five timings of one trial, after a first run that compiles."""
-    control, measured = jnp.asarray(trials.control[0]), jnp.asarray(trials.measured[0])
+def _seconds(method: Filter, space: StateSpace, trials: Trials) -> float:
+    """Wall-clock time of one 15 s trial run alone: the smallest of five, after a first run that compiles."""
+    control, measured, steps = jnp.asarray(trials.control[0]), jnp.asarray(trials.measured[0]), jnp.full(N_STEPS, STEP)
     times = []
     for _ in range(6):
         begun = time.perf_counter()

@@ -1,0 +1,91 @@
+"""Every item of the study by its key, in the order of the paper, and the parts it rests on."""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from seatrial.campaign.paper.items import Item
+from seatrial.campaign.paper.judge import designs, equations, estimation, filters, iteration, selection, tuning
+from seatrial.campaign.paper.study import Study
+from seatrial.core.errors import InputError, nearest
+
+SWEEPS = ("sweep-short", "sweep-medium", "sweep-long")
+CHAINS_6 = ("chain-6-full", "chain-6-reduced")
+
+
+class Entry(NamedTuple):
+    """How an item is judged, and the parts that are computed first."""
+
+    judge: Callable[[Study], Item]
+    parts: tuple[str, ...]
+
+
+ENTRIES: dict[str, Entry] = {
+    "equations-2": Entry(equations.equations_2, ("equations",)),
+    "vehicle": Entry(equations.vehicle, ("vehicle",)),
+    "table-1": Entry(filters.table_1, ("filters",)),
+    "figure-1": Entry(filters.figure_1, ("filters",)),
+    "claim-filters-equal": Entry(filters.claim_filters_equal, ("filters",)),
+    "claim-ekf-faster": Entry(filters.claim_ekf_faster, ("filters",)),
+    "claim-ekf-better": Entry(filters.claim_ekf_better, ("filters",)),
+    "claim-stability": Entry(filters.claim_stability, ("filters",)),
+    "table-2": Entry(filters.table_2, ("filters",)),
+    "figure-2": Entry(filters.figure_2, ("filters",)),
+    "claim-clipping": Entry(filters.claim_clipping, ("filters",)),
+    "claim-transient": Entry(filters.claim_transient, ("filters",)),
+    "claim-only-square-root": Entry(filters.claim_only_square_root, ("filters",)),
+    "claim-large-p": Entry(tuning.claim_large_p, ("tuning",)),
+    "claim-large-q": Entry(tuning.claim_large_q, ("tuning",)),
+    "claim-large-r": Entry(tuning.claim_large_r, ("tuning",)),
+    "claim-noise": Entry(tuning.claim_noise, ("tuning",)),
+    "equations-3": Entry(equations.equations_3, ("equations",)),
+    "figure-3": Entry(designs.figure_3, (*SWEEPS, "sweep-ekf")),
+    "claim-amplitude": Entry(designs.claim_amplitude, SWEEPS),
+    "claim-ten-seconds": Entry(designs.claim_ten_seconds, (*SWEEPS, "iteration")),
+    "claim-ridges": Entry(designs.claim_ridges, SWEEPS),
+    "claim-quiet-time": Entry(designs.claim_quiet_time, SWEEPS),
+    "figure-4": Entry(designs.figure_4, ("chosen-doublet",)),
+    "relay": Entry(designs.relay, ("relay", "sweep-medium", "chosen-doublet")),
+    "claim-single-pass": Entry(estimation.claim_single_pass, ("chain-3", "sweep-medium")),
+    "equations-4": Entry(equations.equations_4, ("equations", "chain-6-reduced", "evidence-4")),
+    "figure-5": Entry(estimation.figure_5, ()),
+    "table-3": Entry(estimation.table_3, ("chain-3",)),
+    "figure-6": Entry(estimation.figure_6, ("chain-3",)),
+    "claim-near-normal": Entry(estimation.claim_near_normal, ("chain-3",)),
+    "claim-sampler": Entry(estimation.claim_sampler, ("chain-3", "chain-3-metropolis")),
+    "claim-start": Entry(estimation.claim_start, ("starts",)),
+    "listing-1": Entry(selection.listing_1, ("listing-4", "listing-5", "evidence-4", "evidence-5")),
+    "table-4": Entry(selection.table_4, ("listing-4", "evidence-4")),
+    "table-5": Entry(selection.table_5, ("listing-5", "evidence-5")),
+    "odds": Entry(selection.odds, ("odds",)),
+    "table-6": Entry(selection.table_6, CHAINS_6),
+    "figure-7": Entry(selection.figure_7, ("chain-6-full",)),
+    "figure-8": Entry(selection.figure_8, ("chain-6-reduced",)),
+    "claim-extra-term": Entry(selection.claim_extra_term, ("chain-6-full",)),
+    "claim-tighter": Entry(selection.claim_tighter, CHAINS_6),
+    "claim-criteria-favour": Entry(selection.claim_criteria_favour, CHAINS_6),
+    "claim-criteria-insensitive": Entry(selection.claim_criteria_insensitive, CHAINS_6),
+    "iteration": Entry(iteration.iteration, ("iteration", "relay")),
+    "readings": Entry(iteration.readings, ("readings",)),
+}
+PAPER_ONLY = ("vehicle", "readings")
+"""Items about the published vehicle and the paper's units, which have no meaning for another vehicle."""
+
+
+def chosen_items(only: Iterable[str], is_paper: bool) -> tuple[str, ...]:
+    """Keys of the items asked for, all if none, in the order of the paper.
+
+    Raises:
+        InputError: an unknown key; all keys are listed.
+    """
+    known = tuple(key for key in ENTRIES if is_paper or key not in PAPER_ONLY)
+    wanted = {name.strip() for text in only for name in text.split(",") if name.strip()}
+    for name in sorted(wanted):
+        if name not in known:
+            close = nearest(name, known)
+            raise InputError(
+                "--only",
+                found=f'"{name}"',
+                expected="items among " + ", ".join(known),
+                remedy=close if close.startswith("did") else "choose from the list",
+            )
+    return tuple(key for key in known if not wanted or key in wanted)

@@ -1,0 +1,66 @@
+"""The whole study: parts computed on every core, items judged, `paper.json` written."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from seatrial import __version__
+from seatrial.campaign.paper.items import Item
+from seatrial.campaign.paper.parts import PARTS
+from seatrial.campaign.paper.reading import READINGS, Reading, read_vehicle
+from seatrial.campaign.paper.registry import ENTRIES
+from seatrial.campaign.paper.study import Sizes, Study
+from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
+from seatrial.core.errors import InputError
+from seatrial.core.files import write_json
+
+FILE_NAME = "paper.json"
+
+
+def choose_vehicle(reading: str, vehicle: Path | None) -> Reading:
+    """The paper's vehicle under one reading, or a user's.
+
+    Raises:
+        InputError: no such reading, both given, or a file that cannot be used.
+    """
+    if reading.upper() not in READINGS or (vehicle is not None and reading != "A"):
+        raise InputError(
+            "--reading",
+            found=f'"{reading}"' + (" together with --vehicle" if vehicle else ""),
+            expected="A or B, of the paper's own vehicle",
+            remedy="leave it out for A; a vehicle file names its units",
+        )
+    return READINGS[reading.upper()] if vehicle is None else read_vehicle(vehicle)
+
+
+def run_paper(
+    folder: Path, reading: Reading, sizes: Sizes, items: Sequence[str], watch: Watch = SILENT
+) -> tuple[Study, list[Item]]:
+    """Compute what the items need, resuming from what the folder holds, judge them, and write `paper.json`.
+
+    Args:
+        folder: results, report and figures.
+        reading: vehicle.
+        sizes: sample sizes.
+        items: keys, see `seatrial.campaign.paper.registry`.
+        watch: receives what happens.
+    """
+    study = Study(folder, reading, sizes, PARTS, watch)
+    needed = {part for key in items for part in ENTRIES[key].parts}
+    begun = time.monotonic()
+    run_side_by_side([lambda name=name: study.part(name) for name in PARTS if name in needed])
+    judged = [ENTRIES[key].judge(study) for key in items]
+    write_json(
+        folder / FILE_NAME,
+        {
+            "seatrial_version": __version__,
+            "vehicle": reading.source.model_dump(),
+            "reading": reading.name,
+            "sizes": asdict(sizes),
+            "seed": study.seed,
+            "items": [item.as_json() for item in judged],
+        },
+    )
+    watch.say(f"{len(judged)} items judged in {time.monotonic() - begun:.0f} s")
+    return study, judged

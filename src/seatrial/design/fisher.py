@@ -1,0 +1,57 @@
+"""Fisher information of the output-error fit: what a trial teaches about each coefficient if its noise is white.
+
+I = sum_k (dy_k/dc)^T R^-1 (dy_k/dc),  sensitivities along the noise-free motion by forward differentiation.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.estimation.simulation import simulate_outputs
+from seatrial.vehicles.model import VehicleModel
+
+
+def fisher_information(
+    model: VehicleModel,
+    params: Mapping[str, float],
+    control: Float[np.ndarray, "designs n n_controls"],
+    sample_time: float,
+    start: Sequence[float],
+    noise: Mapping[str, float],
+) -> Float[np.ndarray, "designs k k"]:
+    """Information about the model's coefficients, SI and in its order, of several designs.
+
+    Args:
+        model: vehicle.
+        params: coefficients about which it is linearised.
+        control: control held from each sample to the next.
+        sample_time: s.
+        start: state at the first sample.
+        noise: standard deviation of each measured channel, SI.
+    """
+    names = tuple(coefficient.text for coefficient in model.coefficients)
+    values = jnp.array([params[name] for name in names])
+    sds = jnp.array(list(noise.values()))
+    information = _information(model, tuple(noise))
+    return np.asarray(information(values, jnp.asarray(control), sample_time, jnp.asarray(start, float), sds))
+
+
+@lru_cache(maxsize=16)
+def _information(model: VehicleModel, channels: tuple[str, ...]):
+    names = tuple(coefficient.text for coefficient in model.coefficients)
+
+    def one(values: Array, control: Array, sample_time: Array, start: Array, sds: Array) -> Array:
+        step = jnp.full(control.shape[0], sample_time)
+
+        def outputs(values: Array) -> Array:
+            named = dict(zip(names, values, strict=True))
+            return simulate_outputs(model, channels, False, named, start, control, step) / sds
+
+        slopes = jax.jacfwd(outputs)(values).reshape(-1, len(names))
+        return slopes.T @ slopes
+
+    return jax.jit(jax.vmap(one, in_axes=(None, 0, None, None, None)))
