@@ -43,8 +43,8 @@ def validated(path: Path, content: Mapping[str, Any], schema: type[Schema]) -> S
 
 
 def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError) -> InputError:
-    first = cause.errors()[0]
-    location = [part for part in first["loc"] if isinstance(part, str | int)]
+    first = min(cause.errors(), key=lambda error: error["type"] != "extra_forbidden")
+    location = [part for part in first["loc"] if part not in ("float", "str")]
     where = f"{path}, key {'.'.join(map(str, location))}"
     if first["type"] == "extra_forbidden":
         allowed = _keys_at(schema, location[:-1])

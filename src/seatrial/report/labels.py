@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
+from seatrial.report.numbers import typeset
+
 GREEK = {
     "Delta": "Δ",
     "alpha": "α",
@@ -71,6 +73,13 @@ def name_html(text: str, labels: Mapping[str, str]) -> Markup:
         pieces += [escape(text[last : match.start()]), label_html(labels[match[1]])]
         last = match.end()
     return Markup("").join([*pieces, escape(text[last:])])
+
+
+def sentence_html(text: str, labels: Mapping[str, str]) -> Markup:
+    """Typeset a sentence: parameter names by their labels, a capital unless it begins with one, a full stop."""
+    if text.split(" ", 1)[0] not in labels:
+        text = text[:1].upper() + text[1:]
+    return name_html(typeset(text), labels) + escape("" if text.endswith(".") else ".")
 
 
 def _parse(label: str) -> tuple[tuple[Node, ...], str]:

@@ -53,12 +53,13 @@ def short(value: float, digits: int = 3) -> str:
     return text + times_ten(exponent)
 
 
-def plain(value: float) -> str:
+def plain(value: float, digits: int = 4) -> str:
     """Write a number that a user gave, without zeros that say nothing: `−8.8`, `0`, `2 × 10⁻⁴`."""
     if not isfinite(value):
         return DASH
-    exponent = 0 if value == 0 or 1e-3 <= abs(value) < 1e5 else floor(log10(abs(value)))
-    return _minus(f"{value / 10.0**exponent:.4g}") + times_ten(exponent)
+    value = float(f"{value:.{digits - 1}e}")
+    exponent = 0 if value == 0 or 1e-3 <= abs(value) < 10.0**digits else floor(log10(abs(value)))
+    return _minus(f"{value / 10.0**exponent:.{digits}g}") + times_ten(exponent)
 
 
 def times_ten(exponent: int) -> str:
@@ -98,6 +99,19 @@ def unit_html(unit: str) -> Markup:
 def unit_text(unit: str) -> str:
     """Return a unit as plain text for figures: `kg m/rad²`."""
     return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_RAISED), unit)
+
+
+def typeset(text: str) -> str:
+    """Write the plain text of a sentence as a book would: `1e-3` as 10⁻³, `m/s^2` as m/s², `P x 2` as P × 2, proper minus and ±."""
+    text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b", _power, text)
+    text = re.sub(r"(?<= )x(?= \d)", "×", unit_text(text)).replace("+-", "±")
+    return re.sub(r"(?<=[\s(])-(?=\d)|(?<= )-(?= )|(?<== )-(?=\w)", MINUS, re.sub(r"(?<=\d)%", " %", text))
+
+
+def _power(number: re.Match) -> str:
+    mantissa, exponent = number.groups()
+    power = times_ten(int(exponent))
+    return power.removeprefix(" × ") if power and float(mantissa) == 1 else mantissa + power
 
 
 def _decimals(sd: float, exponent: int) -> int:

@@ -1,14 +1,12 @@
 """The page that a campaign ends with: one self-contained HTML file, the same bytes for the same results."""
 
-import re
 from pathlib import Path
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from seatrial.campaign.loop import Outcome
 from seatrial.campaign.store import Store
 from seatrial.core.files import write_text
-from seatrial.report.figures.style import PALETTE, own_settings
+from seatrial.report.figures.style import own_settings
+from seatrial.report.html import render_html
 from seatrial.report.sections import coefficients, designs, fits, method, models, posteriors, summary, traces
 
 SECTIONS = {
@@ -35,9 +33,6 @@ CONTENTS = {
     "method": "How this was computed",
 }
 
-_PERCENT = re.compile(r"(?<=\d) %")
-"""A number and its percent sign stay on one line."""
-
 
 def write_report(outcome: Outcome) -> Path:
     """Write `report.html` in the campaign's folder, atomically, and return its path."""
@@ -50,16 +45,4 @@ def render(outcome: Outcome) -> str:
     """Return the page. Everything that is not markup made here is escaped: names come from users' files."""
     with own_settings():
         sections = {name: section(outcome) for name, section in SECTIONS.items()}
-    html = _environment().get_template("page.html").render(contents=CONTENTS, palette=PALETTE, **sections)
-    return _PERCENT.sub("\u202f%", html)
-
-
-def _environment() -> Environment:
-    return Environment(
-        loader=PackageLoader("seatrial.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    return render_html("page.html", contents=CONTENTS, **sections)

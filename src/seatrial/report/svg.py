@@ -34,7 +34,11 @@ def inline_svg(figure: "Figure", name: str, title: str, description: str = "") -
         title: what the figure is, for those who cannot see it.
         description: what it shows, likewise.
     """
-    text = draw_svg(figure, name)
+    return inlined(draw_svg(figure, name), name, title, description)
+
+
+def inlined(text: str, name: str, title: str, description: str = "") -> Markup:
+    """Make an inline element of a whole SVG file that `draw_svg` drew; see `inline_svg`."""
     head, body = text[text.index("<svg") :].split(">", 1)
     box = re.search(r'viewBox="([^"]*)"', head)
     assert box is not None

@@ -36,13 +36,14 @@ class Proposal(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Draws, log weights log(p L / q), log weights with a smoothed tail that sum to 1, tail index and effective size."""
+    """Draws, log weights log(p L / q), the same with a smoothed tail that sum to 1, tail index, effective size, refits before."""
 
     z: Float[np.ndarray, "n d"]
     log_weight: Float[np.ndarray, " n"]
     smoothed: Float[np.ndarray, " n"]
     k_hat: float
     ess: float
+    refits: int = 0
 
 
 def importance_evidence(
@@ -67,6 +68,19 @@ def importance_evidence(
     Raises:
         NumericalError: no mode, or no draw of finite density.
     """
+    return evidence_of(importance_sample(posterior, key, mode, draws=draws, pilot=pilot, refits=refits))
+
+
+def importance_sample(
+    posterior: Posterior,
+    key: jax.Array,
+    mode: Mode | None = None,
+    *,
+    draws: int = 20480,
+    pilot: int = 4096,
+    refits: int = 2,
+) -> Weights:
+    """Weighted draws of the posterior; arguments and errors as `importance_evidence`."""
     mode_key, pilot_key, key = jax.random.split(key, 3)
     proposal = laplace_proposal(find_mode(posterior, mode_key) if mode is None else mode)
     done = 0
@@ -75,13 +89,18 @@ def importance_evidence(
         if done == refits or (weights.ess / pilot > GOOD and weights.k_hat <= MAX_K_HAT):
             break
         proposal = refit(proposal, weights)
-    weights = weigh(posterior, proposal, key, draws)
+    return weigh(posterior, proposal, key, draws)._replace(refits=done)
+
+
+def evidence_of(weights: Weights) -> Evidence:
+    """Evidence from weighted draws, its error by the delta method from the variance of the weights."""
+    draws = weights.log_weight.size
     diagnostics = {
         "k_hat": weights.k_hat,
         "ess": weights.ess,
         "efficiency": weights.ess / draws,
         "draws": draws,
-        "refits": done,
+        "refits": weights.refits,
     }
     return Evidence(
         _log_sum(weights.log_weight) - float(np.log(draws)),
@@ -90,6 +109,13 @@ def importance_evidence(
         diagnostics,
         "; ".join(_complaints(weights)),
     )
+
+
+def weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d"]:
+    """Posterior standard deviations of the parameters in their own units, shape (d,)."""
+    share = np.exp(weights.smoothed - _log_sum(weights.smoothed))
+    values = np.asarray(posterior.constrain(jnp.asarray(weights.z)))
+    return np.sqrt(share @ (values - share @ values) ** 2)
 
 
 def laplace_proposal(mode: Mode) -> Proposal:

@@ -31,6 +31,7 @@ class Sizes:
         listing_shared: seeds of Listing 1 with draws shared between the models.
         listing_draws: prior draws of each model for each seed.
         data_seeds: trials behind the probability of M-0 over its true coefficient.
+        importance_draws: draws of importance sampling for Tables IV and V.
         smc_particles: particles of each of four repeats of tempered SMC.
         nested_live: live points of nested sampling.
     """
@@ -44,6 +45,7 @@ class Sizes:
     listing_shared: int = 50
     listing_draws: int = 100_000
     data_seeds: int = 10
+    importance_draws: int = 100_000
     smc_particles: int = 256
     nested_live: int = 200
 
@@ -58,6 +60,7 @@ QUICK = Sizes(
     listing_shared=6,
     listing_draws=20_000,
     data_seeds=2,
+    importance_draws=10_000,
     smc_particles=64,
     nested_live=50,
 )

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from seatrial import __version__
 from seatrial.campaign.config import FILE_NAME
 from seatrial.campaign.loop import Outcome
 from seatrial.campaign.store import Store
@@ -20,7 +19,6 @@ def section(outcome: Outcome) -> dict[str, Any]:
     measured = outcome.filter["n_measured"].values
     ratio = float(outcome.filter["nis"].values[measured > 0].sum() / max(measured.sum(), 1))
     return {
-        "version": __version__,
         "seed": source.campaign.seed,
         "vehicle": outcome.campaign.hull.name,
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],

@@ -3,13 +3,13 @@
 import re
 from typing import Any, NamedTuple
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from seatrial.campaign.loop import ENOUGH, Outcome
 from seatrial.campaign.shown import shown_unit
 from seatrial.report.drawing import labels_of
-from seatrial.report.labels import label_html, name_html
-from seatrial.report.numbers import DASH, MINUS, percent, probability, rounded, times_ten, unit_html
+from seatrial.report.labels import label_html, sentence_html
+from seatrial.report.numbers import DASH, percent, probability, rounded, times_ten, unit_html
 from seatrial.selection.verdict import DECIDED
 
 MOST_NAMED = 4
@@ -176,16 +176,8 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
         listed = [Markup(" with ").join(label_html(labels[n]) for n in group) for group in dict.fromkeys(names)]
         likewise = Markup(" Likewise {}.").format(Markup(", ").join(listed)) if names else ""
         said += (
-            [_sentence(first, labels) + likewise]
+            [sentence_html(first, labels) + likewise]
             if len(names) == len(others)
-            else [_sentence(text, labels) for text in (first, *others)]
+            else [sentence_html(text, labels) for text in (first, *others)]
         )
     return said
-
-
-def _sentence(text: str, labels: dict[str, str]) -> Markup:
-    """Print names by their labels, and begin with a capital unless it begins with a name."""
-    if text.split(" ", 1)[0] not in labels:
-        text = text[:1].upper() + text[1:]
-    text = re.sub(r"(?<=[\s(])-(?=\d)", MINUS, text)
-    return name_html(text, labels) + escape("" if text.endswith(".") else ".")

@@ -10,7 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from seatrial.campaign.paper.compute.filters import INITIAL_SHARE, PROCESS_VARIANCE, filter_scales, in_printed_units
+from seatrial.campaign.paper.compute.filters import (
+    INITIAL_SHARE,
+    PROCESS_VARIANCE,
+    filter_scales,
+    in_printed_units,
+    rates,
+)
 from seatrial.campaign.paper.compute.trial import DURATION, STEP, doublets, simulated_speed, stamps
 from seatrial.campaign.paper.reading import NAMES, Reading
 from seatrial.campaign.paper.study import Study
@@ -32,6 +38,8 @@ ACTIVE = {"short": 20.0, "medium": 40.0, "long": 58.0}
 """Manoeuvre windows, s: the paper does not print its own; 20 s gives its ridge at 10 s."""
 INITIAL_VARIANCE = (1.0, 1e5, 1e5, 1e5)
 """P of the text, T in printed units."""
+NOISE_SEED = 4
+"""Of the noise in the chosen doublet's trial."""
 THRESHOLDS = np.linspace(0.03, 0.36, 12)
 """Of the self-oscillating test, over trim speed; the largest are out of reach, and said to be."""
 
@@ -70,16 +78,18 @@ def chosen_doublet_part(study: Study) -> xr.Dataset:
     u = simulated_speed(reading, reading.truth, control)
     udot = np.asarray(model.output("udot", reading.truth, (u,), (control,)))
     true = np.column_stack([u, udot])
-    measured = true + reading.filter_noise * np.random.default_rng(4).normal(size=true.shape)
+    measured = true + reading.filter_noise * np.random.default_rng(NOISE_SEED).normal(size=true.shape)
     trace = run_filter(
         SquareRootUnscentedKalmanFilter(), space, jnp.asarray(control[:, None]), measured, jnp.full(u.size, STEP)
     )
+    udot = rates(reading, trace.means, jnp.asarray(control[:, None]))
     return xr.Dataset(
         {
             "n": ("time", control),
             "measured": (("time", "channel"), measured),
             "true": (("time", "channel"), true),
             "u": ("time", np.asarray(trace.means)[:, 0]),
+            "udot": ("time", np.asarray(udot)),
             "mean": (("time", "coefficient"), in_printed_units(reading, trace.means[:, 1:])),
             "sd": (("time", "coefficient"), in_printed_units(reading, trace.sds[:, 1:])),
         },

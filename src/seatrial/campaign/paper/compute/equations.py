@@ -14,6 +14,7 @@ from seatrial.campaign.paper.study import Study
 from seatrial.core.gaussian import Gaussian
 from seatrial.vehicles.linearise import linearise
 
+DRAWS_SEED = 6
 POINT = (1.2, 1.1)
 """Surge speed and propeller speed, over trim, at which the vehicle's equations are compared."""
 
@@ -60,7 +61,7 @@ def _entropy() -> list[tuple[str, str, float, float]]:
         float(Gaussian(jnp.asarray(mean), jnp.linalg.cholesky(jnp.asarray(p))).entropy()) for p in (cov, after)
     ]
     gain = normal.entropy() - stats.multivariate_normal(mean, after).entropy()
-    draws = np.random.default_rng(6).multivariate_normal(mean, cov, 200_000)
+    draws = np.random.default_rng(DRAWS_SEED).multivariate_normal(mean, cov, 200_000)
     return [
         (
             "(6), (7), (9), (10)",

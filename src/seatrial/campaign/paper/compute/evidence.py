@@ -1,6 +1,7 @@
 """Tables IV and V: Listing 1 over many seeds, evidences that share no code, and what the data say as the true term grows."""
 
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -59,7 +60,7 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
     """Log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
     reading, report = study.reading, study.progress(f"evidences for Table {'IV' if table == 4 else 'V'}")
     estimators: dict[str, Estimator] = {
-        "importance sampling": importance_evidence,
+        "importance sampling": partial(importance_evidence, draws=study.sizes.importance_draws),
         "bridge sampling": _bridge,
         "tempered SMC": lambda model, key: smc_evidence(
             model, key, EvidenceSettings(smc=SMCSettings(study.sizes.smc_particles))
@@ -76,7 +77,9 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
         found.append(pair)
     report(total - 1, total)
     record = paper_trial(reading, doubted_value(reading, table))
-    alone = importance_evidence(paper_posterior(reading, [record], wide(reading)), key)
+    alone = importance_evidence(
+        paper_posterior(reading, [record], wide(reading)), key, draws=study.sizes.importance_draws
+    )
     report(total, total)
     return xr.Dataset(
         {

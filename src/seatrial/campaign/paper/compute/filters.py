@@ -6,6 +6,7 @@ from trim; noise, covariances and initial estimates are the paper's.
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from math import inf, sqrt
 
 import jax
@@ -136,22 +137,22 @@ def in_printed_units(reading: Reading, coefficients: Float[Array, "*batch 3"]) -
     return np.asarray(coefficients) * [1.0, 1.0, reading.thrust_filter / reading.thrust_print]
 
 
-def estimated_udot(reading: Reading, trace: FilterTrace, trials: Trials) -> Float[np.ndarray, "seeds n"]:
-    """Acceleration as each filter's own state and coefficients have it, m/s^2."""
+def rates(reading: Reading, means: Float[Array, "n 4"], control: Float[Array, "n 1"]) -> Float[Array, " n"]:
+    """Acceleration as a filter's own state and coefficients have it, m/s^2."""
     model, scales = reading.model(), filter_scales(reading)
 
     def rate(mean: Array, n: Array) -> Array:
         params = {name: mean[i + 1] * scale for i, (name, scale) in enumerate(zip(NAMES, scales, strict=True))}
         return model.output("udot", params, (mean[0],), (n[0],))
 
-    return np.asarray(jax.vmap(jax.vmap(rate))(trace.means, jnp.asarray(trials.control)))
+    return jax.vmap(rate)(means, control)
 
 
 def _over_seeds(reading: Reading, method: Filter, space: StateSpace, trials: Trials) -> xr.Dataset:
     trace = run_over_seeds(method, space, trials)
     means, sds = (in_printed_units(reading, x[..., 1:]) for x in (trace.means, trace.sds))
     truth = np.array([reading.printed_truth[name] for name in NAMES])
-    udot = estimated_udot(reading, trace, trials)
+    udot = np.asarray(jax.vmap(partial(rates, reading))(trace.means, jnp.asarray(trials.control)))
     early = slice(0, round(1.0 / STEP))
     return xr.Dataset(
         {

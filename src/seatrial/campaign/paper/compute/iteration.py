@@ -19,8 +19,7 @@ from seatrial.campaign.paper.compute.trial import (
 )
 from seatrial.campaign.paper.study import Study
 from seatrial.design.fisher import fisher_information
-from seatrial.estimation.mode import find_mode
-from seatrial.selection.importance import importance_evidence
+from seatrial.selection.importance import evidence_of, importance_sample, weighted_sd
 
 LONGER = 58.0
 """Window of the redesigned doublets, s."""
@@ -62,16 +61,13 @@ def iteration_part(study: Study) -> xr.Dataset:
     rows, key = [], study.random_key("iteration")
     for done, records in enumerate(seconds.values()):
         full, reduced = (paper_posterior(reading, records, prior) for prior in (wide(reading), None))
-        modes = [find_mode(posterior, key) for posterior in (full, reduced)]
-        evidences = [
-            importance_evidence(posterior, jax.random.fold_in(key, done), mode)
-            for posterior, mode in zip((full, reduced), modes, strict=True)
-        ]
+        weighted = [importance_sample(posterior, jax.random.fold_in(key, done)) for posterior in (full, reduced)]
+        evidences = [evidence_of(weights) for weights in weighted]
         odds = evidences[1].log_value - evidences[0].log_value
         p = 1.0 / (1.0 + np.exp(odds))
         by_name = [
-            dict(zip(posterior.names, mode.sd, strict=True))
-            for posterior, mode in zip((full, reduced), modes, strict=True)
+            dict(zip(posterior.names, weighted_sd(posterior, weights), strict=True))
+            for posterior, weights in zip((full, reduced), weighted, strict=True)
         ]
         rows.append(
             xr.Dataset(
