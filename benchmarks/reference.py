@@ -1,45 +1,44 @@
-"""The C reference: compiled here with gcc for each number of lanes kept in registers, and called through ctypes."""
+"""The C references: compiled here with gcc, and called through ctypes, on one range of lanes for each core."""
 
 import ctypes
-import shutil
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 WIDTHS = (8, 16, 32, 64)
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-Wno-psabi", "-shared", "-fPIC")
-SOURCE = Path(__file__).with_name("reference.c")
-OUTPUTS = SOURCE.parents[1] / "outputs"
+FOLDER = Path(__file__).parent
+OUTPUTS = FOLDER.parent / "outputs"
 
 
 @cache
-def library(width: int) -> ctypes.CDLL:
-    """Compile and load the loops for a number of lanes.
+def load(source: str, *options: str) -> ctypes.CDLL:
+    """Load a file of loops that lies beside this one, compiled the first time this processor meets it.
 
     Raises:
-        SystemExit: gcc is missing or does not compile the source.
+        SystemExit: gcc does not compile it.
     """
-    if shutil.which("gcc") is None:
-        raise SystemExit(
-            "benchmarks: the C reference needs gcc, which is not on the path; install it (apt install gcc)"
-        )
-    OUTPUTS.mkdir(exist_ok=True)
-    target = OUTPUTS / f"reference_{width}.so"
-    command = ["gcc", *FLAGS, f"-DWIDTH={width}", str(SOURCE), "-o", str(target), "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(f"benchmarks: gcc could not compile the C reference\n{done.stderr}")
+    path, flags = FOLDER / source, [*FLAGS, *options]
+    processor = subprocess.run(["gcc", "-march=native", "-Q", "--help=target"], capture_output=True).stdout
+    digest = sha256(path.read_bytes() + repr(flags).encode() + processor).hexdigest()[:12]
+    target = OUTPUTS / f"{path.stem}_{digest}.so"
+    if not target.exists():
+        OUTPUTS.mkdir(exist_ok=True)
+        done = subprocess.run(["gcc", *flags, str(path), "-o", str(target), "-lm"], capture_output=True, text=True)
+        if done.returncode:
+            raise SystemExit(f"benchmarks: gcc could not compile {source}\n{done.stderr}")
     return ctypes.CDLL(str(target))
 
 
 def call(width: int, cores: int, name: str, n_lanes: int, *arguments: np.ndarray | float | int) -> None:
     """Call a loop on all lanes, cut into one range of whole blocks for each core."""
-    function = getattr(library(width), name)
-    converted = [_c(argument) for argument in (n_lanes, *arguments)]
+    function = getattr(load("reference.c", f"-DWIDTH={width}"), name)
+    converted = [as_c(argument) for argument in (n_lanes, *arguments)]
     share = -(-n_lanes // (cores * width)) * width
     ranges = [(first, min(first + share, n_lanes)) for first in range(0, n_lanes, share)]
     on_cores(cores, lambda ends: function(ctypes.c_long(ends[0]), ctypes.c_long(ends[1]), *converted), ranges)
@@ -53,7 +52,8 @@ def on_cores(cores: int, function: Callable, items: list) -> list:
         return list(pool.map(function, items))
 
 
-def _c(value: np.ndarray | float | int):
+def as_c(value: np.ndarray | float | int):
+    """Argument of a C function that takes pointers to double, doubles and longs."""
     if isinstance(value, np.ndarray):
         assert value.dtype == float
         assert value.flags.c_contiguous

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from timing import Ratio, Row
+from tools import check
 
 MEASUREMENTS = {
     "kernels.surge": (1, 2),
@@ -21,7 +22,15 @@ MEASUREMENTS = {
     "peers.filters": (1,),
     "peers.simulation": (1,),
     "samplers.sampling": (1, 2),
+    "chains.speed": (1,),
+    "peer_chains.effective": (1,),
     "kernels.growth": (1,),
+}
+NEEDS = {
+    "kernels.surge": ("gcc",),
+    "kernels.sweep": ("gcc",),
+    "chains.speed": ("gcc",),
+    "peer_chains.effective": ("g++", "pymc"),
 }
 OUTPUT = Path(__file__).parents[1] / "outputs" / "benchmarks.json"
 
@@ -29,6 +38,7 @@ OUTPUT = Path(__file__).parents[1] / "outputs" / "benchmarks.json"
 def main() -> None:
     """Run all measurements, or those named on the command line, and print the table."""
     chosen = sys.argv[1:] or list(MEASUREMENTS)
+    check(tool for name in chosen for tool in NEEDS.get(name, ()))
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0
     if not available:
         print("This system cannot confine a process to a core: all numbers are for all cores.")

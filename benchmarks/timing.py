@@ -46,9 +46,9 @@ class Ratio(NamedTuple):
         return ""
 
 
-def alternate(runs: dict[str, Callable[[], Any]], repeats: int) -> dict[str, np.ndarray]:
-    """Seconds of each run, shape (repeats,), one after the other in turn, after one call that is not counted."""
-    for run in runs.values():
+def alternate(runs: dict[str, Callable[[], Any]], repeats: int, warm_up: bool = True) -> dict[str, np.ndarray]:
+    """Seconds of each run, shape (repeats,), one after the other in turn, after one call that is not counted if `warm_up`."""
+    for run in runs.values() if warm_up else ():
         run()
     seconds: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(repeats):
