@@ -27,11 +27,10 @@ from seatrial.sampling.adaptive_metropolis import (
     advance_chains,
     finish,
     is_finished,
-    log_densities,
     start_chains,
 )
 from seatrial.sampling.diagnostics import complaints, diagnose
-from seatrial.sampling.target import Progress
+from seatrial.sampling.target import Progress, log_densities
 from seatrial.selection.structures import Structure
 
 CHECKPOINT_EVERY = 5

@@ -12,7 +12,6 @@ Iteration t uses the key folded with t: a run cut into blocks, stopped and resum
 """
 
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -21,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import NumericalError
-from seatrial.sampling.target import Progress, Target, no_progress
+from seatrial.sampling.target import Progress, Target, log_densities, no_progress
 
 TARGET_ACCEPTANCE = 0.234
 BLOCK = 100
@@ -151,16 +150,6 @@ def sample_adaptive_metropolis(
     return finish(run)
 
 
-def _log_density(target: Target, z: Array) -> Array:
-    return target.log_prior(z) + target.log_likelihood(z)
-
-
-@jax.jit
-def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
-    """Log densities of several positions at once."""
-    return jax.vmap(partial(_log_density, target))(z)
-
-
 @jax.jit
 def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup: int):
     def iterate(state: ChainState, t: Array):
@@ -168,7 +157,7 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         step_key, accept_key = jax.random.split(jax.random.fold_in(key, t))
         factor = jnp.linalg.cholesky(state.cov + 1e-12 * jnp.diag(jnp.diag(state.cov)))
         proposal = state.z + jnp.exp(state.log_scale) * jax.random.normal(step_key, (chains, d)) @ factor.T
-        log_density = jax.vmap(partial(_log_density, target))(proposal)
+        log_density = log_densities(target, proposal)
         log_ratio = jnp.where(jnp.isfinite(log_density), log_density, -jnp.inf) - state.log_density
         accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
         z = jnp.where(accepted[:, None], proposal, state.z)

@@ -16,7 +16,7 @@ from scipy.special import expit, logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.adaptive_metropolis import log_densities
+from seatrial.sampling.target import log_densities
 from seatrial.selection.evidence import Evidence
 
 ProposalShape = Literal["normal", "t"]

@@ -7,7 +7,7 @@ import pytest
 
 from seatrial.campaign.paper.reading import Reading, VehicleFile
 from seatrial.campaign.paper.registry import ENTRIES, PAPER_ONLY
-from seatrial.campaign.paper.study import FULL, Sizes
+from seatrial.campaign.paper.study import FULL, QUICK, Sizes
 from seatrial.report.paper.figures import FIGURES
 from seatrial.report.paper.page import SECTIONS, SIZES, write_paper
 from tests.report.paper.studies import A, make_items, make_study
@@ -114,7 +114,7 @@ def test_only_what_was_judged_is_drawn(tmp_path):
 
 def test_quick_sizes_are_said_to_be_quick(html, tmp_path):
     assert "This is a quick look" in html
-    assert '<td class="value">5000</td><td>50000</td>' in html
+    assert f'<td class="value">{QUICK.burn_in}</td><td>{FULL.burn_in}</td>' in html
     full = rendered(tmp_path, ("table-3",), sizes=FULL)
     assert "quick" not in full.lower()
 

@@ -33,7 +33,9 @@ class Sizes:
         data_seeds: trials behind the probability of M-0 over its true coefficient.
         importance_draws: draws of importance sampling for Tables IV and V.
         smc_particles: particles of each of four repeats of tempered SMC.
-        nested_live: live points of nested sampling.
+        bridge_draws: draws of each of 32 chains for bridge sampling.
+        nested_live: live points of nested sampling; 0 leaves it out.
+        criteria_draws: draws behind WAIC and PSIS-LOO.
     """
 
     filter_seeds: int = 100
@@ -42,27 +44,32 @@ class Sizes:
     burn_in: int = 50_000
     draws: int = 50_000
     listing_repeats: int = 200
-    listing_shared: int = 50
+    listing_shared: int = 20
     listing_draws: int = 100_000
     data_seeds: int = 10
-    importance_draws: int = 100_000
-    smc_particles: int = 256
-    nested_live: int = 200
+    importance_draws: int = 65_536
+    smc_particles: int = 128
+    bridge_draws: int = 2000
+    nested_live: int = 100
+    criteria_draws: int = 500
 
 
 FULL = Sizes()
 QUICK = Sizes(
     filter_seeds=16,
     tuning_seeds=8,
-    burn_in=5_000,
-    draws=5_000,
+    chains=8,
+    burn_in=2_500,
+    draws=2_500,
     listing_repeats=12,
     listing_shared=6,
     listing_draws=20_000,
     data_seeds=2,
     importance_draws=10_000,
     smc_particles=64,
-    nested_live=50,
+    bridge_draws=500,
+    nested_live=0,
+    criteria_draws=200,
 )
 
 

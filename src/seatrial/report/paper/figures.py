@@ -133,10 +133,11 @@ def _chain(study: Study) -> str:
 
 def _listing_1(study: Study) -> str:
     printed = " then the number that the paper prints," if study.reading.is_paper else ""
+    methods = study.part("evidence-4").sizes["method"]
     return (
         "The same question answered many times. Histograms: Listing 1 over seeds, its draws independent for each model or "
         f"shared by both ({study.sizes.listing_draws} each); the percentages are of the seeds that gave less than 0.05 or more "
-        f"than 0.95. A method that works gives one answer whatever its seed. Below:{printed} and four methods that share no "
+        f"than 0.95. A method that works gives one answer whatever its seed. Below:{printed} and {methods} methods that share no "
         "code, with bars of one Monte Carlo error. Left the smaller true coefficient (Table IV), right the larger (Table V)."
     )
 

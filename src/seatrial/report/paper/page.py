@@ -47,7 +47,9 @@ SIZES = {
     "data_seeds": "trials behind the probability of M-0 over its true coefficient",
     "importance_draws": "draws of importance sampling for Tables IV and V",
     "smc_particles": "particles of each of four repeats of tempered SMC",
-    "nested_live": "live points of nested sampling",
+    "bridge_draws": "draws of each of 32 chains for bridge sampling",
+    "nested_live": "live points of nested sampling; none leaves it out",
+    "criteria_draws": "draws behind WAIC and PSIS-LOO",
 }
 """What each sample size counts."""
 

@@ -46,7 +46,7 @@ def table_6_part(study: Study, full: bool) -> xr.Dataset:
     report(0, 2)
     found = deviance_criteria(posterior, sampled.values)
     report(1, 2)
-    table = pointwise_log_likelihood(posterior, thin_draws(sampled.values, 1000))
+    table = pointwise_log_likelihood(posterior, thin_draws(sampled.values, study.sizes.criteria_draws))
     predictive = (waic(table), psis_loo(table))
     report(2, 2)
     named = {"DIC": found.dic, "BPIC": found.bpic, "p_D": found.p_d, "Dbar": found.mean_deviance}

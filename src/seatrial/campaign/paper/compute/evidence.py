@@ -61,12 +61,13 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
     reading, report = study.reading, study.progress(f"evidences for Table {'IV' if table == 4 else 'V'}")
     estimators: dict[str, Estimator] = {
         "importance sampling": partial(importance_evidence, draws=study.sizes.importance_draws),
-        "bridge sampling": _bridge,
+        "bridge sampling": partial(_bridge, draws=study.sizes.bridge_draws),
         "tempered SMC": lambda model, key: smc_evidence(
             model, key, EvidenceSettings(smc=SMCSettings(study.sizes.smc_particles))
         ),
-        "nested sampling": lambda model, key: nested_evidence(model, key, live=study.sizes.nested_live),
     }
+    if study.sizes.nested_live:
+        estimators["nested sampling"] = partial(nested_evidence, live=study.sizes.nested_live)
     models, key = _models(reading, table), study.random_key(f"evidence {table}")
     found, total = [], 2 * len(estimators) + 1
     for row, estimate in enumerate(estimators.values()):
@@ -106,7 +107,9 @@ def odds_part(study: Study) -> xr.Dataset:
         report(done, len(values) * seeds)
         record = paper_trial(reading, value, seed)
         full, reduced = (
-            importance_evidence(paper_posterior(reading, [record], prior), jax.random.fold_in(key, done), draws=8192)
+            importance_evidence(
+                paper_posterior(reading, [record], prior), jax.random.fold_in(key, done), draws=4096, pilot=2048
+            )
             for prior in (around(value), None)
         )
         rows.append(1.0 / (1.0 + np.exp(reduced.log_value - full.log_value)))
@@ -139,11 +142,12 @@ def _column(listing: ListingOne, name: str) -> np.ndarray:
     return np.array([evidence.diagnostics[name] for evidence in listing.evidences]).T
 
 
-def _bridge(posterior: Posterior, key: jax.Array) -> Evidence:
-    """Bridge sampling from adaptive Metropolis draws."""
+def _bridge(posterior: Posterior, key: jax.Array, draws: int) -> Evidence:
+    """Bridge sampling from adaptive Metropolis draws, so many of each of 32 chains."""
     mode_key, start_key, chain_key, key = jax.random.split(key, 4)
     mode = find_mode(posterior, mode_key)
-    noise = jax.random.normal(start_key, (32, posterior.dim))
+    settings = MetropolisSettings(warmup=max(200, draws // 4), draws=draws)
+    noise = jax.random.normal(start_key, (settings.chains, posterior.dim))
     starts = jnp.asarray(mode.z) + noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
-    draws = sample_adaptive_metropolis(posterior, starts, jnp.asarray(mode.cov), chain_key, MetropolisSettings())
-    return bridge_evidence(posterior, draws.z, key)
+    sampled = sample_adaptive_metropolis(posterior, starts, jnp.asarray(mode.cov), chain_key, settings)
+    return bridge_evidence(posterior, sampled.z, key)

@@ -61,7 +61,10 @@ def iteration_part(study: Study) -> xr.Dataset:
     rows, key = [], study.random_key("iteration")
     for done, records in enumerate(seconds.values()):
         full, reduced = (paper_posterior(reading, records, prior) for prior in (wide(reading), None))
-        weighted = [importance_sample(posterior, jax.random.fold_in(key, done)) for posterior in (full, reduced)]
+        weighted = [
+            importance_sample(posterior, jax.random.fold_in(key, done), draws=8192, pilot=2048)
+            for posterior in (full, reduced)
+        ]
         evidences = [evidence_of(weights) for weights in weighted]
         odds = evidences[1].log_value - evidences[0].log_value
         p = 1.0 / (1.0 + np.exp(odds))

@@ -46,7 +46,10 @@ def _numbers(study: Study, reading: Reading) -> xr.Dataset:
         record = paper_trial(reading, value)
         pair = [
             importance_evidence(
-                paper_posterior(reading, [record], prior), jax.random.fold_in(study.random_key("odds"), 0)
+                paper_posterior(reading, [record], prior),
+                jax.random.fold_in(study.random_key("odds"), 0),
+                draws=8192,
+                pilot=2048,
             )
             for prior in (around(value), None)
         ]
