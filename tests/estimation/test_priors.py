@@ -89,6 +89,7 @@ def test_draws_follow_the_prior(prior):
     assert abs(value.mean() - prior.mean) < 4 * prior.sd / np.sqrt(value.size)
     assert value.std() == pytest.approx(prior.sd, rel=4 / np.sqrt(2 * value.size))
     assert np.isfinite(z).all()
+    assert np.asarray(prior.draw(jax.random.key(0), (20_000,))) == pytest.approx(value, rel=1e-9, abs=1e-9 * prior.sd)
 
 
 @each_prior

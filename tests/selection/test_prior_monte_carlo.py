@@ -45,8 +45,8 @@ def surge(*free):
 
 def check_early_stop(target, n):
     """Draws kept have the full log-likelihood, those left lie 60 nats below the best, and no printed digit changes."""
-    z = draw_by_name(target, KEY, n)
-    quick, full = log_likelihoods(target, z), log_likelihoods(target, z, early_stop=False)
+    draws = draw_by_name(target, KEY, n)
+    quick, full = log_likelihoods(target, draws), log_likelihoods(target, draws, early_stop=False)
     kept = np.isfinite(quick)
     assert 0 < kept.sum() < 0.2 * n
     assert quick[kept] == pytest.approx(full[kept], rel=1e-11)
@@ -69,11 +69,11 @@ def test_early_stop_changes_nothing_on_the_golden_trial(model):
 def test_early_stop_saves_most_of_the_time():
     """About ten times faster on an idle machine; in processor time, best of three, 6 allows for a busy one."""
     target = golden_posterior("M-1")
-    z = draw_by_name(target, KEY, 100_000)
+    draws = draw_by_name(target, KEY, 100_000)
     times = {True: [], False: []}
     for early_stop in (True, False) * 4:
         begin = process_time()
-        log_likelihoods(target, z, early_stop=early_stop)
+        log_likelihoods(target, draws, early_stop=early_stop)
         times[early_stop].append(process_time() - begin)
     assert min(times[False][1:]) > 6 * min(times[True][1:])
 
@@ -135,8 +135,8 @@ def test_prior_probabilities_multiply():
 
 
 def test_any_other_likelihood_is_computed_in_full():
-    z = draw_by_name(PAIR.posterior, KEY, 70)
-    assert (log_likelihoods(PAIR.posterior, z) == log_likelihoods(PAIR.posterior, z, early_stop=False)).all()
+    draws = draw_by_name(PAIR.posterior, KEY, 70)
+    assert (log_likelihoods(PAIR.posterior, draws) == log_likelihoods(PAIR.posterior, draws, early_stop=False)).all()
 
 
 def test_no_draw_can_be_simulated():

@@ -42,6 +42,10 @@ class Prior(Protocol):
         """Log density of z, elementwise."""
         ...
 
+    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """Draws of the parameter's value."""
+        ...
+
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """Draws of z."""
         ...
@@ -97,9 +101,13 @@ class Uniform:
         slope = jax.nn.log_sigmoid(CORNER * t) + jax.nn.log_sigmoid(CORNER * (1.0 - t))
         return slope + (log1p(-exp(-CORNER)) - 0.5 * log(12.0))
 
+    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """See `Prior.draw`."""
+        return self.lower + (self.upper - self.lower) * jax.random.uniform(key, shape, minval=1e-12)
+
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """See `Prior.sample`."""
-        return self.unconstrain(self.lower + (self.upper - self.lower) * jax.random.uniform(key, shape, minval=1e-12))
+        return self.unconstrain(self.draw(key, shape))
 
 
 @jax.tree_util.register_dataclass
@@ -141,6 +149,10 @@ class LogUniform:
         """See `Prior.log_density`."""
         return self._log.log_density(z)
 
+    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """See `Prior.draw`."""
+        return jnp.exp(self._log.draw(key, shape))
+
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """See `Prior.sample`."""
         return self._log.sample(key, shape)
@@ -170,6 +182,10 @@ class Normal:
     def log_density(self, z: Any) -> Any:
         """See `Prior.log_density`."""
         return -0.5 * (z * z + jnp.log(2 * jnp.pi))
+
+    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """See `Prior.draw`."""
+        return self.constrain(self.sample(key, shape))
 
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """See `Prior.sample`."""

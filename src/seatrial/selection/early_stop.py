@@ -29,9 +29,9 @@ _NEVER = -1e100
 
 
 def log_likelihoods(
-    posterior: Posterior, z: Float[Array, "n d"], *, early_stop: bool = True
+    posterior: Posterior, values: Float[Array, "n d"], *, early_stop: bool = True
 ) -> Float[np.ndarray, " n"]:
-    """Log-likelihood of each draw, -inf for those that stopped early.
+    """Log-likelihood of each draw of the parameters' values, -inf for those that stopped early.
 
     Early stops need the output-error likelihood with white residuals, known initial states and no delay; any other is
     computed in full.
@@ -40,9 +40,9 @@ def log_likelihoods(
     if not (early_stop and isinstance(likelihood, OutputError)) or (
         likelihood.colour != "white" or likelihood.delay or likelihood.free_initial
     ):
-        return np.asarray(_log_likelihoods(posterior, z))
+        return np.asarray(_log_likelihoods(posterior, values))
     pieces = _cut(posterior.data)
-    rows, n, lanes = pieces.first.size, z.shape[0], _begin(posterior, z)
+    rows, n, lanes = pieces.first.size, values.shape[0], _begin(posterior, values)
     start = np.array(lanes.bound)
     draw, kept, best, done, refreshed = np.arange(n), np.arange(n), -np.inf, 0, 0
     while done < rows:
@@ -55,7 +55,7 @@ def log_likelihoods(
             refreshed = done
             extrapolated = start[draw] - (start[draw] - bound) * (rows / done)
             promising = draw[np.argpartition(-extrapolated, min(_LANES, draw.size) - 1)[:_LANES]]
-            best = max(best, float(np.max(_log_likelihoods(posterior, z[promising]))))
+            best = max(best, float(np.max(_log_likelihoods(posterior, values[promising]))))
         kept = np.flatnonzero(bound >= best - MARGIN)
         draw, bound = draw[kept], bound[kept]
     found = np.full(n, -np.inf)
@@ -64,8 +64,11 @@ def log_likelihoods(
 
 
 @jax.jit
-def _log_likelihoods(posterior: Posterior, z: Array) -> Array:
-    return jax.lax.map(posterior.log_likelihood, z, batch_size=_LANES)
+def _log_likelihoods(posterior: Posterior, values: Array) -> Array:
+    def of_one(draw: Array) -> Array:
+        return posterior.likelihood(dict(zip(posterior.names, draw, strict=True)), posterior.data)
+
+    return jax.lax.map(of_one, values, batch_size=_LANES)
 
 
 class _Pieces(NamedTuple):
@@ -118,10 +121,10 @@ def _bound(posterior: Posterior, values: dict[str, Array], squares: tuple[Array,
 
 
 @jax.jit
-def _begin(posterior: Posterior, z: Array) -> _Lanes:
-    shown = posterior.constrain(jnp.pad(z, ((0, -z.shape[0] % _LANES), (0, 0)), mode="edge"))
-    values = {name: shown[:, i] for i, name in enumerate(posterior.names)}
-    zero = jnp.zeros(shown.shape[0])
+def _begin(posterior: Posterior, draws: Array) -> _Lanes:
+    filled = jnp.pad(draws, ((0, -draws.shape[0] % _LANES), (0, 0)), mode="edge")
+    values = {name: filled[:, i] for i, name in enumerate(posterior.names)}
+    zero = jnp.zeros(filled.shape[0])
     squares = (zero,) * len(posterior.likelihood.channels)
     state = (zero,) * len(posterior.likelihood.model.states)
     return _Lanes(values, state, squares, jax.vmap(partial(_bound, posterior))(values, squares))

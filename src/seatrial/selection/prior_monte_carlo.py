@@ -8,6 +8,7 @@ did, and below 400 of them no verdict is given.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from zlib import crc32
 
 import jax
@@ -94,18 +95,19 @@ def listing_one(
     for repeat in range(repeats):
         for j, posterior in enumerate(posteriors):
             stream = jax.random.fold_in(jax.random.fold_in(key, repeat), 0 if shared else j)
-            z = draw_by_name(posterior, stream, draws)
-            log_mean[repeat, j], ess[repeat, j] = _average(log_likelihoods(posterior, z, early_stop=early_stop))
+            values = draw_by_name(posterior, stream, draws)
+            log_mean[repeat, j], ess[repeat, j] = _average(log_likelihoods(posterior, values, early_stop=early_stop))
         progress(repeat + 1, repeats)
     log_odds = log_mean + np.log(weight)
     evidences = tuple(_pool(log_mean[:, j], ess[:, j], draws) for j in range(len(posteriors)))
     return ListingOne(evidences, np.asarray(softmax(log_odds, axis=1)), _refusal(ess, draws))
 
 
+@partial(jax.jit, static_argnums=2)
 def draw_by_name(posterior: Posterior, key: jax.Array, n: int) -> Float[Array, "n d"]:
-    """Prior draws of z; a parameter's draws depend on the key and its name only, not on the other parameters."""
+    """Prior draws of the parameters' values; a parameter's draws depend on the key and its name only, not on the other parameters."""
     return jnp.stack(
-        [p.prior.sample(jax.random.fold_in(key, crc32(p.name.encode())), (n,)) for p in posterior.parameters], -1
+        [p.prior.draw(jax.random.fold_in(key, crc32(p.name.encode())), (n,)) for p in posterior.parameters], -1
     )
 
 
