@@ -11,6 +11,7 @@ from tests.apps.test_cli import results, run
 MISTAKES = {
     "unknown item": (["--only", "tabel-3"], ['"tabel-3"', 'did you mean "table-3"?']),
     "one unknown item of several": (["--only", "table-3,nonsense", "--only", "figure-1"], ['"nonsense"', "--only"]),
+    "no item": (["--only", ""], ['""', "--only"]),
     "unknown reading": (["--reading", "C"], ["--reading", '"C"', "A or B"]),
     "no vehicle": (["--vehicle", "missing.toml"], ["missing.toml", "no such file"]),
     "reading and vehicle": (["--reading", "B", "--vehicle", "missing.toml"], ["together with --vehicle"]),

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from seatrial import __version__
-from seatrial.campaign.paper.run import choose_vehicle, run_paper
+from seatrial.campaign.paper.run import check_folder, choose_vehicle, run_paper
 from seatrial.core.errors import InputError
 from tests.campaign.paper.studies import TINY, A, B
 from tests.campaign.paper.test_reading import OWN, write
@@ -75,6 +75,17 @@ def test_a_second_run_computes_nothing(finished):
     assert again == judged
     assert heard.titles == []
     assert heard.said[-1].startswith("2 items judged in")
+
+
+def test_a_folder_of_another_study_is_refused(finished, tmp_path):
+    folder, _ = finished
+    check_folder(folder, A)
+    check_folder(tmp_path / "new", A)
+    with pytest.raises(InputError, match="name another folder"):
+        check_folder(folder, B)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="a file"):
+        check_folder(tmp_path / "file", A)
 
 
 def test_an_item_without_parts(tmp_path):

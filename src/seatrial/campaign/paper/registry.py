@@ -1,6 +1,6 @@
 """Every item of the study by its key, in the order of the paper, and the parts it rests on."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from seatrial.campaign.paper.items import Item
@@ -71,15 +71,15 @@ PAPER_ONLY = ("vehicle", "readings")
 """Items about the published vehicle and the paper's units, which have no meaning for another vehicle."""
 
 
-def chosen_items(only: Iterable[str], is_paper: bool) -> tuple[str, ...]:
+def chosen_items(only: Sequence[str], is_paper: bool) -> tuple[str, ...]:
     """Keys of the items asked for, all if none, in the order of the paper.
 
     Raises:
-        InputError: an unknown key; all keys are listed.
+        InputError: an unknown key, or a list without any; all keys are listed.
     """
     known = tuple(key for key in ENTRIES if is_paper or key not in PAPER_ONLY)
     wanted = {name.strip() for text in only for name in text.split(",") if name.strip()}
-    for name in sorted(wanted):
+    for name in sorted(wanted) or [""] * bool(only):
         if name not in known:
             close = nearest(name, known)
             raise InputError(

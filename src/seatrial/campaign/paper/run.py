@@ -1,5 +1,6 @@
 """The whole study: parts computed on every core, items judged, `paper.json` written."""
 
+import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -32,6 +33,32 @@ def choose_vehicle(reading: str, vehicle: Path | None) -> Reading:
             remedy="leave it out for A; a vehicle file names its units",
         )
     return READINGS[reading.upper()] if vehicle is None else read_vehicle(vehicle)
+
+
+def check_folder(folder: Path, reading: Reading) -> None:
+    """Refuse a folder that holds the study of something else.
+
+    Raises:
+        InputError: a file, or the study of another vehicle or reading.
+    """
+    if folder.is_file():
+        raise InputError(
+            str(folder),
+            found="a file",
+            expected="a folder, made if need be",
+            remedy="leave it out for one named after the options",
+        )
+    try:
+        kept = json.loads((folder / FILE_NAME).read_text(encoding="utf-8"))["vehicle"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if kept != reading.source.model_dump():
+        raise InputError(
+            str(folder),
+            found=f"the study of {kept.get('name', 'another vehicle')}" if isinstance(kept, dict) else "another study",
+            expected=f"an empty folder, or the study of {reading.source.name}",
+            remedy="name another folder, or delete this one",
+        )
 
 
 def run_paper(
