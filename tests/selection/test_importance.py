@@ -8,6 +8,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.priors import Normal
 from seatrial.selection.importance import (
+    ImportanceSettings,
     Proposal,
     Weights,
     _complaints,
@@ -51,7 +52,7 @@ def test_known_evidence(problem):
 @pytest.mark.parametrize("model", ["M-1", "M-0 wide", "M-0 narrow"])
 def test_golden_evidence(model):
     """`M-0 narrow` has its mode at the edge of the prior, where the Laplace approximation alone is 4.7 nats off."""
-    found = importance_evidence(golden_posterior(model), KEY, draws=81920)
+    found = importance_evidence(golden_posterior(model), KEY, settings=ImportanceSettings(draws=81920))
     assert found.status == ""
     assert found.std_error < 0.003
     assert found.diagnostics["efficiency"] > 0.5
@@ -73,7 +74,10 @@ def test_ridge_that_bends_at_the_prior_is_reported():
 def test_stated_errors_are_honest():
     """Of 40 errors in units of what is stated, the root mean square has a standard error of 11 %."""
     mode = find_mode(PAIR.posterior, KEY)
-    found = [importance_evidence(PAIR.posterior, jax.random.key(i), mode, draws=1024, pilot=1024) for i in range(40)]
+    found = [
+        importance_evidence(PAIR.posterior, jax.random.key(i), mode, ImportanceSettings(draws=1024, pilot=1024))
+        for i in range(40)
+    ]
     scores = [(evidence.log_value - PAIR.log_evidence) / evidence.std_error for evidence in found]
     assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=0.45)
 
@@ -81,7 +85,7 @@ def test_stated_errors_are_honest():
 def test_mixture_density_is_that_of_its_draws():
     """Against scipy's multivariate t; and since both are normalised, the mean of N(0, I) / q is 1 within 4 errors."""
     centre, factor = np.array([1.0, -2.0]), np.array([[0.7, 0.0], [0.4, 0.3]])
-    z, log_q = map(np.asarray, _draw(Proposal(centre, factor), KEY, 20_000))
+    z, log_q = _draw(Proposal(centre, factor), np.random.default_rng(0), 20_000)
     scale = factor @ factor.T
     expected = 0.8 * stats.multivariate_t(centre, scale, 8).pdf(z) + 0.2 * stats.multivariate_t(
         centre, 4 * scale, 8
@@ -158,7 +162,10 @@ def test_complaints(k_hat, ess, words):
 
 
 def test_few_draws_are_reported():
-    assert "effective draws" in importance_evidence(PAIR.posterior, KEY, draws=128, pilot=128).status
+    assert (
+        "effective draws"
+        in importance_evidence(PAIR.posterior, KEY, settings=ImportanceSettings(draws=128, pilot=128)).status
+    )
 
 
 def test_no_finite_density():

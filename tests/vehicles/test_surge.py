@@ -47,17 +47,19 @@ def test_fixed_terms_are_not_free():
     assert [str(term) for term in paper_model("X_udot", "X_u").coefficients] == ["X_u"]
 
 
-def test_models_of_equal_data_are_equal():
+def test_models_of_the_same_equations_are_equal():
+    """A trim value counts where a term is a change from it."""
     assert paper_model() == paper_model()
     assert hash(paper_model()) == hash(paper_model())
     others = [
         SurgeHull("paper", 30.0, 0.1, {"X_udot": -0.93}, {"u": U0}),
         SurgeHull("paper", 30.47, 0.2, {"X_udot": -0.93}, {"u": U0}),
         SurgeHull("paper", 30.47, 0.1, {"X_udot": -1.0}, {"u": U0}),
-        paper_hull(u=1.0),
     ]
     assert all(paper_model() != surge_vehicle(hull, TERMS) for hull in others)
     assert paper_model() != paper_model("X_u", "T_nabsn")
+    assert paper_model() == surge_vehicle(paper_hull(u=1.0), TERMS)
+    assert paper_model(*TERMS, "X_du3") != surge_vehicle(paper_hull(u=1.0), (*TERMS, "X_du3"))
 
 
 def test_trim_speed_is_golden():

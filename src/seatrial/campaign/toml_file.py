@@ -12,8 +12,11 @@ from seatrial.core.errors import InputError, nearest
 Schema = TypeVar("Schema", bound=BaseModel)
 
 
-def read_toml(path: Path, schema: type[Schema]) -> Schema:
-    """Read a file and validate it.
+CAMPAIGN = "the README and `seatrial init` show an example with every table"
+
+
+def read_toml(path: Path, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
+    """Read a file and validate it; `example` says, after a missing key, where one may be seen.
 
     Raises:
         InputError: not UTF-8, malformed TOML, unknown or missing key, or a value of the wrong type.
@@ -31,18 +34,18 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
         raise InputError(
             str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
         ) from cause
-    return validated(path, content, schema)
+    return validated(path, content, schema, example)
 
 
-def validated(path: Path, content: Mapping[str, Any], schema: type[Schema]) -> Schema:
+def validated(path: Path, content: Mapping[str, Any], schema: type[Schema], example: str = CAMPAIGN) -> Schema:
     """Content of a file against its schema; errors as `read_toml`."""
     try:
         return schema.model_validate(content)
     except ValidationError as cause:
-        raise _as_input_error(path, schema, cause) from None
+        raise _as_input_error(path, schema, cause, example) from None
 
 
-def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError) -> InputError:
+def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError, example: str) -> InputError:
     first = min(cause.errors(), key=lambda error: error["type"] != "extra_forbidden")
     location = [part for part in first["loc"] if part not in ("float", "str")]
     where = f"{path}, key {'.'.join(map(str, location))}"
@@ -59,13 +62,13 @@ def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError)
             where,
             found="nothing",
             expected=f'the key "{location[-1]}"',
-            remedy="add it; the README and `seatrial init` show an example with every table",
+            remedy=f"add it; {example}",
         )
     return InputError(
         where,
         found=repr(first.get("input"))[:80],
         expected="text in quotes" if first["type"] == "string_type" else first["msg"].removeprefix("Input should be "),
-        remedy='correct the value; quantities are strings such as "200 rpm"',
+        remedy='quantities are strings such as "200 rpm"' if first["type"] == "string_type" else "correct the value",
     )
 
 

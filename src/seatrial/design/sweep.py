@@ -119,15 +119,14 @@ def sweep_doublets(
         NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
     """
     amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
-    allowed = _allowed(family, amplitudes, periods, limits)
-    time = family.time()
-    mask = np.ones((time.size, len(space.outputs))) if measured is None else measured
+    controls = np.asarray(_signals(family, amplitudes[:, None], periods[:, None], family.time()[None, :]))
+    allowed = _allowed(family, controls, periods, limits)
+    mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
-    predict = _predict(method, family)
-    gain, peak, sd, failures = in_blocks(
-        lambda a, p: predict(space, start, a, p, jnp.asarray(time), gaps), amplitudes, periods
-    )
+    predict = _predict(method)
+    step = jnp.asarray(family.sample_time)
+    gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), controls)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
         worst = int(np.argmax(broken))
@@ -147,7 +146,7 @@ def sweep_doublets(
     )
 
 
-def _allowed(family: DoubletFamily, amplitudes: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
+def _allowed(family: DoubletFamily, controls: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
     fits = (periods <= family.active * (1 + 1e-9)) & (periods >= 2 * family.ramp)
     if not fits.any():
         raise InputError(
@@ -156,7 +155,6 @@ def _allowed(family: DoubletFamily, amplitudes: np.ndarray, periods: np.ndarray,
             expected=f"at most the active time, {family.active:g} s, and at least two edges, {2 * family.ramp:g} s",
             remedy="choose other periods, or change `active` or `ramp`",
         )
-    controls = np.asarray(_signals(family, amplitudes[:, None], periods[:, None], family.time()[None, :]))
     excesses = [limits.excess(control, family.sample_time) for control in controls]
     allowed = fits & np.array([not excess for excess in excesses])
     if not allowed.any():
@@ -181,8 +179,8 @@ def _signals(family: DoubletFamily, amplitude: Array, period: Array, time: Array
 
 
 def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarray]:
-    """Run over designs of shape (n,) in blocks of one size, on every core; the last block repeats its last design."""
-    n = designs[0].size
+    """Run over designs, one a row, in blocks of one size, on every core; the last block repeats its last design."""
+    n = designs[0].shape[0]
     lanes = LANES if jax.default_backend() == "cpu" else n
     blocks = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1).reshape(-1, lanes)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -194,21 +192,19 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
 
 
 @lru_cache(maxsize=16)
-def _predict(method: Filter, family: DoubletFamily):
-    def one(space: StateSpace, start: Array, amplitude: Array, period: Array, time: Array, gaps: Array):
-        control = family.signal(amplitude, period, time)
-        step = jnp.full(time.shape, family.sample_time)
+def _predict(method: Filter):
+    def one(space: StateSpace, start: Array, control: Array, step: Array, gaps: Array):
         d = space.n_dynamic
         fixed = tuple(start[d:])
 
         def advance(state: tuple, held: Array):
             joint = (*state, *fixed)
-            return space.transition(joint, (held,), family.sample_time), (space.observe(joint, (held,)), state[0])
+            return space.transition(joint, (held,), step), (space.observe(joint, (held,)), state[0])
 
         _, (outputs, speed) = jax.lax.scan(advance, tuple(start[:d]), control)
         measurement = jnp.stack(outputs, -1) + gaps
-        summary = summarise_filter(method, space, control[:, None], measurement, step)
+        summary = summarise_filter(method, space, control[:, None], measurement, jnp.broadcast_to(step, control.shape))
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
 
-    return jax.jit(jax.vmap(one, in_axes=(None, None, 0, 0, None, None)))
+    return jax.jit(jax.vmap(one, in_axes=(None, None, 0, None, None)))

@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.target import evaluate
 
 
 class Mode(NamedTuple):
@@ -52,15 +53,15 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     Raises:
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
-    candidates = posterior.sample_prior(key, starts)
-    densities = np.asarray(_densities(posterior, candidates))
+    candidates = np.asarray(posterior.sample_prior(key, starts))
+    densities = evaluate(posterior, candidates)
     if not np.isfinite(densities).any():
         raise NumericalError(
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges. "
             "Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    order = np.argsort(-np.where(np.isfinite(densities), densities, -np.inf))[:tries]
-    found = [_climb(posterior, np.asarray(candidates[i])) for i in order if np.isfinite(densities[i])]
+    order = np.argsort(-densities)[:tries]
+    found = [_climb(posterior, candidates[i]) for i in order if np.isfinite(densities[i])]
     z, log_density = max(found, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
@@ -78,11 +79,6 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
         np.abs(slope) * np.sqrt(np.diag(cov)),
         flat,
     )
-
-
-@jax.jit
-def _densities(posterior: Posterior, z: Array) -> Array:
-    return jax.vmap(posterior.log_density)(z)
 
 
 class _Expansion(NamedTuple):

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -9,6 +10,7 @@ from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 
+@jax.jit
 def repeated_doublet_signal(
     time: Any, trim: Any, amplitude: Any, period: Any, *, start: Any, active: Any, ramp: Any = 0.0
 ) -> Any:

@@ -5,6 +5,7 @@ from typing import Protocol, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 Progress = Callable[[int, int], None]
@@ -49,6 +50,24 @@ def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
     n = z.shape[0]
     filled = jnp.concatenate([z, jnp.broadcast_to(z[:1], (VECTOR - n, z.shape[1]))]) if 1 < n < VECTOR else z
     return jax.vmap(lambda one: target.log_prior(one) + target.log_likelihood(one))(filled)[:n]
+
+
+AT_ONCE = 512
+"""Positions in one call of `evaluate`: the same for every caller, so that each target is compiled once."""
+_LANES = 64
+
+
+def evaluate(target: Target, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    """Log densities of any number of positions, NaN taken as -inf; few programs to compile, since compiling is what takes time."""
+    n = z.shape[0]
+    blocks = np.minimum(np.arange(-(-n // AT_ONCE) * AT_ONCE), n - 1).reshape(-1, AT_ONCE)
+    values = np.concatenate([np.asarray(_evaluate(target, jnp.asarray(z[block]))) for block in blocks])[:n]
+    return np.where(np.isnan(values), -np.inf, values)
+
+
+@jax.jit
+def _evaluate(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
+    return jax.lax.map(lambda one: target.log_prior(one) + target.log_likelihood(one), z, batch_size=_LANES)
 
 
 TargetT = TypeVar("TargetT", bound=Target)

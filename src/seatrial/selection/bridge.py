@@ -16,7 +16,7 @@ from scipy.special import expit, logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.target import log_densities
+from seatrial.sampling.target import evaluate
 from seatrial.selection.evidence import Evidence
 
 ProposalShape = Literal["normal", "t"]
@@ -97,8 +97,7 @@ def _fit(z: np.ndarray, shape: ProposalShape) -> Any:
 
 def _log_ratio(posterior: Posterior, g: Any, z: np.ndarray) -> Float[np.ndarray, " n"]:
     """log(p L / g) of each draw; the density is -inf where the model diverges."""
-    log_density = np.asarray(log_densities(posterior, z))
-    return np.where(np.isnan(log_density), -np.inf, log_density) - np.atleast_1d(g.logpdf(z))
+    return evaluate(posterior, z) - np.atleast_1d(g.logpdf(z))
 
 
 def _iterate(from_posterior: np.ndarray, from_proposal: np.ndarray, share: float) -> tuple[float, int]:

@@ -5,17 +5,19 @@ the Laplace approximation and is refitted to the weighted draws until enough of 
 Whether the weights have a variance is judged by the index of their tail (Vehtari et al., JMLR 25, 2024).
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
-from scipy.special import logsumexp
+from jaxtyping import Float
+from scipy.special import gammaln, logsumexp
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.target import evaluate
 from seatrial.selection.evidence import Evidence
 
 FREEDOM = 8.0
@@ -25,7 +27,6 @@ GOOD = 0.5
 """Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy."""
 MAX_K_HAT = 0.7
 MIN_ESS = 400.0
-_LANES = 64
 
 
 class Proposal(NamedTuple):
@@ -46,50 +47,51 @@ class Weights(NamedTuple):
     refits: int = 0
 
 
+@dataclass(frozen=True)
+class ImportanceSettings:
+    """Size of a run.
+
+    Attributes:
+        draws: fresh draws of the final estimate.
+        pilot: draws of each trial of a proposal.
+        refits: how often the proposal may be refitted.
+    """
+
+    draws: int = 20480
+    pilot: int = 4096
+    refits: int = 2
+
+
 def importance_evidence(
-    posterior: Posterior,
-    key: jax.Array,
-    mode: Mode | None = None,
-    *,
-    draws: int = 20480,
-    pilot: int = 4096,
-    refits: int = 2,
+    posterior: Posterior, key: jax.Array, mode: Mode | None = None, settings: ImportanceSettings = ImportanceSettings()
 ) -> Evidence:
-    """Evidence by adaptive importance sampling; its error by the delta method from the variance of the weights.
+    """Evidence by adaptive importance sampling; arguments and errors as `importance_sample`."""
+    return evidence_of(importance_sample(posterior, key, mode, settings))
+
+
+def importance_sample(
+    posterior: Posterior, key: jax.Array, mode: Mode | None = None, settings: ImportanceSettings = ImportanceSettings()
+) -> Weights:
+    """Weighted draws of the posterior.
 
     Args:
         posterior: density to integrate; of one mode, since another far from it would be missed without a sign.
         key: random key.
         mode: posterior mode, found here if not given.
-        draws: fresh draws of the final estimate.
-        pilot: draws of each trial of a proposal.
-        refits: how often the proposal may be refitted.
+        settings: size of the run.
 
     Raises:
         NumericalError: no mode, or no draw of finite density.
     """
-    return evidence_of(importance_sample(posterior, key, mode, draws=draws, pilot=pilot, refits=refits))
-
-
-def importance_sample(
-    posterior: Posterior,
-    key: jax.Array,
-    mode: Mode | None = None,
-    *,
-    draws: int = 20480,
-    pilot: int = 4096,
-    refits: int = 2,
-) -> Weights:
-    """Weighted draws of the posterior; arguments and errors as `importance_evidence`."""
     mode_key, pilot_key, key = jax.random.split(key, 3)
     proposal = laplace_proposal(find_mode(posterior, mode_key) if mode is None else mode)
     done = 0
-    for done in range(refits + 1):
-        weights = weigh(posterior, proposal, jax.random.fold_in(pilot_key, done), pilot)
-        if done == refits or (weights.ess / pilot > GOOD and weights.k_hat <= MAX_K_HAT):
+    for done in range(settings.refits + 1):
+        weights = weigh(posterior, proposal, jax.random.fold_in(pilot_key, done), settings.pilot)
+        if done == settings.refits or (weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
             break
         proposal = refit(proposal, weights)
-    return weigh(posterior, proposal, key, draws)._replace(refits=done)
+    return weigh(posterior, proposal, key, settings.draws)._replace(refits=done)
 
 
 def evidence_of(weights: Weights) -> Evidence:
@@ -135,9 +137,8 @@ def weigh(posterior: Posterior, proposal: Proposal, key: jax.Array, n: int) -> W
     """
     from arviz_stats.base.array import array_stats
 
-    z, log_q = _draw(proposal, key, n)
-    log_weight = np.asarray(_log_densities(posterior, z) - log_q)
-    log_weight = np.where(np.isnan(log_weight), -np.inf, log_weight)
+    z, log_q = _draw(proposal, np.random.default_rng(np.asarray(jax.random.key_data(key))), n)
+    log_weight = evaluate(posterior, z) - log_q
     top = log_weight.max()
     if not np.isfinite(top):
         raise NumericalError(
@@ -171,27 +172,22 @@ def _complaints(weights: Weights) -> list[str]:
     return said
 
 
-def _draw(proposal: Proposal, key: jax.Array, n: int) -> tuple[Array, Array]:
-    """Independent draws of the mixture, shape (n, d), and its log density at them."""
-    centre, factor = jnp.asarray(proposal.centre), jnp.asarray(proposal.factor)
-    d = centre.size
-    normal_key, chi_key, pick_key = jax.random.split(key, 3)
-    stretch = jnp.sqrt(FREEDOM / jax.random.chisquare(chi_key, FREEDOM, shape=(n,)))
-    stretch *= jnp.where(jax.random.uniform(pick_key, (n,)) < WIDE_SHARE, WIDE_SCALE, 1.0)
-    e = stretch[:, None] * jax.random.normal(normal_key, (n, d))
-    square = jnp.sum(e * e, -1)
+def _draw(
+    proposal: Proposal, random: np.random.Generator, n: int
+) -> tuple[Float[np.ndarray, "n d"], Float[np.ndarray, " n"]]:
+    """Independent draws of the mixture, and its log density at them."""
+    d = proposal.centre.size
+    stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
+    stretch *= np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
+    e = stretch[:, None] * random.normal(size=(n, d))
+    square = np.sum(e * e, -1)
     power = 0.5 * (FREEDOM + d)
-    plain = jnp.log(1.0 - WIDE_SHARE) - power * jnp.log1p(square / FREEDOM)
-    wide = jnp.log(WIDE_SHARE / WIDE_SCALE**d) - power * jnp.log1p(square / (FREEDOM * WIDE_SCALE**2))
-    constant = jax.scipy.special.gammaln(power) - jax.scipy.special.gammaln(0.5 * FREEDOM)
-    constant -= 0.5 * d * jnp.log(FREEDOM * jnp.pi) + jnp.sum(jnp.log(jnp.diag(factor)))
-    return centre + e @ factor.T, constant + jnp.logaddexp(plain, wide)
+    plain = np.log(1.0 - WIDE_SHARE) - power * np.log1p(square / FREEDOM)
+    wide = np.log(WIDE_SHARE / WIDE_SCALE**d) - power * np.log1p(square / (FREEDOM * WIDE_SCALE**2))
+    constant = gammaln(power) - gammaln(0.5 * FREEDOM)
+    constant -= 0.5 * d * np.log(FREEDOM * np.pi) + np.sum(np.log(np.diag(proposal.factor)))
+    return proposal.centre + e @ proposal.factor.T, constant + np.logaddexp(plain, wide)
 
 
 def _log_sum(x: np.ndarray) -> float:
     return float(logsumexp(x))
-
-
-@jax.jit
-def _log_densities(posterior: Posterior, z: Array) -> Array:
-    return jax.lax.map(posterior.log_density, z, batch_size=_LANES)

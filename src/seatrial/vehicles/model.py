@@ -14,7 +14,7 @@ Derivative = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...
 
 @dataclass(frozen=True)
 class VehicleModel:
-    """Continuous-time dynamics; models with equal data are equal and hash alike, so compiled functions are shared.
+    """Continuous-time dynamics; models of the same equations are equal and hash alike, so compiled functions are shared.
 
     Attributes:
         name: short name.
@@ -26,7 +26,7 @@ class VehicleModel:
         derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
     """
 
-    name: str
+    name: str = field(compare=False)
     states: tuple[str, ...]
     controls: tuple[str, ...]
     coefficients: tuple[CoefficientName, ...]

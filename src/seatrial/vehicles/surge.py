@@ -71,7 +71,7 @@ def surge_vehicle(hull: SurgeHull, terms: Sequence[str]) -> VehicleModel:
         ("mass", mass),
         ("thrust_deduction", hull.thrust_deduction),
         *hull.fixed.items(),
-        *((f"trim {name}", value) for name, value in hull.trim.items()),
+        *((f"trim {name}", hull.trim[name]) for name in hull.trim if any(name in t.trim_signals for t in free + fixed)),
     )
     return VehicleModel(hull.name, ("u",), used, free, constants, hull.mass is None, derivative)
 

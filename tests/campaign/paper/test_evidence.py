@@ -6,7 +6,7 @@ import pytest
 
 from seatrial.campaign.paper.compute import evidence
 from seatrial.campaign.paper.compute.trial import around, paper_posterior, paper_trial, wide
-from seatrial.campaign.paper.judge.selection import probability
+from seatrial.campaign.paper.judge.evidence import probability
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.importance import importance_evidence
 from tests.campaign.paper.studies import TINY, A, study

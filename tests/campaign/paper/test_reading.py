@@ -97,13 +97,25 @@ MISTAKES = {
     "doubted value that is no number": (("[0.1, 1.0]", "[0.1, nan]"), "key doubted.values.1", "finite"),
     "infinite prior": (("wide = 50.0", "wide = inf"), "key doubted.wide", "finite"),
     "deduction that is no number": (("thrust_deduction = 0.1", "thrust_deduction = nan"), "thrust_deduction", "nan"),
-    "coefficient of zero": (("X_u = -1.21", "X_u = 0.0"), "key coefficients", "a true value of 0"),
+    "coefficient of zero": (("X_u = -1.21", "X_u = 0.0"), "key coefficients.X_u", "negative"),
+    "drag that drives": (("X_uabsu = -2.93", "X_uabsu = 2.93"), "key coefficients.X_uabsu", "negative"),
+    "added mass of the wrong sign": (("X_udot = -0.93", "X_udot = 0.93"), "key fixed.X_udot", "SNAME"),
+    "doubted values alike": (("[0.1, 1.0]", "[1.0, 1.0]"), "key doubted.values", "different"),
+    "a wide prior without the truth": (("wide = 50.0", "wide = 0.5"), "key doubted.wide", "larger"),
+    "no name": (
+        ('name = "REMUS 100, reading A (T in 1e-2 N/(rev/s)^2, trim 750 rpm)"', 'name = " "'),
+        "key name",
+        "no name",
+    ),
+    "steps beyond the trim": (('"400 rpm"', '"5000 rpm"'), "key inputs.steps", "trim.n"),
+    "a mass of nothing": (('"30.47 kg"', '"1e-9 kg"'), "key mass", "answers in"),
+    "a mass of everything": (('"30.47 kg"', '"1e300 kg"'), "key mass", "answers in"),
     "doubted value of zero": (("[0.1, 1.0]", "[0.0, 1.0]"), "key doubted.values", "0"),
     "no mass": (('"30.47 kg"', '"0 kg"'), "mass", "positive mass"),
     "negative noise": (('"0.0757 m/s"', '"-1 m/s"'), "key noise.trial", "positive"),
-    "amplitudes upside down": (('lowest = "100 rpm"', 'lowest = "300 rpm"'), "key inputs.highest", "inputs.lowest"),
-    "thrust astern": (('n = "750 rpm"', 'n = "-750 rpm"'), "key coefficients.T_nabsn", "thrust ahead"),
-    "no equilibrium": (("X_uabsu = -2.93", "X_uabsu = 2.93"), "trim", "balances the thrust"),
+    "amplitudes upside down": (('lowest = "100 rpm"', 'lowest = "300 rpm"'), "key inputs.lowest", "inputs.highest"),
+    "thrust astern": (('n = "750 rpm"', 'n = "-750 rpm"'), "key trim.n", "positive"),
+    "no equilibrium": (("6.28e-2 N", "6.28e3 N"), "trim", "balances the thrust"),
     "doubted term of another axis": (('"X_du3"', '"Y_v"'), "term Y_v", "surge"),
     "doubted term that is there already": (('"X_du3"', '"X_u"'), "term X_u", "each regressor once"),
     "doubted term that is fixed": (('"X_du3"', '"X_udot"'), "key doubted.term", "X_udot"),
@@ -127,7 +139,7 @@ def test_a_mistake_is_named_with_its_place(tmp_path, name):
 
 @pytest.mark.parametrize("path", ["absent.toml", "."])
 def test_no_such_file(tmp_path, path):
-    with pytest.raises(InputError, match="no such file") as raised:
+    with pytest.raises(InputError, match=r"no such file|a folder") as raised:
         read_vehicle(tmp_path / path)
     assert str(tmp_path / path) in str(raised.value)
 

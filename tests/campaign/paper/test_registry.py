@@ -5,12 +5,12 @@ import re
 
 import pytest
 
-from seatrial.campaign.paper.judge import designs, equations, estimation, filters, iteration, selection, tuning
+from seatrial.campaign.paper.judge import criteria, designs, equations, estimation, evidence, filters, iteration, tuning
 from seatrial.campaign.paper.parts import PARTS
 from seatrial.campaign.paper.registry import ENTRIES, PAPER_ONLY, chosen_items
 from seatrial.core.errors import InputError
 
-MODULES = (designs, equations, estimation, filters, iteration, selection, tuning)
+MODULES = (criteria, designs, equations, estimation, evidence, filters, iteration, tuning)
 IN_THE_PAPER = [
     *("table-1", "figure-1", "table-2", "figure-2", "figure-3", "figure-4", "figure-5", "figure-6", "table-3"),
     *("listing-1", "table-4", "table-5", "table-6", "figure-7", "figure-8"),

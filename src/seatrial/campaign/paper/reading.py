@@ -8,7 +8,7 @@ trim thrust, and amplitudes in rpm that differ in effect by 2 pi / 10.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.resources import files
-from math import pi
+from math import inf, pi
 from pathlib import Path
 
 from pydantic import Field
@@ -28,6 +28,10 @@ NAMES = ("X_u", "X_uabsu", "T_nabsn")
 PRINTED_THRUST = 6.28
 NOISE_SHARE, STEPS_SHARE, HIGHEST_SHARE = 0.05, 8 / 15, 4 / 15
 """Where a file does not say otherwise: noise over trim speed, and amplitudes over trim propeller speed, as in reading A."""
+
+ANSWERS = (0.1, 600.0)
+"""Shortest and longest time constant of the surge speed, s."""
+EXAMPLE = "examples/vehicle.toml of seatrial's repository"
 
 
 class CoefficientsTable(Table, allow_inf_nan=False):
@@ -116,16 +120,21 @@ class Reading:
             for name, value in table.items()
         }
 
+    @property
+    def turns(self) -> float:
+        """Propeller speed at trim, rad/s."""
+        return self._si(self.source.trim.n, "rad/s", "trim.n")
+
     @cached_property
     def hull(self) -> SurgeHull:
         """What is known beforehand, trimmed."""
-        source = self.source
-        turns = self._si(source.trim.n, "rad/s", "trim.n")
+        source, turns = self.source, self.turns
         mass, truth = self._si(source.mass, "kg", "mass"), self.truth
         with located(str(self.path)):
             hull = SurgeHull(source.name, mass, source.thrust_deduction, source.fixed, {"n": turns})
             speed = trim_speed(surge_vehicle(hull, NAMES), truth, (turns,))
-        return replace(hull, trim={"u": speed, "n": turns})
+        # Rounded where rounding errors begin: vehicles of one trim speed then have the same equations, and share compiled code.
+        return replace(hull, trim={"u": round(speed, 12), "n": turns})
 
     @property
     def inertia(self) -> float:
@@ -224,11 +233,11 @@ def read_vehicle(path: Path) -> Reading:
     if not path.is_file():
         raise InputError(
             str(path),
-            found="no such file",
+            found="a folder" if path.is_dir() else "no such file",
             expected="a TOML file of a surge vehicle",
-            remedy="see the README for one, or leave --vehicle out for the paper's REMUS 100",
+            remedy=f"begin with {EXAMPLE}, or leave --vehicle out for the paper's REMUS 100",
         )
-    return _checked(Reading(path.stem, path, read_toml(path, VehicleFile), False))
+    return _checked(Reading(path.stem, path, read_toml(path, VehicleFile, f"{EXAMPLE} shows every table"), False))
 
 
 def paper_reading(name: str) -> Reading:
@@ -239,43 +248,87 @@ def paper_reading(name: str) -> Reading:
 
 def _checked(reading: Reading) -> Reading:
     """Resolve everything once, so that mistakes are found before any work is done."""
-    where = f"{reading.path}, key "
+    source, doubted = reading.source, reading.source.doubted
     for name in (*NAMES, reading.doubted):
-        if name in reading.source.fixed:
-            raise InputError(
-                where + ("doubted.term" if name == reading.doubted else f"fixed.{name}"),
-                found=f"{name}, which is both fixed and estimated",
-                expected="a term that is not fixed" if name == reading.doubted else "terms that are not estimated",
-                remedy=f"leave {name} out of [fixed]",
+        if name in source.fixed:
+            key = "doubted.term" if name == reading.doubted else f"fixed.{name}"
+            raise _mistake(
+                reading, key, f"{name}, both fixed and estimated", "one of the two", f"take {name} out of [fixed]"
             )
+    for place, found, expected, remedy in (
+        ("name", "" if source.name.strip() else "no name", "a name", "it heads the report"),
+        *(
+            (f"coefficients.{name}", "" if value < 0 else f"{value:g}", "a negative number", "drag opposes motion")
+            for name, value in reading.truth.items()
+            if name != "T_nabsn"
+        ),
+        *(
+            (place, "" if value > 0 else f"{value:g} (SI)", "a positive number", "the vehicle is trimmed going ahead")
+            for place, value in (("coefficients.T_nabsn", reading.truth["T_nabsn"]), ("trim.n", reading.turns))
+        ),
+        (
+            "fixed.X_udot",
+            f"{source.fixed['X_udot']:g}" if source.fixed.get("X_udot", 0.0) > 0 else "",
+            "no positive number",
+            "added mass X_udot is negative in SNAME notation",
+        ),
+        (
+            "doubted.values",
+            "" if len({*doubted.values, 0.0}) == 3 else f"{doubted.values}",
+            "two different numbers other than 0",
+            "they are the true values of Tables IV and V; the widths of priors are set by them",
+        ),
+        (
+            "doubted.wide",
+            "" if doubted.wide >= max(map(abs, doubted.values)) else f"{doubted.wide:g}",
+            "at least the larger of doubted.values",
+            "the wide prior has to hold the truth",
+        ),
+    ):
+        if found:
+            raise _mistake(reading, place, found, expected, remedy)
     reading.model(reading.doubted)
-    positive = {
-        "coefficients.T_nabsn": reading.truth["T_nabsn"] * reading.trim,
-        "units.printed_thrust": reading.thrust_print,
-        "units.filter_thrust": reading.thrust_filter,
-        "noise.filters": reading.filter_noise,
-        "noise.trial": reading.sigma,
-        "inputs.steps": reading.steps,
-        "inputs.lowest": reading.lowest,
-        "inputs.highest": reading.highest - reading.lowest,
-    }
-    for key, value in positive.items():
-        if not value > 0:
-            raise InputError(
-                where + key,
-                found=f"{value:g} (SI)" if key != "inputs.highest" else "no more than inputs.lowest",
-                expected="thrust ahead" if key == "coefficients.T_nabsn" else "a positive number",
-                remedy="correct the value; leave optional tables out for the paper's proportions",
-            )
-    for key, values in (("coefficients", reading.truth.values()), ("doubted.values", reading.source.doubted.values)):
-        if 0.0 in values:
-            raise InputError(
-                where + key,
-                found="a true value of 0",
-                expected="terms that act",
-                remedy="give another value: the width of a prior is set by it",
-            )
+    _check_sizes(reading)
     return reading
+
+
+def _check_sizes(reading: Reading) -> None:
+    """Noise, amplitudes and the time that the vehicle takes to answer, beside the study's own trials."""
+    truth, trim = reading.truth, reading.trim
+    drag = -truth["X_u"] - 2 * truth["X_uabsu"] * reading.hull.trim["u"]
+    answer = reading.inertia / drag
+    for key, value, high in (
+        ("units.printed_thrust", reading.thrust_print, inf),
+        ("units.filter_thrust", reading.thrust_filter, inf),
+        ("noise.filters", reading.filter_noise, inf),
+        ("noise.trial", reading.sigma, inf),
+        ("inputs.steps", reading.steps, trim),
+        ("inputs.highest", reading.highest, trim),
+        ("inputs.lowest", reading.lowest, reading.highest * (1 - 1e-9)),
+    ):
+        if not (value > 0 if high == inf else 0 < value <= high):
+            beyond = (
+                "inputs.highest" if key == "inputs.lowest" else f"trim.n, {trim:.4g}, where the propeller would stop"
+            )
+            raise _mistake(
+                reading,
+                key,
+                f"{value:.4g} (SI)",
+                "a positive number" + ("" if high == inf else f", and less than {beyond}"),
+                "correct the value; leave optional tables out for the paper's proportions",
+            )
+    if not ANSWERS[0] <= answer <= ANSWERS[1]:
+        raise _mistake(
+            reading,
+            "mass",
+            f"a vehicle whose speed answers in {answer:.3g} s",
+            f"{ANSWERS[0]:g} to {ANSWERS[1]:g} s, which trials of a minute sampled every 0.01 s can show",
+            "check the mass, X_udot, the coefficients and their units",
+        )
+
+
+def _mistake(reading: Reading, key: str, found: str, expected: str, remedy: str) -> InputError:
+    return InputError(f"{reading.path}, key {key}", found=found, expected=expected, remedy=remedy)
 
 
 READINGS = {name: paper_reading(name) for name in ("A", "B")}

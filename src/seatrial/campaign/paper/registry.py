@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from seatrial.campaign.paper.items import Item
-from seatrial.campaign.paper.judge import designs, equations, estimation, filters, iteration, selection, tuning
+from seatrial.campaign.paper.judge import criteria, designs, equations, estimation, evidence, filters, iteration, tuning
 from seatrial.campaign.paper.study import Study
 from seatrial.core.errors import InputError, nearest
 
@@ -53,17 +53,17 @@ ENTRIES: dict[str, Entry] = {
     "claim-near-normal": Entry(estimation.claim_near_normal, ("chain-3",)),
     "claim-sampler": Entry(estimation.claim_sampler, ("chain-3", "chain-3-metropolis")),
     "claim-start": Entry(estimation.claim_start, ("starts",)),
-    "listing-1": Entry(selection.listing_1, ("listing-4", "listing-5", "evidence-4", "evidence-5")),
-    "table-4": Entry(selection.table_4, ("listing-4", "evidence-4")),
-    "table-5": Entry(selection.table_5, ("listing-5", "evidence-5")),
-    "odds": Entry(selection.odds, ("odds",)),
-    "table-6": Entry(selection.table_6, CHAINS_6),
-    "figure-7": Entry(selection.figure_7, ("chain-6-full",)),
-    "figure-8": Entry(selection.figure_8, ("chain-6-reduced",)),
-    "claim-extra-term": Entry(selection.claim_extra_term, ("chain-6-full",)),
-    "claim-tighter": Entry(selection.claim_tighter, CHAINS_6),
-    "claim-criteria-favour": Entry(selection.claim_criteria_favour, CHAINS_6),
-    "claim-criteria-insensitive": Entry(selection.claim_criteria_insensitive, CHAINS_6),
+    "listing-1": Entry(evidence.listing_1, ("listing-4", "listing-5", "evidence-4", "evidence-5")),
+    "table-4": Entry(evidence.table_4, ("listing-4", "evidence-4")),
+    "table-5": Entry(evidence.table_5, ("listing-5", "evidence-5")),
+    "odds": Entry(evidence.odds, ("odds",)),
+    "table-6": Entry(criteria.table_6, CHAINS_6),
+    "figure-7": Entry(criteria.figure_7, ("chain-6-full",)),
+    "figure-8": Entry(criteria.figure_8, ("chain-6-reduced",)),
+    "claim-extra-term": Entry(criteria.claim_extra_term, ("chain-6-full",)),
+    "claim-tighter": Entry(criteria.claim_tighter, CHAINS_6),
+    "claim-criteria-favour": Entry(criteria.claim_criteria_favour, CHAINS_6),
+    "claim-criteria-insensitive": Entry(criteria.claim_criteria_insensitive, CHAINS_6),
     "iteration": Entry(iteration.iteration, ("iteration", "relay")),
     "readings": Entry(iteration.readings, ("readings",)),
 }
@@ -86,6 +86,10 @@ def chosen_items(only: Sequence[str], is_paper: bool) -> tuple[str, ...]:
                 "--only",
                 found=f'"{name}"',
                 expected="items among " + ", ".join(known),
-                remedy=close if close.startswith("did") else "choose from the list",
+                remedy="it is about the paper's own vehicle: leave --vehicle out"
+                if name in PAPER_ONLY
+                else close
+                if close.startswith("did")
+                else "choose from the list",
             )
     return tuple(key for key in known if not wanted or key in wanted)

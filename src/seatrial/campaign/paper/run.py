@@ -89,5 +89,5 @@ def run_paper(
             "items": [item.as_json() for item in judged],
         },
     )
-    watch.say(f"{len(judged)} items judged in {time.monotonic() - begun:.0f} s")
+    watch.say(f"{len(judged)} item{'s' * (len(judged) > 1)} judged in {time.monotonic() - begun:.0f} s")
     return study, judged

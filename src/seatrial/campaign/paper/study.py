@@ -32,7 +32,7 @@ class Sizes:
         listing_draws: prior draws of each model for each seed.
         data_seeds: trials behind the probability of M-0 over its true coefficient.
         importance_draws: draws of importance sampling for Tables IV and V.
-        smc_particles: particles of each of four repeats of tempered SMC.
+        smc_particles: particles of each of four repeats of tempered SMC; 0 leaves it out.
         bridge_draws: draws of each of 32 chains for bridge sampling.
         nested_live: live points of nested sampling; 0 leaves it out.
         criteria_draws: draws behind WAIC and PSIS-LOO.
@@ -56,17 +56,17 @@ class Sizes:
 
 FULL = Sizes()
 QUICK = Sizes(
-    filter_seeds=16,
+    filter_seeds=8,
     tuning_seeds=8,
     chains=8,
-    burn_in=2_500,
-    draws=2_500,
+    burn_in=1_000,
+    draws=2_000,
     listing_repeats=12,
     listing_shared=6,
     listing_draws=20_000,
     data_seeds=2,
     importance_draws=10_000,
-    smc_particles=64,
+    smc_particles=0,
     bridge_draws=500,
     nested_live=0,
     criteria_draws=200,

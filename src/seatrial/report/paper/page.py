@@ -46,7 +46,7 @@ SIZES = {
     "listing_draws": "prior draws of each model for each seed",
     "data_seeds": "trials behind the probability of M-0 over its true coefficient",
     "importance_draws": "draws of importance sampling for Tables IV and V",
-    "smc_particles": "particles of each of four repeats of tempered SMC",
+    "smc_particles": "particles of each of four repeats of tempered SMC; none leaves it out",
     "bridge_draws": "draws of each of 32 chains for bridge sampling",
     "nested_live": "live points of nested sampling; none leaves it out",
     "criteria_draws": "draws behind WAIC and PSIS-LOO",

@@ -18,13 +18,15 @@ from seatrial.sampling.adaptive_metropolis import MetropolisSettings, sample_ada
 from seatrial.sampling.tempered_smc import SMCSettings
 from seatrial.selection.bridge import bridge_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
-from seatrial.selection.importance import importance_evidence
+from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.nested import nested_evidence
 from seatrial.selection.prior_monte_carlo import ListingOne, listing_one
 
 MODELS = ("M-0", "M-1")
 LARGER = (-20.0, -60.0)
 """True coefficients, in multiples of the larger printed one, at which the data begin to tell."""
+WEIGHING = ImportanceSettings(draws=4096, pilot=2048)
+"""For each of many trials."""
 Estimator = Callable[[Posterior, jax.Array], Evidence]
 
 
@@ -59,13 +61,14 @@ def listing_part(study: Study, table: int) -> xr.Dataset:
 def evidence_part(study: Study, table: int) -> xr.Dataset:
     """Log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
     reading, report = study.reading, study.progress(f"evidences for Table {'IV' if table == 4 else 'V'}")
+    weighing = ImportanceSettings(study.sizes.importance_draws)
     estimators: dict[str, Estimator] = {
-        "importance sampling": partial(importance_evidence, draws=study.sizes.importance_draws),
+        "importance sampling": partial(importance_evidence, settings=weighing),
         "bridge sampling": partial(_bridge, draws=study.sizes.bridge_draws),
-        "tempered SMC": lambda model, key: smc_evidence(
-            model, key, EvidenceSettings(smc=SMCSettings(study.sizes.smc_particles))
-        ),
     }
+    if study.sizes.smc_particles:
+        smc = EvidenceSettings(smc=SMCSettings(study.sizes.smc_particles))
+        estimators["tempered SMC"] = lambda model, key: smc_evidence(model, key, smc)
     if study.sizes.nested_live:
         estimators["nested sampling"] = partial(nested_evidence, live=study.sizes.nested_live)
     models, key = _models(reading, table), study.random_key(f"evidence {table}")
@@ -78,9 +81,7 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
         found.append(pair)
     report(total - 1, total)
     record = paper_trial(reading, doubted_value(reading, table))
-    alone = importance_evidence(
-        paper_posterior(reading, [record], wide(reading)), key, draws=study.sizes.importance_draws
-    )
+    alone = importance_evidence(paper_posterior(reading, [record], wide(reading)), key, settings=weighing)
     report(total, total)
     return xr.Dataset(
         {
@@ -108,7 +109,7 @@ def odds_part(study: Study) -> xr.Dataset:
         record = paper_trial(reading, value, seed)
         full, reduced = (
             importance_evidence(
-                paper_posterior(reading, [record], prior), jax.random.fold_in(key, done), draws=4096, pilot=2048
+                paper_posterior(reading, [record], prior), jax.random.fold_in(key, done), settings=WEIGHING
             )
             for prior in (around(value), None)
         )

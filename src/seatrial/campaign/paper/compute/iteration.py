@@ -19,11 +19,12 @@ from seatrial.campaign.paper.compute.trial import (
 )
 from seatrial.campaign.paper.study import Study
 from seatrial.design.fisher import fisher_information
-from seatrial.selection.importance import evidence_of, importance_sample, weighted_sd
+from seatrial.selection.importance import ImportanceSettings, evidence_of, importance_sample, weighted_sd
 
 LONGER = 58.0
 """Window of the redesigned doublets, s."""
 PERIODS = (5.0, 8.0, 10.0, 14.0, 19.0, 29.0, 58.0)
+WEIGHING = ImportanceSettings(draws=8192, pilot=2048)
 FITS = ("one trial", "the same trial twice", "redesigned second trial")
 
 
@@ -62,7 +63,7 @@ def iteration_part(study: Study) -> xr.Dataset:
     for done, records in enumerate(seconds.values()):
         full, reduced = (paper_posterior(reading, records, prior) for prior in (wide(reading), None))
         weighted = [
-            importance_sample(posterior, jax.random.fold_in(key, done), draws=8192, pilot=2048)
+            importance_sample(posterior, jax.random.fold_in(key, done), settings=WEIGHING)
             for posterior in (full, reduced)
         ]
         evidences = [evidence_of(weights) for weights in weighted]

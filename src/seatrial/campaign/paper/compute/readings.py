@@ -13,7 +13,9 @@ from seatrial.design.sweep import DoubletFamily, sweep_doublets
 from seatrial.estimation.mode import find_mode
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.numerics.integrate import euler_step
-from seatrial.selection.importance import importance_evidence
+from seatrial.selection.importance import ImportanceSettings, importance_evidence
+
+WEIGHING = ImportanceSettings(draws=8192, pilot=2048)
 
 
 def readings_part(study: Study) -> xr.Dataset:
@@ -48,8 +50,7 @@ def _numbers(study: Study, reading: Reading) -> xr.Dataset:
             importance_evidence(
                 paper_posterior(reading, [record], prior),
                 jax.random.fold_in(study.random_key("odds"), 0),
-                draws=8192,
-                pilot=2048,
+                settings=WEIGHING,
             )
             for prior in (around(value), None)
         ]

@@ -6,11 +6,13 @@ import xarray as xr
 from seatrial.campaign.paper.compute.chains import AFAR
 from seatrial.campaign.paper.compute.trial import paper_posterior, paper_trial
 from seatrial.campaign.paper.items import Item, Number
+from seatrial.campaign.paper.judge.settings import chain_settings
 from seatrial.campaign.paper.reading import NAMES
 from seatrial.campaign.paper.study import Study
 
 TABLE_3 = {"X_u": (-1.44, 0.08), "X_uabsu": (-2.81, 0.04), "T_nabsn": (6.28, 0.10)}
 MAX_R_HAT = 1.01
+START = {"start": "posterior mode, others about it"}
 
 
 def table_3(study: Study) -> Item:
@@ -29,7 +31,7 @@ def table_3(study: Study) -> Item:
         + f"; the standard deviations are {sds}"
         + (", and the 0.10 printed for T is reached by no input tried" if study.reading.is_paper else ""),
         tuple(numbers),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -47,7 +49,7 @@ def figure_5(study: Study) -> Item:
             for p in posterior.parameters
             for end, bound in zip(("lower", "upper"), p.prior.bounds, strict=True)
         ),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -79,7 +81,7 @@ def chain_figure(study: Study, key: str, title: str, part: str) -> Item:
             Number("acceptance", None, float(data["acceptance"])),
             Number("lag at which every detrended autocorrelation is below 0.05", None, moving),
         ),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -111,7 +113,7 @@ def claim_sampler(study: Study) -> Item:
         else f"it is {quicker:.0f} times quicker in effective samples, and the means differ by at most "
         f"{float(gap.max()):.1f} Monte Carlo errors",
         tuple(numbers),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -130,7 +132,7 @@ def claim_start(study: Study) -> Item:
             Number(f"iterations until within {AFAR:g} nats of the mode, from {name}", None, value)
             for name, value in steps.items()
         ),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -155,7 +157,7 @@ def claim_near_normal(study: Study) -> Item:
             Number("largest skewness", None, float(skew)),
             Number("largest excess kurtosis", None, float(kurtosis)),
         ),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -174,7 +176,7 @@ def claim_single_pass(study: Study) -> Item:
             Number("one posterior by adaptive Metropolis [s]", None, float(chain["seconds"])),
             Number("ratio", None, ratio),
         ),
-        _settings(study),
+        chain_settings(study) | START,
     )
 
 
@@ -198,17 +200,3 @@ def _worst_z(data: xr.Dataset) -> float:
 
 def _printed_z(study: Study) -> float:
     return max(abs(mean - study.reading.printed_truth[name]) / sd for name, (mean, sd) in TABLE_3.items())
-
-
-def _settings(study: Study) -> dict:
-    sizes = study.sizes
-    return {
-        "reading": study.reading.name,
-        "chains": sizes.chains,
-        "burn_in": sizes.burn_in,
-        "draws": sizes.draws,
-        "start": "posterior mode, others about it",
-        "data_seed": 1,
-        "seed": study.seed,
-        "sigma": study.reading.sigma,
-    }
