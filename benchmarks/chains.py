@@ -9,7 +9,7 @@ from reference import as_c, load
 from timing import Ratio, Row, agree, alternate, row
 
 from seatrial.estimation.mode import Mode, find_mode
-from seatrial.sampling.adaptive_metropolis import MetropolisSettings
+from seatrial.sampling.run import ChainSettings
 
 WARMUP, DRAWS = 50_000, 50_000
 GROUP = "paper's posterior, 100 000 iterations x 6 000 steps"
@@ -25,13 +25,13 @@ def speed(cores: int) -> list[Row | Ratio]:
     agree("log-likelihoods of seatrial and scalar C", problem.log_likelihoods(points), theirs, 1e-8)
 
     def ours(name: str, chains: int) -> None:
-        draws[name] = problem.sample(mode, MetropolisSettings(chains, WARMUP, DRAWS))
+        draws[name] = problem.sample(mode, ChainSettings(chains, WARMUP, DRAWS))
 
     def reference() -> None:
         draws[C] = _c_chain(problem, mode)
 
     for chains in (1, 4):
-        problem.sample(mode, MetropolisSettings(chains, 100, 100))
+        problem.sample(mode, ChainSettings(chains, 100, 100))
     runs = {ONE: lambda: ours(ONE, 1), FOUR: lambda: ours(FOUR, 4), C: reference}
     seconds = alternate(runs, 2, warm_up=False)
     for name in (FOUR, C):

@@ -11,8 +11,9 @@ from seatrial.campaign.paper.compute.trial import STEP, paper_posterior, paper_t
 from seatrial.campaign.paper.reading import paper_reading
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.adaptive_metropolis import MetropolisSettings, sample_adaptive_metropolis
+from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose
+from seatrial.sampling.run import ChainSettings
 
 
 class Problem(NamedTuple):
@@ -39,7 +40,7 @@ class Problem(NamedTuple):
         z = self.posterior.unconstrain(jnp.asarray(points))
         return np.asarray(jax.jit(jax.vmap(self.posterior.log_likelihood))(z))
 
-    def sample(self, mode: Mode, settings: MetropolisSettings, seed: int = 0) -> np.ndarray:
+    def sample(self, mode: Mode, settings: ChainSettings, seed: int = 0) -> np.ndarray:
         """Draws of adaptive Metropolis in SI, shape (chains, draws, d); all chains start at the mode."""
         starts = jnp.tile(jnp.asarray(mode.z), (settings.chains, 1))
         key = jax.random.key(seed)

@@ -12,7 +12,7 @@ from timing import Ratio, Row, agree
 from tools import PEERS
 
 from seatrial.estimation.mode import Mode, find_mode
-from seatrial.sampling.adaptive_metropolis import MetropolisSettings
+from seatrial.sampling.run import ChainSettings
 
 GROUP, RATE = "paper's posterior, worst of 4 parameters", "effective samples/s"
 METHODS = {"DEMetropolisZ": (1000, 4000), "Metropolis": (500, 2000)}
@@ -27,7 +27,7 @@ def effective(cores: int) -> list[Row | Ratio]:
     PyMC's Metropolis moves one parameter at a time along a narrow ridge, which leaves one effective sample of 2 000 draws:
     only DEMetropolisZ has enough of them for its posterior to be compared with ours.
     """
-    problem, settings = paper_problem(), MetropolisSettings()
+    problem, settings = paper_problem(), ChainSettings()
     mode, rates = find_mode(problem.posterior, jax.random.key(0)), []
     draws = problem.sample(mode, settings)
     for seed in range(1, 4):

@@ -12,8 +12,9 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Uniform
-from seatrial.sampling.adaptive_metropolis import MetropolisSettings, sample_adaptive_metropolis
+from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose
+from seatrial.sampling.run import ChainSettings
 from seatrial.selection.evidence import EvidenceSettings, smc_evidence
 
 GROUP = "surge posterior, 1 500 steps of 0.04 s, 4 parameters"
@@ -22,7 +23,7 @@ GROUP = "surge posterior, 1 500 steps of 0.04 s, 4 parameters"
 def sampling(cores: int) -> list[Row | Ratio]:
     """Adaptive Metropolis from the posterior mode, warm-up counted, and tempered SMC evidence; compiled beforehand."""
     posterior = _posterior()
-    mode, settings = find_mode(posterior, jax.random.key(0)), MetropolisSettings()
+    mode, settings = find_mode(posterior, jax.random.key(0)), ChainSettings()
     spread = jax.random.multivariate_normal(jax.random.key(1), mode.z, mode.cov, (settings.chains,))
     rates = []
     for seed in range(6):

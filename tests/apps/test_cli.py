@@ -35,7 +35,9 @@ def test_unknown_command_names_the_nearest(monkeypatch, capsys):
     assert "estimate" in err
 
 
-@pytest.mark.parametrize("command", ["design", "simulate", "import", "estimate", "select", "tuning", "report", "run"])
+@pytest.mark.parametrize(
+    "command", ["prior", "design", "simulate", "import", "estimate", "calibrate", "select", "tuning", "report", "run"]
+)
 def test_a_folder_that_is_no_campaign(monkeypatch, capsys, tmp_path, command):
     code, out, err = run(monkeypatch, capsys, command, tmp_path)
     assert (code, out) == (Exit.BAD_INPUT, "")

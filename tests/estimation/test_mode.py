@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import NumericalError
+from seatrial.estimation import mode as module
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal, Uniform
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
@@ -34,15 +35,25 @@ def test_sharp_peak_in_a_wide_box():
     assert mode.log_evidence == pytest.approx(np.log(1e-3 * np.sqrt(2 * np.pi) / 20), abs=1e-6)
 
 
+def two_peaks(values, data):
+    a = values["a"]
+    return jnp.logaddexp(-0.5 * ((a + 3) / 0.4) ** 2, jnp.log(3.0) - 0.5 * ((a - 4) / 0.1) ** 2)
+
+
 def test_highest_of_two_peaks():
     """The narrow peak of height 3 at 4 wins over the broad one; the prior pulls it inwards by 1/2501."""
-
-    def two_peaks(values, data):
-        a = values["a"]
-        return jnp.logaddexp(-0.5 * ((a + 3) / 0.4) ** 2, jnp.log(3.0) - 0.5 * ((a - 4) / 0.1) ** 2)
-
     mode = find_mode(posterior({"a": Normal(0.0, 5.0)}, two_peaks), KEY)
     assert mode.values == pytest.approx([4.0 * 2500 / 2501], abs=1e-7)
+
+
+@pytest.mark.parametrize(("likelihood", "peaks"), [(lambda v, data: -0.5 * (v["a"] / 0.1) ** 2, 1), (two_peaks, 2)])
+def test_each_peak_is_climbed_once(likelihood, peaks, monkeypatch):
+    """Of all 512 draws, only one on each side of the valley has anything to show."""
+    climb, ends = module._climb, []
+    monkeypatch.setattr(module, "_climb", lambda *start: ends.append(climb(*start)) or ends[-1])
+    find_mode(posterior({"a": Normal(0.0, 5.0)}, likelihood), KEY, tries=512)
+    assert len(ends) == peaks
+    assert np.ptp([z[0] for z, _ in ends]) == pytest.approx(1.4 * (peaks - 1), abs=0.01)
 
 
 def test_mode_beside_a_region_of_zero_likelihood():
@@ -54,11 +65,12 @@ def test_mode_beside_a_region_of_zero_likelihood():
     assert mode.sd == pytest.approx([0.1], rel=1e-6)
 
 
-def test_direction_the_data_do_not_see_keeps_the_spread_of_the_prior():
+@pytest.mark.parametrize("seed", range(4))
+def test_direction_the_data_do_not_see_keeps_the_spread_of_the_prior(seed):
     target = posterior(
         {"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)}, lambda v, data: -0.5 * ((v["a"] - 0.9) / 0.01) ** 2
     )
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, jax.random.key(seed))
     assert mode.flat
     assert mode.sd == pytest.approx([0.01, 12 / np.sqrt(12)], rel=1e-3)
 

@@ -8,6 +8,7 @@ from scipy import stats
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.output_error import output_error
+from seatrial.estimation.sensors import Sensor
 from tests.cases import TRUTH, U0, naive_rk4, paper_model, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, make_trial, naive_midpoint, naive_speed
 
@@ -50,8 +51,16 @@ def coloured(residual, time, sd, tau):
     return stats.multivariate_normal(cov=cov).logpdf(residual[there])
 
 
+def sensors(channels=("u", "udot"), **settings):
+    return [Sensor(channel, **settings) for channel in channels]
+
+
+def made(records, channels=("u", "udot"), initial=((U0,),), noise="white", **options):
+    return output_error(paper_model(), records, sensors(channels, noise=noise), initial, **options)
+
+
 def log_likelihood(records, values, channels=("u", "udot"), initial=((U0,),), **options):
-    likelihood, data = output_error(paper_model(), records, channels, initial, **options)
+    likelihood, data = made(records, channels, initial, **options)
     return float(evaluate(likelihood, {name: float(value) for name, value in values.items()}, data))
 
 
@@ -78,14 +87,14 @@ def test_coloured_residuals(time, gaps):
     record = trial(time, gaps=gaps)
     naive = residuals(record)
     expected = coloured(naive["u"], time, 0.05, 0.4) + coloured(naive["udot"], time, 0.02, 1.5)
-    assert log_likelihood([record], COLOURED, colour="coloured") == pytest.approx(expected, abs=1e-8)
+    assert log_likelihood([record], COLOURED, noise="coloured") == pytest.approx(expected, abs=1e-8)
 
 
 @pytest.mark.parametrize("tau", [1e-3, 0.1, 10.0, 1e5])
 def test_coloured_residuals_from_nearly_white_to_nearly_constant(tau):
     record = trial(channels=("u",), gaps=(5, 6))
     naive = record.channel("u") - naive_speed(REV, np.diff(TIME))
-    found = log_likelihood([record], {**VALUES, "tau_u": tau}, ("u",), colour="coloured")
+    found = log_likelihood([record], {**VALUES, "tau_u": tau}, ("u",), noise="coloured")
     assert found == pytest.approx(coloured(naive, TIME, 0.05, tau), rel=1e-8)
 
 
@@ -114,12 +123,12 @@ def test_trials_add_up(colour):
     records = [trial(seed=1, gaps=(3,), label="a"), trial(EVEN, seed=2, label="b"), trial(seed=3, label="c")]
     starts = [(U0,), (1.2,), (0.4,)]
     alone = [
-        log_likelihood([record], COLOURED, initial=[start], colour=colour)
+        log_likelihood([record], COLOURED, initial=[start], noise=colour)
         for record, start in zip(records, starts, strict=True)
     ]
-    together = log_likelihood(records, COLOURED, initial=starts, colour=colour)
+    together = log_likelihood(records, COLOURED, initial=starts, noise=colour)
     assert together == pytest.approx(sum(alone), abs=1e-9)
-    assert alone[1] != pytest.approx(log_likelihood([records[1]], COLOURED, colour=colour), abs=1)
+    assert alone[1] != pytest.approx(log_likelihood([records[1]], COLOURED, noise=colour), abs=1)
 
 
 def test_free_initial_speed_of_each_trial():
@@ -179,14 +188,14 @@ DIVERGING = [{"X_uabsu": 400.0}, {"X_u": 1e4, "X_uabsu": 0.0}, {"X_u": float("na
 @pytest.mark.parametrize("change", DIVERGING, ids=str)
 @pytest.mark.parametrize("gaps", [(), range(3, 58)], ids=["complete", "gaps"])
 def test_divergence_is_minus_infinity(change, gaps, colour):
-    found = log_likelihood([trial(gaps=gaps, channels=("u",))], {**COLOURED, **change}, ("u",), colour=colour)
+    found = log_likelihood([trial(gaps=gaps, channels=("u",))], {**COLOURED, **change}, ("u",), noise=colour)
     assert found == -np.inf
 
 
-@pytest.mark.parametrize("options", [{}, {"colour": "coloured"}, {"delay": True}, {"free_initial": True}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"noise": "coloured"}, {"delay": True}, {"free_initial": True}], ids=str)
 def test_batch_equals_loop(options):
     rng = np.random.default_rng(5)
-    likelihood, data = output_error(paper_model(), [trial(EVEN, gaps=(4, 5))], ("u", "udot"), [(U0,)], **options)
+    likelihood, data = made([trial(EVEN, gaps=(4, 5))], **options)
     values = {**COLOURED, "delay": 0.17, "u_0[trial]": 1.4}
     batch = {name: value * rng.uniform(0.9, 1.1, 6) for name, value in values.items()}
     together = jax.vmap(lambda v: evaluate(likelihood, v, data))(batch)
@@ -194,9 +203,9 @@ def test_batch_equals_loop(options):
     assert np.allclose(together, alone, rtol=1e-12)
 
 
-@pytest.mark.parametrize("options", [{}, {"colour": "coloured"}, {"delay": True}, {"free_initial": True}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"noise": "coloured"}, {"delay": True}, {"free_initial": True}], ids=str)
 def test_forward_derivatives(options):
-    likelihood, data = output_error(paper_model(), [trial(EVEN, gaps=(4, 5))], ("u", "udot"), [(U0,)], **options)
+    likelihood, data = made([trial(EVEN, gaps=(4, 5))], **options)
     values = {**COLOURED, **SHIFTED, "delay": 0.17, "u_0[trial]": 1.4}
     centre = jnp.array(list(values.values()))
     scaled = jax.jit(lambda r: likelihood(dict(zip(values, r * centre, strict=True)), data))
@@ -207,7 +216,7 @@ def test_forward_derivatives(options):
 
 @pytest.mark.parametrize("colour", ["white", "coloured"])
 def test_derivatives_where_it_diverges_are_finite(colour):
-    likelihood, data = output_error(paper_model(), [trial()], ("u",), [(U0,)], colour=colour)
+    likelihood, data = made([trial()], ("u",), noise=colour)
     value, slope = jax.jvp(lambda x: likelihood({**COLOURED, "X_uabsu": x}, data), (400.0,), (1.0,))
     assert value == -np.inf
     assert np.isfinite(slope)

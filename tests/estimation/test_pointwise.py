@@ -10,6 +10,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.pointwise import MAX_ENTRIES, pointwise_log_likelihood, thin_draws
 from seatrial.estimation.priors import Normal
+from seatrial.estimation.sensors import Sensor
 from tests.cases import TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import linear_gaussian, make_trial, naive_speed, posterior
 
@@ -17,7 +18,7 @@ NOISE = {"sigma_u": 0.05, "sigma_udot": 0.02}
 
 
 @cache
-def two_trials(**options):
+def two_trials(noise="white"):
     """Trials of different lengths and steps, both channels with gaps."""
     rng = np.random.default_rng(6)
     records, motions = [], []
@@ -30,8 +31,10 @@ def two_trials(**options):
         measured[rng.random(clean.shape) < 0.3] = np.nan
         records.append(make_trial(time, rev, label, u=measured[0], udot=measured[1]))
         motions.append((time, rev, measured))
-    likelihood, data = output_error(paper_model(), records, ["u", "udot"], [[U0], [U0]], **options)
-    priors = {name: Normal(value, 0.05 * abs(value)) for name, value in {**TRUTH, **NOISE}.items()}
+    sensors = [Sensor(channel, noise) for channel in ("u", "udot")]
+    likelihood, data = output_error(paper_model(), records, sensors, [[U0], [U0]])
+    named = {**TRUTH, **NOISE, **({"dof_u": 4.0, "dof_udot": 9.0} if noise == "heavy" else {})}
+    priors = {name: Normal(value, 0.05 * abs(value)) for name, value in named.items()}
     return posterior(priors, likelihood, data), motions
 
 
@@ -61,9 +64,10 @@ def assert_sums_to_the_log_likelihood(target, draws):
         assert np.allclose(table.sum(2), expected[:, :n], rtol=1e-11)
 
 
-def test_sum_is_the_log_likelihood():
+@pytest.mark.parametrize("noise", ["white", "heavy"])
+def test_sum_is_the_log_likelihood(noise):
     """More draws and fewer than are simulated at once."""
-    target, _ = two_trials()
+    target, _ = two_trials(noise)
     assert_sums_to_the_log_likelihood(target, some_draws(target, 2, 70))
 
 
@@ -96,7 +100,7 @@ def test_thinning(n, most, kept):
 
 
 def test_what_is_refused():
-    coloured, _ = two_trials(colour="coloured")
+    coloured, _ = two_trials(noise="coloured")
     with pytest.raises(InputError, match="coloured residuals"):
         pointwise_log_likelihood(coloured, np.zeros((1, 1, 5)))
     with pytest.raises(InputError, match="another likelihood"):

@@ -2,7 +2,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.simulation import delay_control, simulate_outputs
+from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.simulation import Simulator, delay_control
 from tests.cases import TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import naive_speed
 
@@ -12,7 +13,8 @@ CONTROL = 2 * np.pi * REV[:, None]
 
 
 def shown(step, delayed=False, **extra):
-    return simulate_outputs(paper_model(), ("udot", "u"), delayed, {**TRUTH, **extra}, jnp.array([U0]), CONTROL, step)
+    simulator = Simulator(paper_model(), (Sensor("udot"), Sensor("u")), delayed)
+    return simulator.outputs({**TRUTH, **extra}, jnp.array([U0]), (jnp.asarray(CONTROL[:, 0]),), jnp.asarray(step))
 
 
 def test_outputs_are_those_of_the_plain_loop():

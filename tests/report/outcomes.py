@@ -15,6 +15,8 @@ from seatrial.campaign.trials import Trials
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
+from seatrial.estimation.judgement import judge
+from seatrial.estimation.validation import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import select
@@ -69,6 +71,10 @@ path = "run.csv"
 time = { column = "t", unit = "s" }
 channels.u = { column = "u", unit = "m/s" }
 """
+METHODS = {
+    name: {"log_value": value, "std_error": 0.1, "joint_errors": apart}
+    for name, value, apart in (("importance", -3.0, 0.0), ("smc", -3.1, -0.7))
+}
 TRUE = {"X_tau_X": 0.0148, "X_u": -0.54, "X_uabsu": -3.5, "delay": 0.38, "sigma_u": 0.027, "sigma_udot": 2.6e-5}
 UNITS = {"delay": "s", "sigma_u": "m/s", "sigma_udot": "m/s^2"}
 LABELS = {"delay": r"t_{\mathrm{delay}}", "sigma_u": r"\sigma_{u}", "sigma_udot": r"\sigma_{\dot{u}}"}
@@ -82,16 +88,11 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     random = np.random.default_rng(5)
     trials = Trials(tuple(_record(label, random) for label in FITTED), (_record(HELD, random),), "key")
     estimates = tuple(_estimate(structure, random) for structure in campaign.structures)
-    evidences = [
-        Evidence(-3.0 * index, 0.1, "made up", {"spread": 0.2, "temperatures": [9, 9]})
-        for index in range(len(estimates))
-    ]
+    evidences = [Evidence(-3.0 * index, 0.1, "made up", {"methods": METHODS}) for index in range(len(estimates))]
     selection = select(campaign.structures, evidences, campaign.source.structure.optional)
     chosen, next_design = estimates[selection.chosen], _sweep(campaign, gain)
     fits = tuple(
-        Fit(record.label, record.label == HELD, channel, 0.4, 0.03, 0.7, 0.9, 0.1, 150)
-        for record in (*trials.fit, *trials.predict)
-        for channel in campaign.channels
+        _fit(record.label, channel) for record in (*trials.fit, *trials.predict) for channel in campaign.channels
     )
     summary = {
         "coefficients": [_row(chosen, name) for name in chosen.names],
@@ -113,6 +114,19 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         next_design,
         summary,
     )
+
+
+def _fit(label: str, channel: str) -> Fit:
+    """A poor prediction; of the second channel of the first record nothing was measured."""
+    held_back = label == HELD
+    if label == FITTED[0] and channel == "udot":
+        score = unscored(0, "nothing was measured")
+    else:
+        numbers = {"explained": 0.4, "nrmse": 0.2254, "rmse": 0.03, "crps": 0.02, "noise_share": 0.1}
+        shape = {"coverage_50": 0.3, "coverage": 0.7, "variance": 2.2, "pit": (0.1,) * 10, "pit_distance": 0.02}
+        score = Score(150, 20.0, **numbers, **shape, correlation=0.9, interval=0.1, white=1e-9)
+    verdict = judge(score, channel, held_back, False)
+    return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())
 
 
 def _record(label: str, random: np.random.Generator) -> Record:
@@ -156,8 +170,15 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         {
             "draws": (("chain", "draw", "parameter"), draws),
             **{name: ("parameter", column) for name, column in columns.items()},
+            "prior_value": (("parameter", "point"), truth[:, None] + np.abs(truth)[:, None] * np.linspace(-2, 2, 9)),
+            "prior_density": (("parameter", "point"), np.full((len(names), 9), 0.25) / np.abs(truth)[:, None]),
         },
-        coords={"parameter": names, "unit": ("parameter", unit), "label": ("parameter", label)},
+        coords={
+            "parameter": names,
+            "unit": ("parameter", unit),
+            "label": ("parameter", label),
+            "prior_kind": ("parameter", ["Uniform"] * len(names)),
+        },
         attrs={
             "acceptance": 0.23,
             "laplace_log_evidence": 1.0,

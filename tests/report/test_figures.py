@@ -16,7 +16,17 @@ from seatrial.report.figures.traces import coefficient_trace
 from seatrial.report.svg import draw_svg
 
 TIME = np.arange(400) * 0.1
-UNIFORM = PriorShape(-6.0, 0.0, -3.0, 1.7)
+
+
+def flat(lower, upper):
+    """A uniform prior as stored."""
+    value = np.linspace(lower, upper, 11)
+    return PriorShape(
+        lower, upper, 0.5 * (lower + upper), (upper - lower) / 12**0.5, False, value, np.full(11, 1 / (upper - lower))
+    )
+
+
+UNIFORM = flat(-6.0, 0.0)
 
 
 def labels_of(axes) -> list[str]:
@@ -109,7 +119,7 @@ def test_a_posterior_shows_prior_interval_and_truth_and_pulls_out_powers_of_ten(
         draws,
         "$T_{n|n|}$",
         "kg m/rad^2",
-        prior=PriorShape(2e-4, 12e-4, 7e-4, 3e-4),
+        prior=flat(2e-4, 12e-4),
         interval=(5.8e-4, 6.2e-4),
         normal=(6e-4, 1e-5),
         truth=6.3e-4,
@@ -120,18 +130,15 @@ def test_a_posterior_shows_prior_interval_and_truth_and_pulls_out_powers_of_ten(
     assert axes.get_xlim()[0] < 6.3 < axes.get_xlim()[1]
 
 
-def test_a_prior_says_by_its_bounds_and_mean_of_what_kind_it_is():
+def test_a_prior_is_drawn_between_its_points_and_ends_at_its_bounds():
     assert UNIFORM.is_bounded
-    assert not UNIFORM.is_logarithmic
     np.testing.assert_allclose(UNIFORM.density(np.array([-7.0, -3.0, 1.0])), [0.0, 1 / 6, 0.0])
-    normal = PriorShape(-np.inf, np.inf, 0.0, 2.0)
-    assert not normal.is_bounded
-    assert normal.density(np.zeros(1))[0] == pytest.approx(0.19947, abs=1e-4)
-    logarithmic = PriorShape(0.01, 1.0, 0.99 / np.log(100.0), 0.2)
-    assert logarithmic.is_logarithmic
-    x = np.linspace(0.01, 1.0, 20001)
-    assert np.trapezoid(logarithmic.density(x), x) == pytest.approx(1.0, abs=1e-3)
-    assert logarithmic.density(np.array([0.0, 2.0])).tolist() == [0.0, 0.0]
+    value = np.linspace(0.0, 8.0, 200)
+    half = PriorShape(0.0, np.inf, 1.6, 1.2, False, value, 0.4 * np.exp(-0.125 * value**2))
+    assert not half.is_bounded
+    assert half.density(np.array([-1.0, 2.0, 9.0])) == pytest.approx(
+        [0.0, 0.4 * np.exp(-0.5), 0.4 * np.exp(-8.0)], abs=1e-3
+    )
 
 
 def test_a_pair_and_all_correlations_are_drawn():

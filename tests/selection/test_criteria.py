@@ -10,7 +10,8 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.priors import Uniform
-from seatrial.sampling.adaptive_metropolis import MetropolisSettings, sample_adaptive_metropolis
+from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
+from seatrial.sampling.run import ChainSettings
 from seatrial.selection.criteria import (
     Estimated,
     PredictiveCriterion,
@@ -200,7 +201,7 @@ def golden():
             jnp.asarray(mode.z)
             + jax.random.normal(jax.random.key(1), (32, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
         )
-        settings = MetropolisSettings(draws=4000)
+        settings = ChainSettings(draws=4000)
         z = sample_adaptive_metropolis(target, starts, jnp.asarray(mode.cov), jax.random.key(3), settings).z
         draws = np.asarray(target.constrain(jnp.asarray(z)))
         table = pointwise_log_likelihood(target, thin_draws(draws, 2000))

@@ -1,4 +1,4 @@
-"""The command line: `seatrial init | design | simulate | import | estimate | select | tuning | report | run | paper`."""
+"""The command line: `seatrial init | prior | design | simulate | import | estimate | select | tuning | report | run | paper`."""
 
 import os
 import signal
@@ -57,6 +57,23 @@ def init(
     from seatrial.campaign.templates import init_campaign
 
     typer.echo(f"wrote {init_campaign(folder, template)}; edit it, then: seatrial run {folder}")
+
+
+@app.command()
+def prior(folder: Folder, quiet: Quiet = False) -> None:
+    """Show what the priors mean in metres per second, before any data are used."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.prior_predictive import predict_from_prior
+        from seatrial.campaign.prior_words import prior_alarms, prior_cautions, prior_lines
+        from seatrial.report.prior_picture import write_prior_picture
+
+        found = predict_from_prior(campaign, watch)
+        typer.echo("\n".join(prior_lines(found)))
+        typer.echo(f"picture: {write_prior_picture(campaign, found)}")
+        return _finish(prior_alarms(found), prior_cautions(found))
+
+    _with_campaign(folder, quiet, work)
 
 
 @app.command()
@@ -165,6 +182,33 @@ def tuning(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo("\n".join(check.lines()))
         typer.echo(WHERE)
         return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
+
+    _with_campaign(folder, quiet, work)
+
+
+@app.command()
+def calibrate(
+    folder: Folder,
+    replicates: Annotated[
+        int, typer.Option(min=20, max=100_000, help="How many truths are drawn and found again.")
+    ] = 400,
+    method: Annotated[
+        str,
+        typer.Option(help="adaptive-metropolis, metropolis, de-metropolis, nuts or tempered-smc."),
+    ] = "adaptive-metropolis",
+    quiet: Quiet = False,
+) -> None:
+    """Check that stated uncertainty is right: truths from the priors, data from them, and their ranks in the posteriors."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.calibrate import calibrate as run_calibration
+        from seatrial.campaign.trials import get_trials
+        from seatrial.report.calibration_picture import write_calibration_picture
+
+        found = run_calibration(campaign, get_trials(campaign, watch), replicates, method, watch)
+        typer.echo("\n".join(found.lines()))
+        typer.echo(f"picture: {write_calibration_picture(campaign, found)}")
+        return Exit.ALARMS if found.calibration.outside() else Exit.OK
 
     _with_campaign(folder, quiet, work)
 

@@ -19,9 +19,13 @@ from seatrial.campaign.store import (
 )
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.target import Progress
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
+from seatrial.selection.agreement import SMALL, judge
 from seatrial.selection.evidence import Evidence, combine_runs
+from seatrial.selection.importance import importance_evidence
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select
 
@@ -63,10 +67,25 @@ def evidence_key(campaign: Campaign, structure: Structure, trials: Trials) -> st
 
 
 def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str, progress: Progress) -> Evidence:
-    table = campaign.source.selection
-    settings = SMCSettings(particles=table.particles)
+    """By importance sampling about the mode, checked by tempered SMC from the prior: they share no code."""
     posterior = build_posterior(campaign, structure, trials.fit)
-    runs = []
+    runs = _smc_runs(campaign, structure, posterior, key, progress)
+    evidences, failed = {"smc": combine_runs(runs)}, {}
+    if posterior.dim <= SMALL:
+        try:
+            weighed = importance_evidence(posterior, random_key(campaign, f"importance {structure.terms}"))
+            evidences = {"importance": weighed} | evidences
+        except NumericalError as error:
+            failed["importance"] = str(error)
+    return judge(evidences, failed)
+
+
+def _smc_runs(
+    campaign: Campaign, structure: Structure, posterior: Posterior, key: str, progress: Progress
+) -> list[SMCResult]:
+    """Independent repeats, each kept on disk until the selection is written."""
+    table, runs = campaign.source.selection, []
+    settings = SMCSettings(particles=table.particles)
     for repeat in range(table.repeats):
         checkpoint = Store(campaign.folder).checkpoint(f"evidence-{structure.label}-{repeat}")
         stored = load_checkpoint(checkpoint, key)
@@ -82,7 +101,7 @@ def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str
             run = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
         runs.append(run)
         progress(repeat + 1, table.repeats)
-    return combine_runs(runs)
+    return runs
 
 
 def structure_rows(selection: Selection) -> list[dict[str, Any]]:

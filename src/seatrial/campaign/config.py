@@ -13,8 +13,9 @@ from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.sweep import DoubletFamily
-from seatrial.estimation.output_error import noise_name
 from seatrial.estimation.priors import Prior, Uniform
+from seatrial.estimation.sensors import Sensor, bias_name, noise_name
+from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure, all_structures
 from seatrial.vehicles.catalogue import catalogue_vehicle
@@ -104,6 +105,21 @@ class Campaign:
                 )
         return tuple(self.source.sensors)
 
+    @cached_property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """Measured channels with what is unknown about them."""
+        shared = self.source.estimation.residuals
+        return tuple(
+            Sensor(channel, table.residuals or shared, table.bias != "none", table.lag, table.over == "ground")
+            for channel, table in ((channel, self.source.sensors[channel]) for channel in self.channels)
+        )
+
+    @cached_property
+    def own(self) -> tuple[str, ...]:
+        """Names of the unknowns of which every trial has its own."""
+        biases = [bias_name(channel) for channel in self.channels if self.source.sensors[channel].bias == "own"]
+        return tuple(biases + [CURRENT] * (self.source.estimation.current == "own"))
+
     def noise(self, channel: str) -> float:
         """Nominal noise of a sensor, SI."""
         value = self.si(self.source.sensors[channel].noise, signal_unit(channel), f"sensors.{channel}.noise")
@@ -153,7 +169,7 @@ class Campaign:
         """Prior of a coefficient or nuisance, SI.
 
         Raises:
-            InputError: no prior under that name, missing or inconsistent numbers.
+            InputError: no prior under that name, missing or inconsistent numbers, or none that are physical where `physical` is set.
         """
         table = self.source.prior.get(name)
         if table is None:
@@ -163,7 +179,8 @@ class Campaign:
                 expected=f"a prior of {name}, SI unit {unit}",
                 remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper',
             )
-        return read_prior(table, unit, self.where(f"prior.{name}"))
+        inertia = 1.0 if self.hull.mass is None else self.hull.mass
+        return read_prior(table, unit, self.where(f"prior.{name}"), name=name, inertia=inertia)
 
     def noise_prior(self, channel: str) -> Prior:
         """Prior of a channel's noise: as given, else uniform up to five times the nominal noise."""

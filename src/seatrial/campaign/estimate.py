@@ -1,7 +1,7 @@
-"""Estimation of every candidate structure: mode, adaptive Metropolis with checkpoints, health in words, filter traces."""
+"""Estimation of every candidate structure: mode, chains with checkpoints, health in words."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,23 +17,27 @@ from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
 from seatrial.core.dataset_file import open_dataset
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.adaptive_metropolis import (
-    BLOCK,
-    ChainState,
-    MetropolisSettings,
-    Run,
-    advance_chains,
-    finish,
-    is_finished,
-    start_chains,
-)
 from seatrial.sampling.diagnostics import complaints, diagnose
-from seatrial.sampling.target import Progress, log_densities
+from seatrial.sampling.run import (
+    BLOCK,
+    ChainSettings,
+    Draws,
+    Run,
+    arrays_of_run,
+    complaints_of_draws,
+    is_finished,
+    run_from_arrays,
+)
+from seatrial.sampling.sampler import SAMPLERS
+from seatrial.sampling.target import Progress
 from seatrial.selection.structures import Structure
 
 CHECKPOINT_EVERY = 5
+CURVE = 241
+"""Points of a prior's density."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +115,8 @@ def _estimate(campaign: Campaign, structure: Structure, trials: Trials, progress
         mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
         check_prior_contains_data(posterior, mode, str(campaign.path))
         run = _sample(campaign, structure, posterior, mode, key, progress)
-        write_dataset(path, _dataset(posterior, mode, run), key)
+        draws = SAMPLERS[campaign.source.estimation.sampler].finish(run)
+        write_dataset(path, _dataset(posterior, mode, draws, campaign.hull.trim), key)
         store.checkpoint(f"posterior-{structure.label}").unlink(missing_ok=True)
     return Estimate(structure, open_dataset(path))
 
@@ -120,55 +125,32 @@ def _sample(
     campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode, key: str, progress: Progress
 ) -> Run:
     table = campaign.source.estimation
-    settings = MetropolisSettings(table.chains, table.warmup, table.draws, table.thin)
+    sampler = SAMPLERS[table.sampler]
+    settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
     draw_key = random_key(campaign, f"chains {structure.terms}")
     checkpoint = Store(campaign.folder).checkpoint(f"posterior-{structure.label}")
     stored = load_checkpoint(checkpoint, key)
-    run = (
-        _restore(stored)
-        if stored is not None
-        else start_chains(posterior, _starts(posterior, mode, settings.chains, draw_key), jnp.asarray(mode.cov))
-    )
+    if stored is None:
+        starts = spread_starts(posterior, mode, settings.chains, jax.random.fold_in(draw_key, 2**31))
+        run = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
+    else:
+        run = run_from_arrays(sampler.State, stored)
     total = settings.warmup + settings.draws
     while not is_finished(run, settings):
-        run = advance_chains(posterior, run, draw_key, settings)
+        run = sampler.advance_chains(posterior, run, draw_key, settings)
         progress(run.iteration, total)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
-            save_checkpoint(
-                checkpoint,
-                key,
-                {
-                    **run.state._asdict(),
-                    "iteration": run.iteration,
-                    "draws": run.z,
-                    "log_densities": run.log_density,
-                    "acceptance": run.acceptance,
-                },
-            )
+            save_checkpoint(checkpoint, key, arrays_of_run(run))
     return run
 
 
-def _starts(posterior: Posterior, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
-    """Positions spread 1.5 times as wide as the normal approximation, so that R-hat can see chains that do not meet."""
-    noise = jax.random.normal(jax.random.fold_in(key, 2**31), (chains, posterior.dim))
-    starts = jnp.asarray(mode.z) + 1.5 * noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
-    finite = jnp.isfinite(log_densities(posterior, starts))
-    return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
-
-
-def _restore(stored: dict[str, np.ndarray]) -> Run:
-    state = ChainState(*(jnp.asarray(stored[name]) for name in ChainState._fields))
-    return Run(state, int(stored["iteration"]), stored["draws"], stored["log_densities"], stored["acceptance"])
-
-
-def _dataset(posterior: Posterior, mode: Mode, run: Run) -> xr.Dataset:
-    draws = finish(run)
+def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, float]) -> xr.Dataset:
     values = np.asarray(posterior.constrain(jnp.asarray(draws.z)))
     health = diagnose(values)
     parameters = posterior.parameters
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     sd = values.std(axis=(0, 1))
-    cautions = information_complaints(posterior, mode, values.reshape(-1, posterior.dim))
+    cautions = information_complaints(posterior, mode, values.reshape(-1, posterior.dim), at)
     per_parameter = {
         "mode": mode.values,
         "laplace_sd": mode.sd,
@@ -189,16 +171,34 @@ def _dataset(posterior: Posterior, mode: Mode, run: Run) -> xr.Dataset:
             "draws": (("chain", "draw", "parameter"), values),
             "log_density": (("chain", "draw"), draws.log_density),
             **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()},
+            **prior_curves(posterior),
         },
         coords={
             "parameter": list(posterior.names),
             "unit": ("parameter", [p.unit for p in parameters]),
             "label": ("parameter", [p.label for p in parameters]),
+            "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
         },
         attrs={
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
-            "alarms": json.dumps(complaints(posterior.names, health)),
+            "alarms": json.dumps(complaints(posterior.names, health) + complaints_of_draws(draws)),
             "cautions": json.dumps(cautions),
         },
     )
+
+
+def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
+    """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
+    z = jnp.broadcast_to(jnp.linspace(-4.0, 4.0, CURVE)[:, None], (CURVE, posterior.dim))
+    values, slopes = (
+        np.asarray(x).T for x in jax.jit(jax.jvp, static_argnums=0)(posterior.constrain, (z,), (jnp.ones_like(z),))
+    )
+    log_density = np.stack([np.asarray(p.prior.log_density(z[:, i])) for i, p in enumerate(posterior.parameters)])
+    density = np.exp(log_density) / np.abs(slopes)
+    order = np.argsort(values, axis=1)
+    across = ("parameter", "point")
+    return {
+        "prior_value": (across, np.take_along_axis(values, order, 1)),
+        "prior_density": (across, np.take_along_axis(density, order, 1)),
+    }

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 from seatrial.campaign.config import FILE_NAME, Campaign
+from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
 from seatrial.campaign.toml_file import read_toml
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
-from seatrial.estimation.output_error import correlation_name, noise_name
 from seatrial.estimation.priors import Uniform
+from seatrial.estimation.sensors import correlation_name
 
 
 def load_campaign(folder: Path | str) -> Campaign:
@@ -39,12 +40,8 @@ def _check(campaign: Campaign) -> None:
     names = {term.text for term in model.coefficients}
     for name in names:
         campaign.prior(name, model.unit_of(CoefficientName.parse(name)))
-    nuisances = {noise_name(channel) for channel in campaign.channels}
-    if campaign.source.estimation.residuals == "coloured":
-        for channel in campaign.channels:
-            nuisances.add(correlation_name(channel))
-            campaign.prior(correlation_name(channel), "s")
-    allowed = names | nuisances | {"delay"}
+    unknown = nuisances(campaign, model)
+    allowed = names | {nuisance.name for nuisance in unknown} | {"delay"}
     for name in campaign.source.prior:
         if name not in allowed:
             raise InputError(
@@ -58,18 +55,19 @@ def _check(campaign: Campaign) -> None:
     if campaign.has_delay and not isinstance(campaign.prior("delay", "s"), Uniform):
         raise InputError(
             campaign.where("prior.delay"),
-            found="a normal prior",
+            found=f"a {type(campaign.prior('delay', 's')).__name__} prior",
             expected="a uniform prior from 0 s",
             remedy="give lower and upper",
         )
     for channel in campaign.channels:
         campaign.noise(channel)
-        if campaign.noise_prior(channel).bounds[0] < 0:
+    for nuisance in unknown:
+        if not nuisance.signed and nuisance.prior.bounds[0] < 0:
             raise InputError(
-                campaign.where(f"prior.{noise_name(channel)}"),
+                campaign.where(f"prior.{nuisance.name}"),
                 found="a support that reaches below 0",
-                expected="a uniform prior from 0 up",
-                remedy="give lower = 0 and upper",
+                expected="a prior from 0 up",
+                remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
             )
     _ = campaign.family, campaign.grid(), campaign.limits()
     _check_source(campaign, names)

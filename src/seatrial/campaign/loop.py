@@ -83,12 +83,11 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
 def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
-    coloured = campaign.source.estimation.residuals == "coloured"
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
     alarms += selection.alarms
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [text for record in records for text in record_cautions(record)]
-    cautions += [*chosen.cautions, *fit_complaints(outcome.fits, coloured), *filter_complaints(outcome.filter)]
+    cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
     return {
         "name": campaign.source.campaign.name,
         "chosen": chosen.structure.label,

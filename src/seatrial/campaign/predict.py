@@ -1,9 +1,10 @@
-"""How well the estimated vehicle predicts records: those it was fitted to, and those held back."""
+"""How well the estimated vehicle predicts records, those it was fitted to and those held back, and whether that will do."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,44 +13,51 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import Estimate
-from seatrial.campaign.problem import initial_state
+from seatrial.campaign.problem import build_likelihood, build_parameters, first_sd, random_key
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.trials import Trials
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
-from seatrial.estimation.output_error import initial_name, noise_name
-from seatrial.estimation.simulation import simulate_outputs
-from seatrial.vehicles.model import VehicleModel
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.judgement import LEVELS, Level, Verdict, judge, worst
+from seatrial.estimation.output_error import OutputError, initial_name
+from seatrial.estimation.priors import Normal
+from seatrial.estimation.replicate import motions
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.validation import Score, score_channel
 
 N_DRAWS = 200
-Z90 = 1.6448536269514722
+ANY = "any"
+"""Label that stands for every record's."""
+MOST_NAMED = 6
+"""Trials that one sentence names."""
 
 
-@dataclass(frozen=True)
-class Fit:
-    """How one channel of one record is predicted in free simulation, from its inputs alone.
+@dataclass(frozen=True, kw_only=True)
+class Fit(Score):
+    """How one channel of one record is predicted in free simulation, from its inputs alone, and what that means.
 
     Attributes:
         record: label.
         held_back: whether the record was not used in the fit.
         channel: measured channel.
-        explained: share of the measured variance explained, 1 - SSE / SST; negative is worse than the record's own mean.
-        rmse: root mean square error, SI.
-        coverage: share of samples inside the 90 % predictive band.
-        correlation: autocorrelation of residuals one measured sample apart.
-        interval: median time between measured samples, s.
-        samples: number of measured samples.
+        level: pass, caution or fail.
+        about: what the verdict is about in a few words; empty for a pass.
+        reason: one sentence: what was found, what it means and what to do.
     """
 
     record: str
     held_back: bool
     channel: str
-    explained: float
-    rmse: float
-    coverage: float
-    correlation: float
-    interval: float
-    samples: int
+    level: Level
+    about: str
+    reason: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """Level, subject and reason."""
+        return Verdict(self.level, self.about, self.reason)
 
 
 def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], xr.Dataset]:
@@ -59,13 +67,13 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
     deviations of the motion (coefficients unknown) and of a measurement (noise added).
     """
     store = Store(campaign.folder)
-    key = key_of("predictions", estimate.key, trials.key)
+    key = key_of("predictions", [field.name for field in fields(Fit)], estimate.key, trials.key)
     if not is_current(store.predictions, key):
         records = [*trials.fit, *trials.predict]
         pieces = [_predict(campaign, estimate, record) for record in records]
-        columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0] if name != "noise"}
         fits = [
-            _fit(record, index >= len(trials.fit), channel, c, pieces[index])
+            _fit(estimate, record.label, index >= len(trials.fit), channel, c, pieces[index])
             for index, record in enumerate(records)
             for c, channel in enumerate(campaign.channels)
         ]
@@ -86,81 +94,93 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         )
         write_dataset(store.predictions, dataset, key)
     dataset = open_dataset(store.predictions)
-    return [Fit(**fit) for fit in json.loads(dataset.attrs["fits"])], dataset
+    return [Fit(**{**fit, "pit": tuple(fit["pit"])}) for fit in json.loads(dataset.attrs["fits"])], dataset
 
 
-def fit_complaints(fits: Sequence[Fit], coloured: bool) -> list[str]:
-    """What the residuals say about the model and its stated uncertainty, in words."""
+def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Verdict]:
+    """Verdict of each record, by its label: the gravest of its channels."""
+    return {
+        label: worst([fit.verdict for fit in fits if fit.record == label])
+        for label in dict.fromkeys(fit.record for fit in fits)
+    }
+
+
+def fit_complaints(fits: Sequence[Fit]) -> list[str]:
+    """What keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
+    groups: dict[tuple[str, str, bool, str], list[Fit]] = {}
+    for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
+        if fit.level != "pass":
+            groups.setdefault((fit.level, fit.about, fit.held_back, fit.channel), []).append(fit)
     said = []
-    fitted = [fit for fit in fits if not fit.held_back]
-    worst = max(fitted, key=lambda fit: abs(fit.correlation))
-    if not coloured and abs(worst.correlation) > 3.0 / np.sqrt(worst.samples) and abs(worst.correlation) > 0.1:
-        rho = min(abs(worst.correlation), 0.999)
-        said.append(
-            f"residuals of {worst.channel} are correlated ({worst.correlation:+.2f} over {worst.interval:.2g} s, "
-            f"run {worst.record}), which white noise is not: the stated standard deviations are "
-            f"too small, by a factor of about {np.sqrt((1 + rho) / (1 - rho)):.1f}; "
-            'set estimation.residuals = "coloured"'
-        )
-    said += [
-        f"held-back run {fit.record} is predicted poorly: {fit.explained:.0%} of the variance of {fit.channel} explained"
-        for fit in fits
-        if fit.held_back and fit.explained < 0.5
-    ]
+    for (_, _, held_back, _), (first, *others) in groups.items():
+        labels = [fit.record for fit in others[:MOST_NAMED]] + ["others"] * (len(others) > MOST_NAMED)
+        likewise = f"; likewise {', '.join(labels)}" if others else ""
+        said.append(f"{'held-back ' if held_back else ''}run {first.record}: {first.reason}{likewise}")
     return said
 
 
 def _predict(campaign: Campaign, estimate: Estimate, record: Record) -> dict[str, np.ndarray]:
+    """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
     model = campaign.model(estimate.structure)
     table = estimate.draws()
     table = table[:: max(1, table.shape[0] // N_DRAWS)][:N_DRAWS]
-    draws = dict(zip(estimate.names, table.T, strict=True))
-    names = [initial_name(state, record.label) for state in model.states]
-    initial = np.column_stack(
-        [
-            draws.get(name, np.full(table.shape[0], value))
-            for name, value in zip(names, initial_state(campaign, model, record), strict=True)
-        ]
-    )
-    outputs = np.asarray(
-        _outputs(model, campaign.channels, campaign.has_delay)(
-            {name: jnp.asarray(values) for name, values in draws.items() if name not in names},
-            jnp.asarray(initial),
-            jnp.asarray(np.column_stack([record.channel(name) for name in model.controls])),
-            jnp.asarray(record.step),
-        )
-    )
-    noise = np.column_stack([draws[noise_name(channel)] for channel in campaign.channels])
+    known = dict(zip(estimate.names, table.T, strict=True))
+    # Under one label for all records, so that records of one length share compiled code.
+    anonymous = replace(record, label=ANY)
+    likelihood, data = build_likelihood(campaign, model, [anonymous])
+    keys = jax.random.split(random_key(campaign, f"predict {record.label}"), 1 + len(table))
+    starts = {initial_name(state, ANY): first_sd(campaign, state) for state in model.states}
+    values = {}
+    for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
+        name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
+        if name in known:
+            values[parameter.name] = jnp.asarray(known[name])
+            continue
+        if parameter.name in starts:
+            prior = Normal(prior.mean, starts[parameter.name])
+        values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
+    outputs = np.asarray(_outputs(likelihood)(values, data, keys[1:]))
+    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensors])
+    noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)
     return {
         "time": record.time,
         "measured": np.column_stack([record.channel(channel) for channel in campaign.channels]),
         "mean": outputs.mean(axis=0),
         "motion_sd": motion,
-        "sd": np.sqrt(motion**2 + (noise**2).mean(axis=0)),
+        "sd": np.hypot(motion, noise),
+        "noise": noise,
     }
 
 
+def _noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
+    """Standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
+    sd = np.asarray(values[noise_name(sensor.channel)])
+    if sensor.noise != "heavy":
+        return sd
+    dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
+    return sd * np.sqrt(dof / (dof - 2.0))
+
+
 @lru_cache(maxsize=16)
-def _outputs(model: VehicleModel, channels: tuple[str, ...], delayed: bool):
-    one = partial(simulate_outputs, model, channels, delayed)
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, None, None)))
+def _outputs(likelihood: OutputError | FilterError):
+    @jax.jit
+    def of_draws(values: Mapping[str, Any], data: TrialData, keys: jax.Array) -> jax.Array:
+        return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys)
+
+    return of_draws
 
 
-def _fit(record: Record, held_back: bool, channel: str, column: int, piece: dict[str, np.ndarray]) -> Fit:
-    measured, mean, sd = (piece[name][:, column] for name in ("measured", "mean", "sd"))
-    present = np.isfinite(measured)
-    residual, time = (measured - mean)[present], piece["time"][present]
-    total = np.sum((measured[present] - measured[present].mean()) ** 2)
-    centred = residual - residual.mean()
-    return Fit(
-        record.label,
-        held_back,
-        channel,
-        float(1.0 - residual @ residual / total),
-        float(np.sqrt(np.mean(residual**2))),
-        float(np.mean(np.abs(residual) <= Z90 * sd[present])),
-        float(centred[1:] @ centred[:-1] / (centred @ centred)),
-        float(np.median(np.diff(time))),
-        int(present.sum()),
+def _fit(
+    estimate: Estimate, label: str, held_back: bool, channel: str, column: int, piece: dict[str, np.ndarray]
+) -> Fit:
+    tau = correlation_name(channel)
+    coloured = tau in estimate.names
+    score = score_channel(
+        piece["time"],
+        *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
+        noise_sd=float(piece["noise"][column]),
+        correlation_time=float(np.median(estimate.draws([tau]))) if coloured else None,
     )
+    verdict = judge(score, channel, held_back, coloured)
+    return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())

@@ -7,12 +7,15 @@ import jax
 import numpy as np
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.nuisances import deviations, nuisances, varying
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.core.signals import SIGNALS, signal_unit
-from seatrial.estimation.output_error import correlation_name, initial_name, noise_name, output_error
+from seatrial.core.signals import signal_unit
+from seatrial.estimation.filter_error import FilterError, filter_error
+from seatrial.estimation.output_error import OutputError, initial_name, output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal
+from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -26,52 +29,74 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     """Joint posterior of a structure's coefficients and nuisances given several trials.
 
     Raises:
-        InputError: a channel a record lacks, or a record whose first samples leave the initial state unknown.
+        InputError: a channel a record lacks, a record whose first samples leave the initial state unknown, or too few measurements.
     """
     model = campaign.model(structure)
-    settings = campaign.source.estimation
-    starts = [initial_state(campaign, model, record) for record in records]
-    estimated = settings.initial == "estimated"
+    parameters = build_parameters(campaign, model, records)
+    _check_enough(campaign, records, len(parameters))
+    return Posterior(parameters, *build_likelihood(campaign, model, records))
+
+
+def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> tuple[Parameter, ...]:
+    """Coefficients and nuisances with their priors, those of each trial under its label."""
+    labels, own = tuple(record.label for record in records), campaign.own
     parameters = [
         Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text, model.unit_of(term)))
         for term in model.coefficients
     ]
-    if campaign.has_delay:
-        parameters.append(Parameter("delay", "s", r"t_{\mathrm{delay}}", campaign.prior("delay", "s")))
-    for channel in campaign.channels:
-        parameters.append(
-            Parameter(
-                noise_name(channel),
-                signal_unit(channel),
-                rf"\sigma_{{{_channel_label(channel)}}}",
-                campaign.noise_prior(channel),
-            )
+    for nuisance in nuisances(campaign, model):
+        one_each = nuisance.name in own
+        parameters += [nuisance.of_trial(label) for label in labels] if one_each else [nuisance.parameter()]
+    parameters += deviations(varying(campaign, model), labels)
+    if _free_initial(campaign):
+        starts = [initial_state(campaign, model, record) for record in records]
+        parameters += _initial_states(campaign, model, labels, starts)
+    return tuple(parameters)
+
+
+def build_likelihood(
+    campaign: Campaign, model: VehicleModel, records: Sequence[Record]
+) -> tuple[OutputError | FilterError, TrialData]:
+    """Likelihood of several trials, and its data."""
+    table = campaign.source.estimation
+    starts = [initial_state(campaign, model, record) for record in records]
+    options = {
+        "delay": campaign.has_delay,
+        "current": table.current != "none",
+        "own": campaign.own,
+        "varying": varying(campaign, model),
+        "starts_over_ground": table.initial != "trim",
+    }
+    if table.likelihood == "filter-error":
+        spread = [first_sd(campaign, state) for state in model.states]
+        return filter_error(model, records, campaign.sensors, starts, spread, **options)
+    return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
+
+
+def first_sd(campaign: Campaign, state: str) -> float:
+    """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
+    return campaign.noise(state) if state in campaign.channels else 1.0
+
+
+def _free_initial(campaign: Campaign) -> bool:
+    """Whether initial states are parameters; a filter takes them as uncertain anyway."""
+    table = campaign.source.estimation
+    return table.initial == "estimated" and table.likelihood == "output-error"
+
+
+def _initial_states(
+    campaign: Campaign, model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
+) -> list[Parameter]:
+    return [
+        Parameter(
+            initial_name(state, label),
+            signal_unit(state),
+            rf"{state}_0[{label}]",
+            Normal(value, 5.0 * first_sd(campaign, state) if state in campaign.channels else 1.0),
         )
-        if settings.residuals == "coloured":
-            name = correlation_name(channel)
-            parameters.append(Parameter(name, "s", rf"\tau_{{{_channel_label(channel)}}}", campaign.prior(name, "s")))
-    if estimated:
-        for record, start in zip(records, starts, strict=True):
-            parameters += [
-                Parameter(
-                    initial_name(state, record.label),
-                    signal_unit(state),
-                    rf"{state}_0[{record.label}]",
-                    Normal(value, 5.0 * campaign.noise(state) if state in campaign.channels else 1.0),
-                )
-                for state, value in zip(model.states, start, strict=True)
-            ]
-    _check_enough(campaign, records, len(parameters))
-    likelihood, data = output_error(
-        model,
-        records,
-        campaign.channels,
-        starts,
-        colour=settings.residuals,
-        delay=campaign.has_delay,
-        free_initial=estimated,
-    )
-    return Posterior(tuple(parameters), likelihood, data)
+        for label, start in zip(labels, starts, strict=True)
+        for state, value in zip(model.states, start, strict=True)
+    ]
 
 
 def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) -> None:
@@ -107,7 +132,3 @@ def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tu
             )
         values.append(float(column[finite[0]]))
     return tuple(values)
-
-
-def _channel_label(channel: str) -> str:
-    return SIGNALS[channel].label if channel in SIGNALS else rf"\dot{{{channel.removesuffix('dot')}}}"

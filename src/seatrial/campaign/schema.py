@@ -39,21 +39,50 @@ class StructureTable(Table):
 
 
 class PriorTable(Table):
-    """`[prior.NAME]`: uniform or log-uniform between `lower` and `upper`, or normal by `mean` and `sd`; `unit` if not SI."""
+    """`[prior.NAME]`: what is believed before the trial; `unit` if the numbers are not SI.
 
-    distribution: Literal["uniform", "log-uniform", "normal"]
+    | distribution | numbers |
+    |---|---|
+    | uniform, log-uniform | `lower`, `upper` |
+    | normal | `mean`, `sd` |
+    | truncated-normal | `mean` and `sd` of the normal before it is cut, and `lower`, `upper` or both |
+    | half-normal | `scale`, and the bound it falls off from, `lower` or `upper`; 68 % lie within `scale` of it |
+    | log-normal | `median`, whose sign all values have, and `factor`; 68 % lie within that factor of the median |
+
+    `physical = true` cuts the prior to the side that physics allows: damping dissipates (`X_u` and `X_uabsu` below 0) and mass
+    plus added mass is positive (`X_udot` below the mass).
+    """
+
+    distribution: Literal["uniform", "log-uniform", "normal", "half-normal", "log-normal", "truncated-normal"]
     lower: float | None = None
     upper: float | None = None
     mean: float | None = None
     sd: float | None = None
+    scale: float | None = None
+    median: float | None = None
+    factor: float | None = None
     unit: str | None = None
+    physical: bool = False
+
+
+Residuals = Literal["white", "coloured", "heavy"]
+Scope = Literal["none", "shared", "own"]
+"""Whether something is unknown, and if so whether all trials share it or every one has its own."""
 
 
 class SensorTable(Table):
-    """`[sensors.CHANNEL]`: standard deviation of its noise, and its rate if lower than the sample rate."""
+    """`[sensors.CHANNEL]`: standard deviation of its noise, its rate if lower than the sample rate, and what is unknown about it.
+
+    `residuals` overrides that of `[estimation]`; `bias` is a constant error, `lag` a time constant, each with a prior of its own
+    (`[prior.bias_u]`, `[prior.lag_u]`); `over` says whether a speed is measured over ground or through the water.
+    """
 
     noise: Quantity
     rate: Quantity | None = None
+    residuals: Residuals | None = None
+    bias: Scope = "none"
+    lag: bool = False
+    over: Literal["ground", "water"] = "ground"
 
 
 class LimitsTable(Table):
@@ -131,10 +160,19 @@ class FilterTable(Table):
 
 
 class EstimationTable(Table):
-    """`[estimation]`: initial state, colour of the residuals, size of the chains."""
+    """`[estimation]`: likelihood, initial state, residuals, a current along the course, what varies between trials, size of the chains.
 
+    `filter-error` adds process noise, with a prior of each state's (`[prior.process_u]`, what it gains in one second). Residuals
+    are `white`, `coloured` (with `[prior.tau_u]`) or `heavy`-tailed. Coefficients under `varying` differ from trial to trial about
+    a common value, by a spread with a prior of its own (`[prior.spread_X_u]`).
+    """
+
+    likelihood: Literal["output-error", "filter-error"] = "output-error"
     initial: Literal["trim", "measured", "estimated"] = "trim"
-    residuals: Literal["white", "coloured"] = "white"
+    residuals: Residuals = "white"
+    current: Scope = "none"
+    varying: list[str] = []
+    sampler: Literal["adaptive-metropolis", "metropolis", "de-metropolis", "nuts"] = "adaptive-metropolis"
     chains: int = Field(default=32, ge=2, le=1024)
     warmup: int = Field(default=1000, ge=100, multiple_of=100)
     draws: int = Field(default=4000, ge=100, multiple_of=100)

@@ -46,6 +46,10 @@ class Store:
         """Filter traces."""
         return self.results / "filter.nc"
 
+    def calibration(self, method: str) -> Path:
+        """Ranks of a calibration by one method."""
+        return self.results / f"calibration-{method}.nc"
+
     @property
     def predictions(self) -> Path:
         """Fitted and predicted records."""

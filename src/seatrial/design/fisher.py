@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.estimation.simulation import simulate_outputs
+from seatrial.estimation.information import coefficient_information
 from seatrial.vehicles.model import VehicleModel
 
 
@@ -33,25 +33,16 @@ def fisher_information(
         start: state at the first sample.
         noise: standard deviation of each measured channel, SI.
     """
-    names = tuple(coefficient.text for coefficient in model.coefficients)
-    values = jnp.array([params[name] for name in names])
-    sds = jnp.array(list(noise.values()))
+    values = {coefficient.text: params[coefficient.text] for coefficient in model.coefficients}
     information = _information(model, tuple(noise))
+    sds = jnp.array(list(noise.values()))
     return np.asarray(information(values, jnp.asarray(control), sample_time, jnp.asarray(start, float), sds))
 
 
 @lru_cache(maxsize=16)
 def _information(model: VehicleModel, channels: tuple[str, ...]):
-    names = tuple(coefficient.text for coefficient in model.coefficients)
-
-    def one(values: Array, control: Array, sample_time: Array, start: Array, sds: Array) -> Array:
+    def one(values: dict, control: Array, sample_time: Array, start: Array, sds: Array) -> Array:
         step = jnp.full(control.shape[0], sample_time)
-
-        def outputs(values: Array) -> Array:
-            named = dict(zip(names, values, strict=True))
-            return simulate_outputs(model, channels, False, named, start, control, step) / sds
-
-        slopes = jax.jacfwd(outputs)(values).reshape(-1, len(names))
-        return slopes.T @ slopes
+        return coefficient_information(model, channels, values, control, step, start, sds)
 
     return jax.jit(jax.vmap(one, in_axes=(None, 0, None, None, None)))

@@ -14,7 +14,10 @@ from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.target import evaluate
+from seatrial.sampling.target import AT_ONCE, evaluate
+
+FLAT = 1e-2
+"""Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider than its prior."""
 
 
 class Mode(NamedTuple):
@@ -48,7 +51,8 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
         posterior: density to maximise.
         key: random key of the prior draws.
         starts: prior draws that are evaluated.
-        tries: of these, how many of the best are followed to their maximum.
+        tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
+            straight way to a maximum already found is not: it has nothing else to show.
 
     Raises:
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
@@ -60,8 +64,10 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges. "
             "Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    order = np.argsort(-densities)[:tries]
-    found = [_climb(posterior, candidates[i]) for i in order if np.isfinite(densities[i])]
+    found: list[tuple[np.ndarray, float]] = []
+    for i in np.argsort(-densities)[:tries]:
+        if np.isfinite(densities[i]) and not any(_rises(posterior, candidates[i], z) for z, _ in found):
+            found.append(_climb(posterior, candidates[i]))
     z, log_density = max(found, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
@@ -79,6 +85,12 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
         np.abs(slope) * np.sqrt(np.diag(cov)),
         flat,
     )
+
+
+def _rises(posterior: Posterior, start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether the density never falls on the straight way, looked at in as many places as are computed at once."""
+    way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
+    return bool((np.diff(evaluate(posterior, start + way * (end - start))) > 0).all())
 
 
 class _Expansion(NamedTuple):
@@ -140,6 +152,6 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
 def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Inverse, half its log-determinant, and whether a direction without curvature was given unit precision, the prior's order."""
     values, vectors = np.linalg.eigh(precision)
-    flat = bool((values <= 1e-6).any())
-    values = np.where(values <= 1e-6, 1.0, values)
+    flat = bool((values <= FLAT).any())
+    values = np.where(values <= FLAT, 1.0, values)
     return (vectors / values) @ vectors.T, -0.5 * float(np.log(values).sum()), flat

@@ -1,13 +1,16 @@
 """Output-error likelihood: the model is simulated without process noise and what the sensors show beside it is noise.
 
-White residuals: y_k = h(x_k) + s e_k, summed inside the time loop. Coloured residuals: an Ornstein-Uhlenbeck process of
-standard deviation s and correlation time tau, e_k given e_j before it being normal with mean rho e_j and variance
-s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau), which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996).
+White residuals: y_k = h(x_k) + s e_k, summed inside the time loop. Heavy-tailed: e_k of Student's t. Coloured: an
+Ornstein-Uhlenbeck process of standard deviation s and correlation time tau, e_k given e_j before it being normal with mean
+rho e_j and variance s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau), which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996).
+
+Trials fitted jointly share every parameter but those that are each trial's own (`bias_u[label]`), and those that vary about
+a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical model in which dev has the standard normal prior.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,13 +19,11 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.estimation.residuals import Coloured, White
-from seatrial.estimation.simulation import delay_control
+from seatrial.estimation.residuals import Coloured, Heavy, White
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.simulation import CURRENT, Simulator
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
-from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
-
-NoiseColour = Literal["white", "coloured"]
 
 
 @dataclass(frozen=True)
@@ -30,89 +31,113 @@ class OutputError:
     """What is simulated and how its residuals are modelled; hashable, so that compiled code is shared.
 
     Attributes:
-        model: vehicle.
-        channels: measured channels that enter the likelihood.
-        colour: colour of the residuals.
-        delay: whether a delay between command and action is a parameter (`delay`, s); needs a uniform time step.
+        simulator: vehicle and sensors.
         complete: for each channel, whether every sample of every trial is present.
-        labels: trial labels; a trial whose initial state is estimated has parameters `u_0[label]`.
-        free_initial: whether initial states are estimated.
+        labels: trial labels.
+        free_initial: whether initial states are estimated, as parameters `u_0[label]`.
+        own: names of which every trial has its own, as parameters `name[label]`.
+        varying: names that vary between trials, by parameters `spread_name` and `dev_name[label]`.
+        starts_over_ground: whether initial speeds are over ground, so that the current is taken off them.
     """
 
-    model: VehicleModel
-    channels: tuple[str, ...]
-    colour: NoiseColour
-    delay: bool
+    simulator: Simulator
     complete: tuple[bool, ...]
     labels: tuple[str, ...]
-    free_initial: bool
+    free_initial: bool = False
+    own: tuple[str, ...] = ()
+    varying: tuple[str, ...] = ()
+    starts_over_ground: bool = False
+
+    @property
+    def model(self) -> VehicleModel:
+        """Vehicle."""
+        return self.simulator.model
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Measured channels."""
+        return tuple(sensor.channel for sensor in self.simulator.sensors)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether residuals are white and nothing but coefficients and noise is unknown."""
+        plain = (Sensor(channel) for channel in self.channels)
+        return self == OutputError(Simulator(self.model, tuple(plain)), self.complete, self.labels)
+
+    @property
+    def independent(self) -> bool:
+        """Whether measurements are independent given the parameters."""
+        return all(sensor.noise != "coloured" for sensor in self.simulator.sensors)
 
     def __call__(self, values: dict[str, Any], data: TrialData) -> Any:
         """Log-likelihood of all trials; -inf where the simulation diverges."""
 
-        def add(total: Array, trial: tuple[TrialData, Array]) -> tuple[Array, None]:
-            return total + self._trial(values, *trial), None
+        def add(total: Array, trial: tuple) -> tuple[Array, None]:
+            return total + self._trial({**values, **trial[0]}, *trial[1:]), None
 
-        trials = (data, self.starts(values, data))
+        trials = (self.apart(values), data, self.starts(values, data))
         if len(self.labels) == 1:
-            total = self._trial(values, *jax.tree.map(lambda x: x[0], trials))
+            total, _ = add(jnp.zeros(()), jax.tree.map(lambda x: x[0], trials))
         else:
             total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def starts(self, values: dict[str, Any], data: TrialData) -> Float[Array, "trials n_states"]:
-        """Initial states."""
-        if not self.free_initial:
-            return data.initial
-        starts = [[values[initial_name(state, label)] for state in self.model.states] for label in self.labels]
-        return jnp.asarray(starts, float)
+    def apart(self, values: Mapping[str, Any]) -> dict[str, Float[Array, " trials"]]:
+        """Values that differ between trials, by name."""
+        own = {name: jnp.stack([values[own_name(name, label)] for label in self.labels]) for name in self.own}
+        return own | {
+            name: values.get(name, 0.0)
+            + values[spread_name(name)] * jnp.stack([values[deviation_name(name, label)] for label in self.labels])
+            for name in self.varying
+        }
+
+    def starts(self, values: Mapping[str, Any], data: TrialData) -> Float[Array, "trials n_states"]:
+        """Initial states, their `u` through the water."""
+        starts = data.initial
+        if self.free_initial:
+            starts = jnp.asarray(
+                [[values[initial_name(state, label)] for state in self.model.states] for label in self.labels], float
+            )
+        if not (self.simulator.current and self.starts_over_ground):
+            return starts
+        apart = self.apart(values)
+        current = apart[CURRENT] if CURRENT in apart else values[CURRENT]
+        return starts.at[:, self.model.states.index("u")].add(-current)
+
+    def noise(self, values: Mapping[str, Any], sensor: Sensor, data: ChannelData) -> White | Heavy | Coloured:
+        """Model of one channel's residuals under these parameters."""
+        sd = values[noise_name(sensor.channel)]
+        if sensor.noise == "white":
+            return White(sd, data.counts)
+        if sensor.noise == "heavy":
+            return Heavy(sd, values[dof_name(sensor.channel)], data.counts)
+        memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
+        return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
-        """One time loop that simulates and sums the squares of what is new in each residual, and keeps nothing else."""
-        params = {name.text: values[name.text] for name in self.model.coefficients}
+        """One time loop that simulates and sums what is new in each residual, and keeps nothing else."""
         noises = [
-            self._noise(values, name, channel) for name, channel in zip(self.channels, trial.channels, strict=True)
+            self.noise(values, sensor, data)
+            for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
         ]
 
         def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-            state, sums = carry
-            held, channels, step = sample
+            motion, sums = carry
+            inputs, channels = sample
+            motion, shown = self.simulator.advance(values, motion, inputs)
             sums = tuple(
-                noise.absorb(total, y - self.model.output(name, params, state, held), present, kind, complete)
-                for noise, total, name, (y, present, kind), complete in zip(
-                    noises, sums, self.channels, channels, self.complete, strict=True
+                noise.absorb(total, y - x, present, kind, complete)
+                for noise, total, x, (y, present, kind), complete in zip(
+                    noises, sums, shown, channels, self.complete, strict=True
                 )
             )
-            return (rk4_step(lambda x: self.model.derivative(params, x, held), state, step), sums), None
+            return (motion, sums), None
 
-        sampled = tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
-        begin = tuple(start[i] for i in range(start.shape[0])), tuple(noise.empty() for noise in noises)
-        (_, sums), _ = jax.lax.scan(advance, begin, (self._control(values, trial), sampled, trial.step))
+        measured = tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
+        begin = self.simulator.begin(start), tuple(noise.empty() for noise in noises)
+        samples = (self.simulator.samples(values, trial.control, trial.step), measured)
+        (_, sums), _ = jax.lax.scan(advance, begin, samples)
         return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
-
-    def _control(self, values: dict[str, Any], trial: TrialData) -> tuple:
-        """Controls as they act."""
-        if not self.delay:
-            return trial.control
-        return tuple(delay_control(column, values["delay"] / trial.step[0]) for column in trial.control)
-
-    def _noise(self, values: dict[str, Any], name: str, channel: ChannelData) -> White | Coloured:
-        """Model of one channel's residuals under these parameters."""
-        sd = values[noise_name(name)]
-        if self.colour == "white":
-            return White(sd, channel.counts)
-        memory = jnp.exp(-channel.gaps / values[correlation_name(name)])
-        return Coloured(sd, channel.counts, memory, 1.0 / (1.0 - memory * memory))
-
-
-def noise_name(channel: str) -> str:
-    """Parameter name of a channel's noise standard deviation."""
-    return f"sigma_{channel}"
-
-
-def correlation_name(channel: str) -> str:
-    """Parameter name of the correlation time of a channel's residuals, s."""
-    return f"tau_{channel}"
 
 
 def initial_name(state: str, label: str) -> str:
@@ -120,30 +145,53 @@ def initial_name(state: str, label: str) -> str:
     return f"{state}_0[{label}]"
 
 
+def own_name(name: str, label: str) -> str:
+    """Parameter name of what is a trial's own."""
+    return f"{name}[{label}]"
+
+
+def spread_name(name: str) -> str:
+    """Parameter name of the standard deviation by which a value varies between trials."""
+    return f"spread_{name}"
+
+
+def deviation_name(name: str, label: str) -> str:
+    """Parameter name of a trial's deviation, in units of that spread."""
+    return f"dev_{name}[{label}]"
+
+
 def output_error(
     model: VehicleModel,
     records: Sequence[Record],
-    channels: Sequence[str],
+    sensors: Sequence[Sensor | str],
     initial: Sequence[Sequence[float]],
     *,
-    colour: NoiseColour = "white",
     delay: bool = False,
+    current: bool = False,
     free_initial: bool = False,
+    own: Sequence[str] = (),
+    varying: Sequence[str] = (),
+    starts_over_ground: bool = False,
 ) -> tuple[OutputError, TrialData]:
     """Likelihood of several trials fitted jointly, and its data.
 
     Args:
         model: vehicle.
         records: trials.
-        channels: measured channels to use.
+        sensors: measured channels to use; a name alone stands for a sensor with white noise.
         initial: state at the first sample of each trial; ignored where `free_initial`.
-        colour: colour of the residuals.
         delay: whether the delay between command and action is a parameter.
+        current: whether a constant current along the course is a parameter.
         free_initial: estimate each trial's initial state.
+        own: names of which every trial has its own.
+        varying: names that vary between trials about a common value.
+        starts_over_ground: whether initial speeds are over ground.
 
     Raises:
-        InputError: a missing channel, trials of the same label, or a delay with a time step that varies.
+        InputError: a missing channel, trials of the same label, a delay with a time step that varies, a current that nothing
+            tells from a bias, or a model without surge.
     """
+    chosen = tuple(Sensor(sensor) if isinstance(sensor, str) else sensor for sensor in sensors)
     labels = tuple(record.label for record in records)
     if len(set(labels)) < len(labels):
         raise InputError(
@@ -152,15 +200,45 @@ def output_error(
             expected="a label of its own for each trial",
             remedy="rename the records: initial states are told apart by these labels",
         )
-    data = stack_trials(records, model, channels, initial)
+    data = stack_trials(records, model, [sensor.channel for sensor in chosen], initial)
     for record in records if delay else ():
-        step = np.diff(record.time)
-        if np.ptp(step) > 1e-6 * step[0]:
-            raise InputError(
-                f'record "{record.label}"',
-                found=f"time steps from {step.min():g} to {step.max():g} s",
-                expected="a uniform step, since the delay is a parameter",
-                remedy="import the record with a fixed `step`, or estimate without `delay`",
-            )
+        check_even(record)
+    if current:
+        _check_current(model, chosen)
     complete = tuple(bool(channel.present.all()) for channel in data.channels)
-    return OutputError(model, tuple(channels), colour, delay, complete, labels, free_initial), data
+    simulator = Simulator(model, chosen, delay, current)
+    return OutputError(simulator, complete, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
+
+
+def check_even(record: Record) -> None:
+    """Refuse a record whose time step varies.
+
+    Raises:
+        InputError: it does.
+    """
+    step = np.diff(record.time)
+    if np.ptp(step) > 1e-6 * step[0]:
+        raise InputError(
+            f'record "{record.label}"',
+            found=f"time steps from {step.min():g} to {step.max():g} s",
+            expected="a uniform step, since the delay is a parameter",
+            remedy="import the record with a fixed `step`, or estimate without `delay`",
+        )
+
+
+def _check_current(model: VehicleModel, sensors: Sequence[Sensor]) -> None:
+    shown = [sensor for sensor in sensors if sensor.channel == "u" and sensor.over_ground]
+    if "u" not in model.states or not shown:
+        raise InputError(
+            "parameter current",
+            found="no speed over ground among the channels",
+            expected="a sensor of u over ground, such as a Doppler log with bottom track",
+            remedy="estimate without a current: nothing measured shows it",
+        )
+    if any(sensor.bias for sensor in shown):
+        raise InputError(
+            "parameter current",
+            found="a bias of u over ground as well",
+            expected="one of the two: a constant current and a constant error of the speed look alike",
+            remedy="leave out the bias, or the current",
+        )

@@ -1,4 +1,4 @@
-"""Log density of every single measurement under every draw, log N(y_k; h(x_k), s^2): what cross-validation of the fit is made of."""
+"""Log density of every single measurement under every draw, log p(y_k | h(x_k)): what cross-validation of the fit is made of."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -10,10 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.output_error import OutputError, noise_name
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.residuals import LOG_2PI
-from seatrial.estimation.simulation import simulate_outputs
 from seatrial.estimation.trial_data import TrialData
 
 MAX_ENTRIES = 60_000_000
@@ -42,11 +40,11 @@ def pointwise_log_likelihood(
         InputError: another likelihood, coloured residuals, whose measurements are not independent, or a table beyond 0.5 GB.
     """
     likelihood = posterior.likelihood
-    if not isinstance(likelihood, OutputError) or likelihood.colour != "white":
+    if not isinstance(likelihood, OutputError) or not likelihood.independent:
         raise InputError(
             "pointwise log-likelihood",
-            found=f"{likelihood.colour} residuals" if isinstance(likelihood, OutputError) else "another likelihood",
-            expected="an output-error likelihood with white residuals, under which measurements are independent",
+            found="coloured residuals" if isinstance(likelihood, OutputError) else "another likelihood",
+            expected="an output-error likelihood under which measurements are independent: white or heavy-tailed residuals",
             remedy="compare evidences instead, or estimate with white residuals",
         )
     data: TrialData = posterior.data
@@ -78,15 +76,19 @@ def _densities(likelihood: OutputError, values: dict[str, Array], data: TrialDat
 
 
 def _of_one_draw(likelihood: OutputError, values: Mapping[str, Any], data: TrialData) -> Float[Array, "trials m n"]:
-    sd = jnp.stack([values[noise_name(channel)] for channel in likelihood.channels])
-
-    def of_one_trial(trial: TrialData, start: Array) -> Array:
-        control = jnp.stack(trial.control, 1)
-        shown = simulate_outputs(
-            likelihood.model, likelihood.channels, likelihood.delay, values, start, control, trial.step
-        )
-        measured = jnp.stack([channel.measured for channel in trial.channels])
-        density = -0.5 * ((measured - shown.T) / sd[:, None]) ** 2 - jnp.log(sd)[:, None] - 0.5 * LOG_2PI
+    def of_one_trial(apart: dict[str, Array], trial: TrialData, start: Array) -> Array:
+        here, sensors = {**values, **apart}, likelihood.simulator.sensors
+        shown = likelihood.simulator.outputs(here, start, trial.control, trial.step)
+        one = jnp.ones(1)
+        columns = []
+        for sensor, channel, x in zip(sensors, trial.channels, shown.T, strict=True):
+            noise = likelihood.noise(here, sensor, channel._replace(counts=one))
+            columns.append(
+                jax.vmap(lambda e, noise=noise: noise.log_likelihood(noise.absorb(noise.empty(), e, 1, 0, True)))(
+                    channel.measured - x
+                )
+            )
+        density = jnp.stack(columns)
         return jnp.where(jnp.isfinite(density), density, -jnp.inf)
 
-    return jax.vmap(of_one_trial)(data, likelihood.starts(dict(values), data))
+    return jax.vmap(of_one_trial)(likelihood.apart(values), data, likelihood.starts(dict(values), data))

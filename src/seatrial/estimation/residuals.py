@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+from jax.scipy.special import gammaln
 from jaxtyping import Array, Float
 
 LOG_2PI = 1.8378770664093453
@@ -25,6 +26,32 @@ class White(NamedTuple):
     def log_likelihood(self, total: Any) -> Any:
         """Log density of all residuals."""
         return -jnp.sum(self.counts) * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * total / (self.sd * self.sd)
+
+
+class Heavy(NamedTuple):
+    """Independent residuals of Student's t with scale `sd` and `dof` degrees of freedom: an outlier costs the logarithm of its size.
+
+    Carries sum log(1 + e^2 / (dof sd^2)).
+    """
+
+    sd: Any
+    dof: Any
+    counts: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        """Sum before the first sample."""
+        return jnp.zeros(())
+
+    def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
+        """Add the residual `e` of one sample; `complete` where no sample of the channel is missing."""
+        loss = jnp.log1p(e * e / (self.dof * self.sd * self.sd))
+        return total + (loss if complete else present * loss)
+
+    def log_likelihood(self, total: Any) -> Any:
+        """Log density of all residuals."""
+        half = 0.5 * self.dof
+        each = gammaln(half + 0.5) - gammaln(half) - 0.5 * jnp.log(self.dof * jnp.pi) - jnp.log(self.sd)
+        return jnp.sum(self.counts) * each - (half + 0.5) * total
 
 
 class Coloured(NamedTuple):

@@ -1,48 +1,84 @@
 """What the sensors would show, without noise, for given parameters: the forward model of the output-error likelihood."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 
+CURRENT = "current"
+"""Parameter name of a constant current along the vehicle's course, m/s, positive from astern."""
 
-def simulate_outputs(
-    model: VehicleModel,
-    channels: tuple[str, ...],
-    delayed: bool,
-    values: Mapping[str, Any],
-    initial: Float[Array, " n_states"],
-    control: Float[Array, "n n_controls"],
-    step: Float[Array, " n"],
-) -> Float[Array, "n m"]:
-    """Outputs at every sample, SI.
 
-    Args:
-        model: vehicle.
-        channels: outputs.
-        delayed: whether `values["delay"]` shifts the controls; needs a uniform step.
-        values: coefficients (and delay) by name, SI.
-        initial: state at the first sample.
-        control: control held from each sample to the next.
-        step: time to the next sample, s.
+@dataclass(frozen=True)
+class Simulator:
+    """A vehicle with its sensors; hashable, so that compiled code is shared.
+
+    Attributes:
+        model: vehicle, whose `u` is the speed through the water.
+        sensors: what is measured.
+        delay: whether a delay between command and action is a parameter, `delay`, s; needs a uniform time step.
+        current: whether a constant current along the course is a parameter, `current`, m/s.
     """
-    params = {term.text: values[term.text] for term in model.coefficients}
-    if delayed:
-        control = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, values["delay"] / step[0])
 
-    def advance(state: tuple, sample: tuple):
-        held, h = sample
-        shown = tuple(model.output(name, params, state, held) for name in channels)
-        return rk4_step(lambda x: model.derivative(params, x, held), state, h), shown
+    model: VehicleModel
+    sensors: tuple[Sensor, ...]
+    delay: bool = False
+    current: bool = False
 
-    columns = tuple(control[:, i] for i in range(control.shape[1]))
-    _, shown = jax.lax.scan(advance, tuple(initial[i] for i in range(initial.shape[0])), (columns, step))
-    return jnp.stack(shown, -1)
+    def outputs(
+        self,
+        values: Mapping[str, Any],
+        start: Float[Array, " n_states"],
+        control: tuple[Float[Array, " n"], ...],
+        step: Float[Array, " n"],
+    ) -> Float[Array, "n m"]:
+        """Outputs at every sample, SI.
+
+        Args:
+            values: parameters by name, SI.
+            start: state at the first sample.
+            control: controls, held from each sample to the next.
+            step: time to the next sample, s.
+        """
+        samples = self.samples(values, control, step)
+        _, shown = jax.lax.scan(lambda carry, sample: self.advance(values, carry, sample), self.begin(start), samples)
+        return jnp.stack(shown, -1)
+
+    def samples(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
+        """What the time loop reads: controls as they act, steps, and the coefficients of the sensors' lags."""
+        if self.delay:
+            control = tuple(delay_control(column, values["delay"] / step[0]) for column in control)
+        lags = tuple(
+            lags_before(step, values[lag_name(sensor.channel)]) if sensor.lag else None for sensor in self.sensors
+        )
+        return control, step, lags
+
+    def begin(self, start: Float[Array, " n_states"]) -> tuple:
+        """State and memories of the sensors before the first sample."""
+        zero = jnp.zeros(())
+        memories = tuple(Memory(zero, zero) if sensor.lag else None for sensor in self.sensors)
+        return tuple(start[i] for i in range(start.shape[0])), memories
+
+    def advance(self, values: Mapping[str, Any], carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        """State one step later, and what the sensors show now."""
+        (state, memories), (held, h, lags) = carry, sample
+        shown = [
+            sensor.show(values, self._true(sensor, values, state, held), memory, lag)
+            for sensor, memory, lag in zip(self.sensors, memories, lags, strict=True)
+        ]
+        state = rk4_step(lambda x: self.model.derivative(values, x, held), state, h)
+        return (state, tuple(memory for _, memory in shown)), tuple(y for y, _ in shown)
+
+    def _true(self, sensor: Sensor, values: Mapping[str, Any], state: tuple, held: tuple) -> Any:
+        x = self.model.output(sensor.channel, values, state, held)
+        return x + values[CURRENT] if self.current and sensor.over_ground and sensor.channel == "u" else x
 
 
 def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Float[Array, " n"]:

@@ -1,5 +1,6 @@
 """The one driver of all filters: update at each sample, predict to the next, over a whole record in one compiled loop."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -77,53 +78,93 @@ def summarise_filter(
     return _runner(method, False)(space, control, measurement, step)
 
 
+def filter_within(
+    method: Filter,
+    space: StateSpace,
+    control: Float[Array, "n n_controls"],
+    measurement: Float[Array, "n m"],
+    step: Float[Array, " n"],
+    growth: Float[Array, " n"] | None = None,
+) -> FilterSummary:
+    """As `summarise_filter`, inside a function that is being compiled: the space's functions may hold its variables.
+
+    Args:
+        method: filter.
+        space: state space.
+        control: control held from each sample to the next, SI.
+        measurement: NaN where a channel was not measured.
+        step: time from each sample to the next, s.
+        growth: factor of `process_sd` over each step; None for 1.
+    """
+    return _pass(method, False, space, control, measurement, step, growth)
+
+
 @lru_cache(maxsize=64)
 def _runner(method: Filter, keep_trace: bool):
     @jax.jit
     def run(space: StateSpace, control: Array, measurement: Array, step: Array):
-        def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
-            belief, held, h, log_likelihood, failures = carry
-            first, now, measured, ahead = sample
-            # A branch rather than a last update behind the loop: half the code, and XLA does not fuse across it.
-            prior, clipped = jax.lax.cond(
-                first, lambda: (belief, zero), lambda: _arrays(method.predict(space, belief, held, h))
-            )
-            after, update = method.update(space, prior, now, measured)
-            failed = update.failed | ~_positive(after.spread)
-            carry = (_arrays(after), now, ahead, log_likelihood + update.log_likelihood, failures + failed * 1)
-            if not keep_trace:
-                return carry, ()
-            sds = tuple(
-                jnp.sqrt(sum(x * x for x in row)) if method.square_root else jnp.sqrt(row[-1]) for row in after.spread
-            )
-            return carry, (after.mean, sds, update.innovation, update.nis, update.n_measured, update.clipped + clipped)
-
-        start = Belief(tuple(space.initial.mean), _start(method, space.initial))
-        zero = jnp.zeros(())
-        first = jnp.arange(step.shape[0]) == 0
-        samples = (first, tuple(control.T), tuple(measurement.T), step)
-        begin = (_arrays(start), tuple(control[0]), step[0], zero, zero)
-        (after, _, _, log_likelihood, failures), kept = jax.lax.scan(advance, begin, samples)
-        final = Gaussian(
-            jnp.stack(after.mean), to_matrix(after.spread if method.square_root else cholesky(after.spread))
-        )
-        failures = jnp.maximum(failures, ~jnp.isfinite(final.chol_cov).all() * 1)
-        if not keep_trace:
-            return FilterSummary(log_likelihood, final, failures)
-        means, sds, innovations, nis, n_measured, clipped = kept
-        return FilterTrace(
-            log_likelihood,
-            final,
-            jnp.stack(means, -1),
-            jnp.stack(sds, -1),
-            jnp.stack(innovations, -1),
-            nis,
-            n_measured,
-            clipped,
-            failures,
-        )
+        return _pass(method, keep_trace, space, control, measurement, step, None)
 
     return run
+
+
+def _pass(
+    method: Filter,
+    keep_trace: bool,
+    space: StateSpace,
+    control: Array,
+    measurement: Array,
+    step: Array,
+    growth: Array | None,
+) -> Any:
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        belief, held, h, grown, log_likelihood, failures = carry
+        first, now, measured, ahead, ahead_grown = sample
+        moving = space if growth is None else replace(space, process_sd=space.process_sd * grown)
+        # A branch rather than a last update behind the loop: half the code, and XLA does not fuse across it.
+        prior, clipped = jax.lax.cond(
+            first, lambda: (belief, zero), lambda: _arrays(method.predict(moving, belief, held, h))
+        )
+        after, update = method.update(space, prior, now, measured)
+        failed = update.failed | ~_positive(after.spread)
+        carry = (
+            _arrays(after),
+            now,
+            ahead,
+            ahead_grown,
+            log_likelihood + update.log_likelihood,
+            failures + failed * 1,
+        )
+        if not keep_trace:
+            return carry, ()
+        sds = tuple(
+            jnp.sqrt(sum(x * x for x in row)) if method.square_root else jnp.sqrt(row[-1]) for row in after.spread
+        )
+        return carry, (after.mean, sds, update.innovation, update.nis, update.n_measured, update.clipped + clipped)
+
+    start = Belief(tuple(space.initial.mean), _start(method, space.initial))
+    zero = jnp.zeros(())
+    first = jnp.arange(step.shape[0]) == 0
+    grows = step if growth is None else growth
+    samples = (first, tuple(control.T), tuple(measurement.T), step, grows)
+    begin = (_arrays(start), tuple(control[0]), step[0], grows[0], zero, zero)
+    (after, _, _, _, log_likelihood, failures), kept = jax.lax.scan(advance, begin, samples)
+    final = Gaussian(jnp.stack(after.mean), to_matrix(after.spread if method.square_root else cholesky(after.spread)))
+    failures = jnp.maximum(failures, ~jnp.isfinite(final.chol_cov).all() * 1)
+    if not keep_trace:
+        return FilterSummary(log_likelihood, final, failures)
+    means, sds, innovations, nis, n_measured, clipped = kept
+    return FilterTrace(
+        log_likelihood,
+        final,
+        jnp.stack(means, -1),
+        jnp.stack(sds, -1),
+        jnp.stack(innovations, -1),
+        nis,
+        n_measured,
+        clipped,
+        failures,
+    )
 
 
 def _start(method: Filter, initial: Gaussian) -> Triangle:

@@ -11,7 +11,6 @@ The covariance is learnt from all chains together and frozen after warm-up, so t
 Iteration t uses the key folded with t: a run cut into blocks, stopped and resumed, gives the same bits.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -19,30 +18,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.errors import NumericalError
+from seatrial.sampling.run import (
+    BLOCK,
+    ChainSettings,
+    Draws,
+    Run,
+    begin,
+    finish,
+    is_finished,
+    keep,
+    refuse_dead_starts,
+)
 from seatrial.sampling.target import Progress, Target, log_densities, no_progress
 
 TARGET_ACCEPTANCE = 0.234
-BLOCK = 100
 PRIOR_WEIGHT = 100
 """Iterations' worth of trust in the first covariance."""
-
-
-@dataclass(frozen=True)
-class MetropolisSettings:
-    """Size of a run.
-
-    Attributes:
-        chains: chains in step.
-        warmup: iterations that adapt and are dropped, a multiple of 100.
-        draws: iterations after them, a multiple of 100.
-        thin: every how many-th of these is kept, a divisor of 100.
-    """
-
-    chains: int = 32
-    warmup: int = 1000
-    draws: int = 4000
-    thin: int = 1
 
 
 class ChainState(NamedTuple):
@@ -63,22 +54,7 @@ class ChainState(NamedTuple):
     log_scale: Float[Array, ""]
 
 
-class Draws(NamedTuple):
-    """Draws of z after warm-up, shape (chains, draws, d), their log densities, and the mean acceptance probability."""
-
-    z: Float[np.ndarray, "chains draws d"]
-    log_density: Float[np.ndarray, "chains draws"]
-    acceptance: float
-
-
-class Run(NamedTuple):
-    """A run so far: the state, iterations done and what was kept; what a checkpoint holds."""
-
-    state: ChainState
-    iteration: int
-    z: Float[np.ndarray, "kept chains d"]
-    log_density: Float[np.ndarray, "kept chains"]
-    acceptance: Float[np.ndarray, " kept"]
+State = ChainState
 
 
 def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
@@ -92,46 +68,16 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     Raises:
         NumericalError: a start of zero density.
     """
-    d = target.dim
     log_density = log_densities(target, starts)
-    if not np.isfinite(log_density).all():
-        bad = int(np.sum(~np.isfinite(log_density)))
-        raise NumericalError(
-            f"{bad} of {len(log_density)} chains start where the density is zero: start them inside the support"
-        )
-    state = ChainState(starts, log_density, starts.mean(0), cov, jnp.asarray(np.log(2.38 / np.sqrt(d))))
-    chains = starts.shape[0]
-    return Run(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
+    refuse_dead_starts(log_density)
+    log_scale = jnp.asarray(np.log(2.38 / np.sqrt(target.dim)))
+    return begin(ChainState(starts, log_density, starts.mean(0), cov, log_scale))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: MetropolisSettings) -> Run:
+def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
     return keep(run, state, drawn, settings)
-
-
-def keep(run: Run, state: ChainState, drawn: tuple[Array, Array, Array], settings: MetropolisSettings) -> Run:
-    """Append the positions, log densities and acceptances of one block to a run, thinned, unless it is still warming up."""
-    drawn[-1].block_until_ready()
-    iteration = run.iteration + BLOCK
-    if iteration <= settings.warmup:
-        return run._replace(state=state, iteration=iteration)
-    so_far = (run.z, run.log_density, run.acceptance)
-    kept = [
-        np.concatenate([old, np.asarray(new)[settings.thin - 1 :: settings.thin]])
-        for old, new in zip(so_far, drawn, strict=True)
-    ]
-    return Run(state, iteration, *kept)
-
-
-def is_finished(run: Run, settings: MetropolisSettings) -> bool:
-    """Whether the run has all its draws."""
-    return run.iteration >= settings.warmup + settings.draws
-
-
-def finish(run: Run) -> Draws:
-    """Draws of a finished run."""
-    return Draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
 
 
 def sample_adaptive_metropolis(
@@ -139,7 +85,7 @@ def sample_adaptive_metropolis(
     starts: Float[Array, "chains d"],
     cov: Float[Array, "d d"],
     key: jax.Array,
-    settings: MetropolisSettings,
+    settings: ChainSettings,
     progress: Progress = no_progress,
 ) -> Draws:
     """Sample without checkpoints: `start_chains`, then `advance_chains` until `is_finished`."""

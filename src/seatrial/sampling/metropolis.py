@@ -20,11 +20,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.sampling import adaptive_metropolis
-from seatrial.sampling.adaptive_metropolis import BLOCK, ChainState, Draws, MetropolisSettings, Run, finish, is_finished
+from seatrial.sampling.adaptive_metropolis import ChainState
+from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, finish, is_finished, keep
 from seatrial.sampling.target import Progress, Target, log_densities, no_progress
 
 TARGET_ACCEPTANCE = 0.44
 """Of a proposal in one dimension (Gelman, Roberts and Gilks, Bayesian Statistics 5, 1996)."""
+State = ChainState
 
 
 def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
@@ -42,10 +44,10 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     return run._replace(state=run.state._replace(cov=jnp.diag(jnp.diag(cov)), log_scale=jnp.zeros(())))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: MetropolisSettings) -> Run:
+def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
-    return adaptive_metropolis.keep(run, state, drawn, settings)
+    return keep(run, state, drawn, settings)
 
 
 def sample_metropolis(
@@ -53,7 +55,7 @@ def sample_metropolis(
     starts: Float[Array, "chains d"],
     cov: Float[Array, "d d"],
     key: jax.Array,
-    settings: MetropolisSettings,
+    settings: ChainSettings,
     progress: Progress = no_progress,
 ) -> Draws:
     """Sample without checkpoints: `start_chains`, then `advance_chains` until all draws are made."""

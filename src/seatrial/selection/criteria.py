@@ -57,13 +57,13 @@ class PredictiveCriterion:
         method: which criterion.
         value: the criterion with its Monte Carlo error.
         std_error: its standard error over the measurements, as if they were a sample of possible ones.
-        effective: effective number of parameters.
-        pointwise: contribution of each measurement, shape (n,).
-        k_hat: tail index of each measurement's importance weights, shape (n,); empty for WAIC.
+        effective: number of parameters, an effective one for WAIC and PSIS-LOO; NaN for leave-future-out, which needs none.
+        pointwise: contribution of each measurement, or of each block for leave-future-out, shape (n,).
+        k_hat: tail index of the importance weights of each, shape (n,); empty where there are none.
         status: empty if healthy, else what is wrong in words.
     """
 
-    method: Literal["WAIC", "PSIS-LOO"]
+    method: Literal["WAIC", "PSIS-LOO", "AIC", "BIC", "leave-future-out"]
     value: Estimated
     std_error: float
     effective: float
@@ -93,7 +93,7 @@ def deviance_criteria(posterior: Posterior, draws: Float[np.ndarray, "chains dra
         NumericalError: the likelihood is zero at a draw or at the posterior mean.
     """
     dim = draws.shape[2]
-    deviance = np.asarray(_deviances(posterior, jnp.asarray(draws.reshape(-1, dim)))).reshape(draws.shape[:2])
+    deviance = np.asarray(deviances(posterior, jnp.asarray(draws.reshape(-1, dim)))).reshape(draws.shape[:2])
     mean = draws.mean((0, 1))
     at_mean, slope = map(np.asarray, _deviance_and_slope(posterior, jnp.asarray(mean)))
     if not (np.isfinite(deviance).all() and np.isfinite(at_mean)):
@@ -168,7 +168,7 @@ def compare(one: PredictiveCriterion, other: PredictiveCriterion) -> Comparison:
         )
     difference = one.pointwise - other.pointwise
     delta = float(difference.sum())
-    std_error = float(np.hypot(_sum_error(difference), np.hypot(one.value.error, other.value.error)))
+    std_error = float(np.hypot(sum_error(difference), np.hypot(one.value.error, other.value.error)))
     if abs(delta) < max(SMALL_DIFFERENCE, 2 * std_error):
         verdict = "the two models predict equally well as far as these data can tell"
     else:
@@ -184,6 +184,17 @@ def mean_error(series: Float[np.ndarray, "chains draws"]) -> float:
     return float(means.std(ddof=1) / np.sqrt(means.size))
 
 
+def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
+    """Standard error of the sum of contributions, as if they were a sample of possible ones."""
+    return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
+
+
+@jax.jit
+def deviances(posterior: Posterior, values: Float[Array, "n d"]) -> Float[Array, " n"]:
+    """Deviance of parameters in their own units, shape (n, d), some of them simulated at once."""
+    return jax.lax.map(partial(_deviance, posterior), values, batch_size=_LANES)
+
+
 def _columns(log_likelihood: np.ndarray) -> Iterator[np.ndarray]:
     """The table a few measurements at a time, these first and all draws last."""
     table = log_likelihood.reshape(-1, log_likelihood.shape[2])
@@ -195,22 +206,13 @@ def _log_mean(part: np.ndarray) -> np.ndarray:
     return logsumexp(part, axis=1) - np.log(part.shape[1])
 
 
-def _sum_error(pointwise: np.ndarray) -> float:
-    return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
-
-
 def _summed(method, pointwise: np.ndarray, error: float, effective: float, k_hat: np.ndarray, status: str):
     total = Estimated(float(pointwise.sum()), error)
-    return PredictiveCriterion(method, total, _sum_error(pointwise), effective, pointwise, k_hat, status)
+    return PredictiveCriterion(method, total, sum_error(pointwise), effective, pointwise, k_hat, status)
 
 
 def _deviance(posterior: Posterior, values: Array) -> Array:
     return -2 * posterior.likelihood(dict(zip(posterior.names, values, strict=True)), posterior.data)
-
-
-@jax.jit
-def _deviances(posterior: Posterior, values: Array) -> Array:
-    return jax.lax.map(partial(_deviance, posterior), values, batch_size=_LANES)
 
 
 @jax.jit

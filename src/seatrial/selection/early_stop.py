@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.estimation.output_error import OutputError, noise_name
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.residuals import White
+from seatrial.estimation.sensors import noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.integrate import rk4_step
 
@@ -33,13 +34,11 @@ def log_likelihoods(
 ) -> Float[np.ndarray, " n"]:
     """Log-likelihood of each draw of the parameters' values, -inf for those that stopped early.
 
-    Early stops need the output-error likelihood with white residuals, known initial states and no delay; any other is
-    computed in full.
+    Early stops need the output-error likelihood with white residuals and no unknowns beside coefficients and noise; any other
+    is computed in full.
     """
     likelihood = posterior.likelihood
-    if not (early_stop and isinstance(likelihood, OutputError)) or (
-        likelihood.colour != "white" or likelihood.delay or likelihood.free_initial
-    ):
+    if not (early_stop and isinstance(likelihood, OutputError) and likelihood.is_plain):
         return np.asarray(_log_likelihoods(posterior, values))
     pieces = _cut(posterior.data)
     rows, n, lanes = pieces.first.size, values.shape[0], _begin(posterior, values)

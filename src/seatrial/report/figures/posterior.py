@@ -1,6 +1,6 @@
 """One parameter before and after the data: draws, prior, normal approximation, 95 % interval and, if known, the truth."""
 
-from math import log, pi, sqrt
+from math import pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,34 +26,25 @@ WIDTH, HIGHEST = 4.5, 2.5
 
 
 class PriorShape(NamedTuple):
-    """A prior as stored: bounds, mean and standard deviation, which together say of what kind it is."""
+    """A prior as stored: bounds, mean and standard deviation, whether it is one of the logarithm, and its density at points."""
 
     lower: float
     upper: float
     mean: float
     sd: float
+    is_logarithmic: bool
+    value: np.ndarray
+    height: np.ndarray
 
     @property
     def is_bounded(self) -> bool:
-        """Whether it has bounds: it is uniform or log-uniform then, and normal otherwise."""
+        """Whether it has two bounds."""
         return bool(np.isfinite(self.lower) and np.isfinite(self.upper))
 
-    @property
-    def is_logarithmic(self) -> bool:
-        """Whether it is uniform in the logarithm, which its mean tells."""
-        if not self.is_bounded or not 0 < self.lower < self.upper:
-            return False
-        middle = 0.5 * (self.lower + self.upper)
-        return abs(self.mean - (self.upper - self.lower) / log(self.upper / self.lower)) < abs(self.mean - middle)
-
     def density(self, x: np.ndarray) -> np.ndarray:
-        """Density at x."""
-        if not self.is_bounded:
-            return normal_density(x, self.mean, self.sd)
+        """Density at x, between the points along straight lines."""
         inside = (x >= self.lower) & (x <= self.upper)
-        if self.is_logarithmic:
-            return np.where(inside, 1.0 / (np.where(inside, x, 1.0) * log(self.upper / self.lower)), 0.0)
-        return np.where(inside, 1.0 / (self.upper - self.lower), 0.0)
+        return np.where(inside, np.interp(x, self.value, self.height), 0.0)
 
 
 def marginal(

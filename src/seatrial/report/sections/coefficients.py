@@ -36,7 +36,15 @@ def section(outcome: Outcome) -> dict[str, Any]:
 def prior_of(outcome: Outcome, name: str) -> PriorShape:
     """Prior of a parameter of the chosen structure, as stored with its draws."""
     row = outcome.chosen.data.sel(parameter=name)
-    return PriorShape(*(float(row[key]) for key in ("prior_lower", "prior_upper", "prior_mean", "prior_sd")))
+    return PriorShape(
+        lower=float(row["prior_lower"]),
+        upper=float(row["prior_upper"]),
+        mean=float(row["prior_mean"]),
+        sd=float(row["prior_sd"]),
+        is_logarithmic=str(row["prior_kind"].item()).startswith("Log"),
+        value=row["prior_value"].values,
+        height=row["prior_density"].values,
+    )
 
 
 def _row(outcome: Outcome, item: dict[str, Any], truth: Mapping[str, float]) -> dict[str, Any]:
@@ -73,5 +81,11 @@ def prior_words(prior: PriorShape, exponent: int = 0) -> str:
         words = f"{plain(prior.lower * scale)} to {plain(prior.upper * scale)}"
     else:
         words = " ± ".join(rounded(prior.mean * scale, prior.sd * scale)[:2])
+        ends = [
+            f"{side} {plain(bound * scale)}"
+            for side, bound in (("above", prior.lower), ("below", prior.upper))
+            if np.isfinite(bound)
+        ]
+        words = ", ".join([words, *ends])
     words = f"({words}){times_ten(exponent)}" if exponent else words
     return f"{words}, log" if prior.is_logarithmic else words

@@ -5,17 +5,25 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.loop import Outcome
-from seatrial.campaign.predict import Fit
+from seatrial.campaign.predict import Fit, trial_verdicts
 from seatrial.campaign.shown import shown_unit
 from seatrial.core.record import Record
+from seatrial.estimation.judgement import NARROW, POOR
 from seatrial.report.drawing import draw, record_curves
 from seatrial.report.figures.fit import record_fit
 from seatrial.report.figures.residuals import record_residuals
-from seatrial.report.numbers import percent, short
+from seatrial.report.labels import sentence_html
+from seatrial.report.numbers import DASH, percent, short, unit_text
 
 POINTS = 7000
 """Dots worth their bytes on the whole page."""
-POOR, NARROW_BAND = 0.5, 0.8
+LOOKS = {"pass": "finding", "caution": "caution", "fail": "alarm"}
+"""How each verdict looks among the findings of the page."""
+NOUNS = {
+    "pass": ("trial passes", "trials pass"),
+    "caution": ("trial with a caution", "trials with a caution"),
+    "fail": ("trial fails", "trials fail"),
+}
 
 
 def section(outcome: Outcome) -> dict[str, Any]:
@@ -23,23 +31,23 @@ def section(outcome: Outcome) -> dict[str, Any]:
     records = [*outcome.trials.fit, *outcome.trials.predict]
     held_back = {record.label for record in outcome.trials.predict}
     most = int(np.clip(POINTS / (len(records) * len(outcome.campaign.channels)), 350, 1500))
+    verdicts = trial_verdicts(outcome.fits)
     cards = [_card(outcome, index, record, record.label in held_back, most) for index, record in enumerate(records)]
     return {
         "cards": cards,
         "rows": [_row(fit) for fit in outcome.fits],
+        "nouns": NOUNS,
+        "counts": {level: sum(verdict.level == level for verdict in verdicts.values()) for level in LOOKS},
         "has_held_back": bool(held_back),
-        "coloured": outcome.campaign.source.estimation.residuals == "coloured",
+        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensors),
         "structure": outcome.chosen.structure.label,
     }
 
 
 def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: int) -> dict[str, Any]:
     time, channels, controls = record_curves(outcome, index, record)
-    rows = [_row(fit) for fit in outcome.fits if fit.record == record.label]
+    fits = [fit for fit in outcome.fits if fit.record == record.label]
     title = "The trial" if record.label == "trial" else f"Run {record.label}"
-    said = "; ".join(
-        f"{row['channel']}: {row['explained']} explained, {row['coverage']} inside the band" for row in rows
-    )
     figures = [
         draw(
             record_fit(time, channels, controls, held_back, most),
@@ -57,24 +65,50 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
     return {
         "title": title,
         "held_back": held_back,
-        "said": said,
+        "verdicts": [_verdict(fit) for fit in fits],
         "figures": figures,
     }
 
 
+def _verdict(fit: Fit) -> dict[str, Any]:
+    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.reason, {})}
+
+
 def _row(fit: Fit) -> dict[str, Any]:
-    factor, unit = shown_unit(fit.channel)
+    factor, shown = shown_unit(fit.channel)
+    unit = unit_text(shown)
+    number = fit.samples > 0
+    moves = number and not fit.missing
     return {
         "record": fit.record,
         "held_back": fit.held_back,
         "channel": fit.channel,
-        "explained": percent(fit.explained),
-        "share": float(np.clip(fit.explained, 0, 1)) if np.isfinite(fit.explained) else 0.0,
-        "poor": not fit.explained >= POOR,
-        "rmse": f"{short(fit.rmse * factor)} {unit}",
-        "coverage": percent(fit.coverage),
-        "narrow": not fit.coverage >= NARROW_BAND,
-        "correlation": short(fit.correlation, 2),
+        "level": fit.level,
+        "kind": LOOKS[fit.level],
+        "explained": percent(fit.explained) if moves else DASH,
+        "nrmse": percent(fit.nrmse) if moves else DASH,
+        "share": float(np.clip(fit.explained, 0, 1)),
+        "poor": moves and fit.explained < POOR,
+        "rmse": f"{short(fit.rmse * factor)} {unit}" if number else DASH,
+        "crps": f"{short(fit.crps * factor)} {unit}" if number else DASH,
+        "coverage_50": percent(fit.coverage_50) if number else DASH,
+        "coverage": percent(fit.coverage) if number else DASH,
+        "narrow": number and fit.coverage < NARROW,
+        "variance": short(fit.variance, 2) if number else DASH,
+        "pit": _spark(fit.pit),
+        "pit_distance": short(fit.pit_distance, 2) if number else DASH,
+        "correlation": short(fit.correlation, 2) if number else DASH,
+        "white": _p_value(fit.white) if number else "",
         "interval": short(fit.interval, 2),
         "samples": fit.samples,
+        "effective": f"{fit.effective:.0f}",
     }
+
+
+def _p_value(p: float) -> str:
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def _spark(shares: tuple[float, ...]) -> list[float]:
+    """Heights of the bars of a small histogram, in units of what each should be, cut at three."""
+    return [round(min(3.0, share * len(shares)), 2) for share in shares]

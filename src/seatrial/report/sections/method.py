@@ -21,6 +21,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
     return {
         "seed": source.campaign.seed,
         "vehicle": outcome.campaign.hull.name,
+        "methods": _methods(outcome),
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
         "chains": estimation.chains,
         "warmup": estimation.warmup,
@@ -42,7 +43,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
 
 def _health(outcome: Outcome, index: int) -> dict[str, Any]:
     estimate, evidence = outcome.estimates[index], outcome.selection.evidences[index]
-    data = estimate.data
+    data, found = estimate.data, evidence.diagnostics["methods"]
     worst = int(np.argmax(np.nan_to_num(data["r_hat"].values, nan=np.inf)))
     r_hat, ess = (
         float(data["r_hat"].values[worst]),
@@ -59,11 +60,19 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
         "geweke": f"{float(np.max(data['geweke'].values)):.2f}",
         "acceptance": percent(float(data.attrs["acceptance"])),
         "laplace": f"{float(data.attrs['laplace_log_evidence']):.1f}",
-        "evidence": f"{evidence.log_value:.1f}",
-        "spread": short(float(evidence.diagnostics.get("spread", np.nan)), 2),
-        "spread_bad": bool(evidence.status),
-        "temperatures": ", ".join(map(str, evidence.diagnostics.get("temperatures", []))),
+        "evidences": [
+            f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := found.get(name)) else "–"
+            for name in _methods(outcome)
+        ],
+        "apart": short(max(abs(one["joint_errors"]) for one in found.values()), 2),
+        "evidence_bad": bool(evidence.status),
     }
+
+
+def _methods(outcome: Outcome) -> list[str]:
+    """Every method that gave an evidence of some structure."""
+    tables = [evidence.diagnostics["methods"] for evidence in outcome.selection.evidences]
+    return list(dict.fromkeys(name for table in tables for name in table))
 
 
 def _provenance(record: Any) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling import adaptive_metropolis
-from seatrial.sampling.adaptive_metropolis import MetropolisSettings, Run, finish, is_finished
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.geweke import geweke_scores, printed_geweke_scores
+from seatrial.sampling.run import ChainSettings, Run, finish, is_finished
 from seatrial.selection.criteria import deviance_criteria, psis_loo, waic
 
 LAGS = 200
@@ -67,7 +67,7 @@ def starts_part(study: Study) -> xr.Dataset:
     mode = find_mode(posterior, study.random_key("mode"))
     half = [0.5 * study.reading.truth.get(name, study.reading.sigma) for name in posterior.names]
     first = {"half the truth": posterior.unconstrain(jnp.asarray(half)), "posterior mode": jnp.asarray(mode.z)}
-    settings = MetropolisSettings(study.sizes.chains, 2000, 100)
+    settings = ChainSettings(study.sizes.chains, 2000, 100)
     report, heights = study.progress("where chains start"), []
     for done, z in enumerate(first.values()):
         report(done, len(first))
@@ -99,7 +99,7 @@ class _Sampled(NamedTuple):
 def _sample(study: Study, posterior: Posterior, sampler: ModuleType, title: str) -> _Sampled:
     """Burn in and sample; chain 0 starts at the posterior mode, the others at draws of the normal approximation."""
     sizes = study.sizes
-    settings = MetropolisSettings(sizes.chains, sizes.burn_in, sizes.draws)
+    settings = ChainSettings(sizes.chains, sizes.burn_in, sizes.draws)
     mode_key, start_key, key = jax.random.split(study.random_key(title), 3)
     mode = find_mode(posterior, mode_key)
     starts = jax.random.multivariate_normal(start_key, mode.z, mode.cov, (sizes.chains,)).at[0].set(mode.z)

@@ -124,7 +124,10 @@ def claim_ekf_faster(study: Study) -> Item:
         "The EKF is the fastest of the three",
         seconds["EKF"] == min(seconds.values()),
         "another filter was as fast",
-        [Number(f"{name}, time of one 15 s trial, all run side by side [ms]", None, 1e3 * value) for name, value in seconds.items()],
+        [
+            Number(f"{name}, time of one 15 s trial, all run side by side [ms]", None, 1e3 * value)
+            for name, value in seconds.items()
+        ],
         study,
     )
 
@@ -256,7 +259,10 @@ def _rows(study: Study, name: str, printed: tuple[float, ...], printed_sd: tuple
             ),
             Number(f"{name} {term}, rms error", None, float(errors[i]), float(errors[i]) / sqrt(2 * count)),
         ]
-    return [*rows, Number(f"{name}, time of one 15 s trial, all run side by side [ms]", None, 1e3 * float(data["seconds"]))]
+    return [
+        *rows,
+        Number(f"{name}, time of one 15 s trial, all run side by side [ms]", None, 1e3 * float(data["seconds"])),
+    ]
 
 
 def _apart(data: xr.Dataset) -> float:

@@ -1,55 +1,11 @@
-"""Priors of scalar parameters, and the smooth map from the real line to their support.
-
-Samplers work on the unconstrained z, of mean 0 and standard deviation 1 under the prior; `log_density(z)` is the prior's
-density of z, the log-Jacobian included. Priors are pytrees of their numbers: code compiled for one serves all of its kind.
-"""
+"""Priors between two bounds: uniform, and uniform in the logarithm; see docs/decisions/0003 for the map to the real line."""
 
 from dataclasses import dataclass
 from math import exp, log, log1p, sqrt
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
-
-
-class Prior(Protocol):
-    """What every prior offers; implementations are frozen dataclasses of plain numbers, registered as pytrees."""
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Support in the parameter's own unit."""
-        ...
-
-    @property
-    def mean(self) -> float:
-        """Prior mean."""
-        ...
-
-    @property
-    def sd(self) -> float:
-        """Prior standard deviation."""
-        ...
-
-    def constrain(self, z: Any) -> Any:
-        """Parameter value of an unconstrained z, elementwise."""
-        ...
-
-    def unconstrain(self, value: Any) -> Any:
-        """The z of a parameter value inside the support, elementwise."""
-        ...
-
-    def log_density(self, z: Any) -> Any:
-        """Log density of z, elementwise."""
-        ...
-
-    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-        """Draws of the parameter's value."""
-        ...
-
-    def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-        """Draws of z."""
-        ...
-
 
 CORNER = 50.0
 """Sharpness of the bend where the box map leaves the line: within 1/50 of the width of a bound."""
@@ -156,37 +112,3 @@ class LogUniform:
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """See `Prior.sample`."""
         return self._log.sample(key, shape)
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Normal:
-    """Normal by mean and standard deviation; z is standard normal."""
-
-    mean: float
-    sd: float
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """See `Prior.bounds`."""
-        return float("-inf"), float("inf")
-
-    def constrain(self, z: Any) -> Any:
-        """See `Prior.constrain`."""
-        return self.mean + self.sd * z
-
-    def unconstrain(self, value: Any) -> Any:
-        """See `Prior.unconstrain`."""
-        return (jnp.asarray(value) - self.mean) / self.sd
-
-    def log_density(self, z: Any) -> Any:
-        """See `Prior.log_density`."""
-        return -0.5 * (z * z + jnp.log(2 * jnp.pi))
-
-    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-        """See `Prior.draw`."""
-        return self.constrain(self.sample(key, shape))
-
-    def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-        """See `Prior.sample`."""
-        return jax.random.normal(key, shape)

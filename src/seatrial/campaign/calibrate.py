@@ -1,0 +1,139 @@
+"""Calibration of a whole campaign: is the stated uncertainty right for this vehicle, these trials and these priors?"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.estimate import estimate_key
+from seatrial.campaign.problem import build_posterior, random_key
+from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
+from seatrial.campaign.trials import Trials
+from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.calibration import DRAWS, Calibration, ranks_of
+from seatrial.estimation.draw_posterior import find_method
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.replicate import replicate
+
+AT_ONCE = 8
+"""Replicates between two checkpoints."""
+TRIES = 200
+"""Draws from the prior until one can be simulated."""
+LIKELIHOOD = "log-likelihood"
+MANY_REFUSED = 0.05
+"""Share of the prior beyond which a reader is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """Result of a calibration, and what it was made of.
+
+    Attributes:
+        calibration: ranks.
+        method: how posteriors were drawn.
+        structure: label of the structure.
+        refused: share of the prior's draws that could not be simulated, and were drawn again.
+    """
+
+    calibration: Calibration
+    method: str
+    structure: str
+    refused: float
+
+    def lines(self) -> list[str]:
+        """What was found, in words."""
+        outside = self.calibration.outside()
+        verdict = (
+            f"calibrated: the ranks of all {len(self.calibration.names)} quantities lie inside their 99 % bands"
+            if not outside
+            else f"not calibrated: the ranks of {', '.join(outside)} leave their 99 % bands"
+        )
+        said = self.calibration.lines()
+        if self.refused > MANY_REFUSED:
+            said.append(
+                f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
+            )
+        return [*said, f"{verdict} (structure {self.structure}, {self.method})"]
+
+
+def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, watch: Watch = SILENT) -> Calibrated:
+    """Draw parameters from the priors, data from them over the fitted records' own inputs, and rank the truth in each posterior.
+
+    The full structure is calibrated. Resumes from what an interrupted run has done.
+
+    Args:
+        campaign: configuration.
+        trials: records, of which inputs, times and gaps are used.
+        replicates: how many.
+        method: see `seatrial.estimation.draw_posterior`.
+        watch: receives what happens.
+
+    Raises:
+        InputError: no such method.
+        NumericalError: a prior of which hardly a draw can be simulated.
+    """
+    structure, draw = campaign.structures[0], find_method(method)
+    store = Store(campaign.folder)
+    path, checkpoint = store.calibration(method), store.checkpoint(f"calibration-{method}")
+    stamp = key_of("calibration", estimate_key(campaign, structure, trials), method)
+    key = key_of(stamp, replicates)
+    if not is_current(path, key):
+        posterior = build_posterior(campaign, structure, trials.fit)
+        stored = load_checkpoint(checkpoint, stamp)
+        ranks, tries = ([], []) if stored is None else (list(stored["ranks"]), list(stored["tries"]))
+        progress, root = watch.progress(f"calibrate {structure.label} by {method}"), random_key(campaign, "calibration")
+        progress(min(len(ranks), replicates), replicates)
+        while len(ranks) < replicates:
+            block = range(len(ranks), min(len(ranks) + AT_ONCE, replicates))
+            found = run_side_by_side([partial(_replicate, posterior, draw, jax.random.fold_in(root, i)) for i in block])
+            ranks += [rank for rank, _ in found]
+            tries += [tried for _, tried in found]
+            save_checkpoint(checkpoint, stamp, {"ranks": np.array(ranks), "tries": np.array(tries)})
+            progress(len(ranks), replicates)
+        dataset = xr.Dataset(
+            {
+                "rank": (("replicate", "quantity"), np.array(ranks[:replicates])),
+                "tries": ("replicate", tries[:replicates]),
+            },
+            {"quantity": [*posterior.names, LIKELIHOOD]},
+            {"structure": structure.label, "method": method},
+        )
+        write_dataset(path, dataset, key)
+        checkpoint.unlink(missing_ok=True)
+    data = open_dataset(path)
+    names = tuple(map(str, data["quantity"].values))
+    refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
+    return Calibrated(Calibration(names, data["rank"].values), method, data.attrs["structure"], refused)
+
+
+def _replicate(posterior: Posterior, draw, key: jax.Array) -> tuple[np.ndarray, int]:
+    """Ranks of one truth, the log-likelihood's last, and how many draws it took to find one that can be simulated."""
+    truth_key, data_key, draw_key = jax.random.split(key, 3)
+    for tried in range(1, TRIES + 1):
+        z = posterior.sample_prior(jax.random.fold_in(truth_key, tried), 1)[0]
+        truth = posterior.constrain(z)
+        values = dict(zip(posterior.names, truth, strict=True))
+        data = replicate(posterior.likelihood, values, posterior.data, data_key)
+        made = Posterior(posterior.parameters, posterior.likelihood, data)
+        at_truth = float(_log_likelihoods(made, z[None])[0])
+        if np.isfinite(at_truth):
+            break
+    else:
+        raise NumericalError(
+            f"none of {TRIES} draws from the prior can be simulated over these records: narrow the priors; `seatrial prior` shows why"
+        )
+    drawn = draw(made, draw_key)
+    chosen = drawn[np.linspace(0, len(drawn) - 1, DRAWS).round().astype(int)]
+    values = np.column_stack([made.constrain(jnp.asarray(chosen)), _log_likelihoods(made, jnp.asarray(chosen))])
+    return ranks_of(np.append(np.asarray(truth), at_truth), values), tried
+
+
+@jax.jit
+def _log_likelihoods(posterior: Posterior, z: jax.Array) -> jax.Array:
+    return jax.lax.map(posterior.log_likelihood, z, batch_size=8)

@@ -1,0 +1,62 @@
+"""Draws of a posterior by any method, from nothing but the posterior: what calibration repeats many times."""
+
+from collections.abc import Callable
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, Sampler, sample
+from seatrial.sampling.target import log_densities
+from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
+
+PosteriorDraws = Float[np.ndarray, "n d"]
+Draw = Callable[[Posterior, jax.Array], PosteriorDraws]
+SIZES = {
+    "adaptive-metropolis": ChainSettings(32, 500, 500),
+    "metropolis": ChainSettings(32, 500, 1000),
+    "de-metropolis": ChainSettings(32, 500, 1000),
+    "nuts": ChainSettings(8, 300, 200),
+}
+"""Size of each sampler's run; enough for a hundred independent draws of a posterior that is not too far from normal."""
+PARTICLES = 512
+SPREAD = 1.5
+"""Standard deviations of the normal approximation from which chains start."""
+
+
+def find_method(name: str) -> Draw:
+    """Method by name: a sampler of `SAMPLERS`, or `tempered-smc`.
+
+    Raises:
+        InputError: no such method.
+    """
+    known = [*SAMPLERS, "tempered-smc"]
+    if name not in known:
+        raise InputError("method", found=f'"{name}"', expected=", ".join(known), remedy=nearest(name, known))
+    return _by_smc if name == "tempered-smc" else partial(_by_chains, SAMPLERS[name], SIZES[name])
+
+
+def spread_starts(posterior: Posterior, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
+    """Positions spread wider than the normal approximation, so that R-hat can see chains that do not meet, shape (chains, d)."""
+    noise = jax.random.normal(key, (chains, posterior.dim))
+    starts = jnp.asarray(mode.z) + SPREAD * noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
+    finite = jnp.isfinite(log_densities(posterior, starts))
+    return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
+
+
+def _by_chains(sampler: Sampler, settings: ChainSettings, posterior: Posterior, key: jax.Array) -> PosteriorDraws:
+    mode_key, start_key, key = jax.random.split(key, 3)
+    mode = find_mode(posterior, mode_key)
+    starts = spread_starts(posterior, mode, settings.chains, start_key)
+    # Chain after chain: draws taken at even distances are then as far apart as can be.
+    return sample(sampler, posterior, starts, jnp.asarray(mode.cov), key, settings).z.reshape(-1, posterior.dim)
+
+
+def _by_smc(posterior: Posterior, key: jax.Array) -> PosteriorDraws:
+    return sample_tempered_smc(posterior, key, SMCSettings(PARTICLES)).particles

@@ -1,0 +1,180 @@
+"""What data can tell about each parameter and what only about several together, before a trial from its plan and after it.
+
+A combination of parameters about which the Fisher information I is zero to 1e-10 is one that no length of such data shows
+(structural); eigenvalues are those of I in relative changes of the parameters. Standard deviations are those of the posterior,
+before the data of (I + P^-1)^-1 with the prior's P: over half the value, or over 0.9 of the prior's, the data say too little.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache, partial
+from itertools import combinations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+from seatrial.estimation.combinations import groups, known_combinations
+from seatrial.estimation.identifiability_report import Group, Identifiability
+from seatrial.estimation.information import coefficient_information, is_noise, likelihood_information
+from seatrial.estimation.invisible import Unknown, null_combinations
+from seatrial.estimation.mode import Mode
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.remedies import what_separates
+from seatrial.vehicles.model import VehicleModel
+
+TOGETHER = 0.9
+"""Correlation beyond which the split between two parameters is over twice as uncertain as either given the other."""
+UNTOUCHED = 1e-10
+"""Information of the data about a parameter, over that of its prior, below which no measurement depends on it."""
+NEAR_ZERO = 1e-6
+"""Value, in prior standard deviations, below which a parameter is scaled by its prior and not by its value."""
+
+
+def identify(
+    parameters: Sequence[Parameter],
+    values: Float[np.ndarray, " d"],
+    information: Float[np.ndarray, "d d"],
+    *,
+    cov: Float[np.ndarray, "d d"] | None = None,
+    at: Mapping[str, float] | None = None,
+) -> Identifiability:
+    """Judge any information: of a plan, of several trials added up, or of data.
+
+    Args:
+        parameters: the unknowns.
+        values: where the information was computed, and what the parameters are taken to be.
+        information: of the data alone, in the parameters' own units.
+        cov: posterior covariance; None before the data.
+        at: operating point, signal name to SI value, for combinations with a meaning.
+    """
+    values = np.asarray(values, float)
+    prior_sd = np.array([float(parameter.prior.sd) for parameter in parameters])
+    names, units = tuple(p.name for p in parameters), tuple(p.unit for p in parameters)
+    relative = np.abs(values) > NEAR_ZERO * prior_sd
+    unknown = Unknown(names, units, values, np.where(relative, values, prior_sd), relative)
+    stage = "before" if cov is None else "after"
+    scaled = information * np.outer(unknown.scale, unknown.scale)
+    if not np.isfinite(scaled).all():
+        eigenvalues, untouched, invisible = np.full(values.size, np.nan), [], ()
+        information = np.zeros_like(information)
+    else:
+        eigenvalues = np.linalg.eigvalsh(scaled)
+        touched = np.abs(np.diag(information)) * prior_sd**2 > UNTOUCHED
+        untouched = [name for name, yes in zip(names, touched, strict=True) if not yes]
+        seen = np.flatnonzero(touched)
+        invisible = null_combinations(information[np.ix_(seen, seen)], unknown.pick(seen)) if seen.size else ()
+    cov = _expected_cov(information, prior_sd) if cov is None else np.asarray(cov, float)
+    sd = np.sqrt(np.diag(cov))
+    correlation = cov / np.maximum(np.outer(sd, sd), 1e-300)
+    found = []
+    for members in groups(correlation, TOGETHER):
+        part = unknown.pick(members)
+        if any(item.is_scale and set(part.names) <= set(item.names) for item in invisible):
+            continue
+        pairs = [correlation[i, j] for i, j in combinations(members, 2)]
+        known = known_combinations(part, cov[np.ix_(members, members)], at or {})
+        found.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
+    return Identifiability(
+        stage, names, units, values, sd, prior_sd, correlation, eigenvalues, tuple(untouched), invisible, tuple(found)
+    )
+
+
+def identifiability_of_fit(
+    posterior: Posterior,
+    mode: Mode,
+    draws: Float[np.ndarray, "n d"] | None = None,
+    at: Mapping[str, float] | None = None,
+) -> Identifiability:
+    """Judge a fit: the information of its data at the mode, and the covariance of its posterior.
+
+    Args:
+        posterior: posterior.
+        mode: its mode.
+        draws: posterior draws in the parameters' own units; without them the covariance is that of the mode's curvature.
+        at: operating point, signal name to SI value.
+    """
+    information = likelihood_information(posterior, mode.values)
+    if draws is None:
+        z = jnp.asarray(mode.z)
+        rising = np.sign(np.asarray(posterior.constrain(z + 0.01) - posterior.constrain(z - 0.01)))
+        slope = rising * mode.sd / np.sqrt(np.diag(mode.cov))
+        # The curvature inside a box can promise more spread than the box has.
+        slope = slope * np.minimum(1.0, [p.prior.sd for p in posterior.parameters] / np.maximum(mode.sd, 1e-300))
+        cov = mode.cov * np.outer(slope, slope)
+    else:
+        cov = np.atleast_2d(np.cov(draws.T))
+    return identify(posterior.parameters, mode.values, information, cov=cov, at=at)
+
+
+def identifiability_of_plan(
+    posterior: Posterior, values: Float[np.ndarray, " d"] | None = None, at: Mapping[str, float] | None = None
+) -> Identifiability:
+    """Judge trials that were not run yet, nuisances included; the noise itself is taken as given.
+
+    Args:
+        posterior: output-error posterior whose records hold the planned controls, and any number wherever a channel will be
+            measured: the numbers do not matter.
+        values: what the parameters are taken to be; None for their prior means.
+        at: operating point, signal name to SI value.
+
+    Raises:
+        InputError: a likelihood that cannot be simulated.
+    """
+    if not isinstance(posterior.likelihood, OutputError):
+        raise InputError(
+            "identifiability before the data",
+            found="a likelihood that is not of output error",
+            expected="one whose measurements can be simulated without the data",
+            remedy="plan with output error, or judge the fit after the trial",
+        )
+    point = _prior_means(posterior.parameters) if values is None else np.asarray(values, float)
+    motion = np.flatnonzero(~is_noise(posterior))
+    information = likelihood_information(posterior, point)[np.ix_(motion, motion)]
+    return identify([posterior.parameters[i] for i in motion], point[motion], information, at=at)
+
+
+def identifiability_of_design(
+    parameters: Sequence[Parameter],
+    model: VehicleModel,
+    control: Float[np.ndarray, "n n_controls"],
+    sample_time: float,
+    start: Sequence[float],
+    noise: Mapping[str, float],
+    at: Mapping[str, float] | None = None,
+) -> Identifiability:
+    """Judge one planned trial from the vehicle's coefficients at their prior means.
+
+    Args:
+        parameters: the model's coefficients with their priors, in its order.
+        model: vehicle.
+        control: control held from each sample to the next.
+        sample_time: s.
+        start: state at the first sample.
+        noise: standard deviation of each measured channel, SI.
+        at: operating point, signal name to SI value.
+    """
+    values = _prior_means(parameters)
+    params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
+    step = jnp.full(len(control), sample_time)
+    sds = jnp.array(list(noise.values()), float)
+    run = _design_information(model, tuple(noise))
+    information = np.asarray(run(params, jnp.asarray(control, float), step, jnp.asarray(start, float), sds))
+    return identify(parameters, values, information, at=at)
+
+
+@lru_cache(maxsize=16)
+def _design_information(model: VehicleModel, channels: tuple[str, ...]):
+    return jax.jit(partial(coefficient_information, model, channels))
+
+
+def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:
+    return np.array([float(parameter.prior.mean) for parameter in parameters])
+
+
+def _expected_cov(information: np.ndarray, prior_sd: np.ndarray) -> np.ndarray:
+    """Inverse of the data's information and the prior's together."""
+    eigenvalues, vectors = np.linalg.eigh(information * np.outer(prior_sd, prior_sd))
+    return (vectors / (1.0 + np.maximum(eigenvalues, 0.0))) @ vectors.T * np.outer(prior_sd, prior_sd)

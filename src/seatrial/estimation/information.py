@@ -1,0 +1,147 @@
+"""What the measurements alone say about the parameters near one point, from exact forward derivatives.
+
+Expected (Fisher) information of an output-error fit: I = sum_k S_k^T R^-1 S_k with S_k = dy_k/dc. It is minus the Hessian of
+the log-likelihood of data that are the simulation itself: every term with a residual in it then vanishes, so that what cannot
+be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
+from seatrial.numerics.integrate import rk4_step
+from seatrial.sampling.target import VECTOR
+from seatrial.vehicles.model import VehicleModel
+
+
+class Expansion(NamedTuple):
+    """Log-likelihood at several points, its gradients and Hessians, in the parameters' own units."""
+
+    value: Float[np.ndarray, " n"]
+    gradient: Float[np.ndarray, "n d"]
+    hessian: Float[np.ndarray, "n d d"]
+
+
+def expand_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) -> Expansion:
+    """Log-likelihood with its first and second derivatives at points that need not lie inside the prior.
+
+    Memory does not grow with the number of time steps, and one compiled program serves any number of points.
+    """
+    n = values.shape[0]
+    blocks = np.minimum(np.arange(-(-n // VECTOR) * VECTOR), n - 1).reshape(-1, VECTOR)
+    parts = [_expand(posterior, jnp.asarray(values[block])) for block in blocks]
+    return Expansion(*(np.concatenate([np.asarray(part[i]) for part in parts])[:n] for i in range(3)))
+
+
+def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]) -> Float[np.ndarray, "d d"]:
+    """Information of the data at parameter values in their own units; not finite where the model diverges.
+
+    For output error it is the expected information about the motion and the observed one about the noise; the tails of
+    heavy-tailed residuals make it up to twice too large, its rank stays. For other likelihoods it is the observed information.
+    """
+    point = np.asarray(values, float)[None]
+    if not isinstance(posterior.likelihood, OutputError):
+        return -expand_likelihood(posterior, point).hessian[0]
+    information = -expand_likelihood(_with_simulated_data(posterior, jnp.asarray(point[0])), point).hessian[0]
+    noise = np.flatnonzero(is_noise(posterior))
+    if noise.size:
+        about_noise = -expand_likelihood(posterior, point).hessian[0]
+        information[np.ix_(noise, noise)] = about_noise[np.ix_(noise, noise)]
+    return information
+
+
+def is_noise(posterior: Posterior) -> np.ndarray:
+    """Which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
+    kinds = (noise_name, correlation_name, dof_name)
+    names = {kind(channel) for channel in posterior.likelihood.channels for kind in kinds}
+    return np.array([name in names for name in posterior.names])
+
+
+def coefficient_information(
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    params: Mapping[str, Any],
+    control: Float[Array, "n n_controls"],
+    step: Float[Array, " n"],
+    start: Float[Array, " n_states"],
+    noise: Float[Array, " m"],
+) -> Float[Array, "k k"]:
+    """Expected information of one planned trial about the model's coefficients, SI and in its order; may be batched.
+
+    The sensitivities travel with the state and are summed at once, so that memory does not grow with the number of samples.
+
+    Args:
+        model: vehicle.
+        channels: measured channels, white noise.
+        params: coefficients about which it is linearised.
+        control: control held from each sample to the next.
+        step: time to the next sample, s.
+        start: state at the first sample.
+        noise: standard deviation of each channel, SI.
+    """
+    names = tuple(coefficient.text for coefficient in model.coefficients)
+    point = tuple(params[name] for name in names)
+    k = len(names)
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
+        state, slopes, total = carry
+        held, h = sample
+
+        def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
+            named = dict(zip(names, point, strict=True))
+            shown = jnp.stack([model.output(name, named, state, held) for name in channels]) / noise
+            return rk4_step(lambda x: model.derivative(named, x, held), state, h), shown
+
+        def along(direction: tuple, slope: tuple) -> tuple:
+            (moved, _), (moved_slope, shown_slope) = jax.jvp(moved_and_shown, (point, state), (direction, slope))
+            return moved, moved_slope, shown_slope
+
+        state, slopes, shown = jax.vmap(along, out_axes=(None, 0, 0))(directions, slopes)
+        return (state, slopes, total + shown @ shown.T), None
+
+    point = tuple(jnp.asarray(value, float) for value in point)
+    directions = tuple(jnp.eye(k)[i] for i in range(k))
+    begin = tuple(start[i] for i in range(start.shape[0]))
+    columns = tuple(control[:, i] for i in range(control.shape[1]))
+    still = tuple(jnp.zeros(k) for _ in begin)
+    (_, _, total), _ = jax.lax.scan(advance, (begin, still, jnp.zeros((k, k))), (columns, step))
+    return total
+
+
+@jax.jit
+def _expand(posterior: Posterior, values: Array) -> tuple[Array, Array, Array]:
+    def likelihood_twice(point: Array) -> tuple[Array, Array]:
+        value = posterior.likelihood(dict(zip(posterior.names, point, strict=True)), posterior.data)
+        return value, value
+
+    def gradient_twice(point: Array) -> tuple[Array, tuple[Array, Array]]:
+        gradient, value = jax.jacfwd(likelihood_twice, has_aux=True)(point)
+        return gradient, (gradient, value)
+
+    def expand(point: Array) -> tuple[Array, Array, Array]:
+        hessian, (gradient, value) = jax.jacfwd(gradient_twice, has_aux=True)(point)
+        return value, gradient, 0.5 * (hessian + hessian.T)
+
+    return jax.vmap(expand)(values)
+
+
+@jax.jit
+def _with_simulated_data(posterior: Posterior, values: Array) -> Posterior:
+    """The same posterior had every sensor shown what the simulation at these values does."""
+    likelihood, data = posterior.likelihood, posterior.data
+    named = dict(zip(posterior.names, values, strict=True))
+
+    def of_one_trial(apart: dict, trial: Any, start: Array) -> Array:
+        return likelihood.simulator.outputs({**named, **apart}, start, trial.control, trial.step)
+
+    shown = jax.vmap(of_one_trial)(likelihood.apart(named), data, likelihood.starts(named, data))
+    channels = tuple(channel._replace(measured=shown[..., i]) for i, channel in enumerate(data.channels))
+    return replace(posterior, data=data._replace(channels=channels))

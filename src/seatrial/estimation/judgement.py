@@ -1,0 +1,178 @@
+"""Pass, caution or fail: what the scores of a predicted trial mean, with the reason in one sentence.
+
+A departure counts when it matters (the limits below) and when it is more than chance, three standard errors, for the number of
+independent samples that the trial is worth.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.special import betainc
+from scipy.stats import chi2
+
+from seatrial.estimation.validation import DIVERGES, Score
+
+Level = Literal["pass", "caution", "fail"]
+LEVELS: tuple[Level, ...] = ("pass", "caution", "fail")
+
+POOR = 0.5
+"""Share of variance explained below which less is known of the motion than is not."""
+NARROW, BROKEN = 0.8, 0.6
+"""Share inside the 90 % band: errors 1.3 times those stated leave 0.8, errors twice as large 0.6."""
+WIDE = 0.98
+"""Share inside the 90 % band when errors are 0.7 of those stated."""
+SPREAD, BURST, TAME = 2.0, 4.0, 0.5
+"""Variance of normalised residuals: 2 is errors 1.4 times those stated, 4 twice, 0.5 is 0.7 of them."""
+MISSHAPEN = 0.1
+"""Distance of the transform from uniform: no probability that is stated is wrong by more than this."""
+CORRELATED, LIKELY = 0.1, 0.01
+"""Correlation of neighbours that changes standard deviations by a tenth, and p-value below which it is no chance."""
+RARE = 0.00135
+"""Probability below which a departure is not put down to chance: three standard errors on one side."""
+KS_CHANCE = 1.63
+"""1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
+
+
+class Verdict(NamedTuple):
+    """A level, what it is about in a few words, and the reason: what was found, what it means and what to do."""
+
+    level: Level
+    about: str
+    reason: str
+
+
+def judge(score: Score, channel: str, held_back: bool, coloured: bool) -> Verdict:
+    """Say what the scores of one channel mean; of several departures the first in order of gravity."""
+    use = "prediction" if held_back else "fit"
+    if not score.samples:
+        return Verdict(
+            "caution",
+            "not measured",
+            f"nothing was measured of {channel}: the {use} cannot be judged; check the channel map",
+        )
+    if score.missing == DIVERGES:
+        return Verdict(
+            "fail",
+            "diverges",
+            f"the simulated {channel} grows without bound: the model cannot move as this trial did; "
+            "check units and signs, or narrow the priors to damping that dissipates",
+        )
+    return (
+        _sizes(score, channel, held_back)
+        or _motion(score, channel, held_back)
+        or _colour(score, channel, coloured)
+        or _shape(score, channel)
+        or Verdict("pass", "", _praise(score, channel))
+    )
+
+
+def worst(verdicts: Sequence[Verdict]) -> Verdict:
+    """The gravest verdict of a trial's channels, the first of them where several are as grave."""
+    return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
+
+
+def _sizes(score: Score, channel: str, held_back: bool) -> Verdict | None:
+    """Errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
+    n = max(score.effective, 1.0)
+    short = score.coverage < 0.9 and betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
+    large = chi2.sf(n * score.variance, n) < RARE
+    small = chi2.cdf(n * score.variance, n) < RARE
+    found = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
+    if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
+        do = (
+            "look at this trial for a sensor fault or another condition (current, load, trim), then add a term or fit it too"
+            if held_back
+            else "look at its residuals for outliers, a wrong unit or a missing term"
+        )
+        return Verdict("fail", "errors beyond what is stated", f"{found}: do not rely on its stated uncertainty; {do}")
+    if (short and score.coverage < NARROW) or (large and score.variance > SPREAD):
+        do = "fit more trials like it, or add a term" if held_back else "look for outliers or a missing term"
+        return Verdict("caution", "band too narrow", f"{found}: the stated uncertainty is too small; {do}")
+    if small and not score.missing and score.variance < TAME and score.coverage > WIDE:
+        return Verdict(
+            "caution",
+            "band too wide",
+            f"{found}: this trial was quieter than the stated noise; the band promises less than the model can do, "
+            "check whether the trials have the same sensors",
+        )
+    return None
+
+
+def _motion(score: Score, channel: str, held_back: bool) -> Verdict | None:
+    """Little of the motion explained, and why: noise, ignorance or a wrong model, which sizes let through as honestly stated."""
+    if score.missing:
+        return Verdict(
+            "caution",
+            "never changes",
+            f"the measured {channel} never changes: its errors are as stated, but how much motion is explained has no meaning; "
+            "test on a trial that moves",
+        )
+    if score.explained >= POOR:
+        return None
+    found = f"{score.explained:.0%} of the variance of {channel} is explained"
+    if score.noise_share > POOR:
+        return Verdict(
+            "caution",
+            "noise hides the motion",
+            f"{found}, the rest is as large as the noise of the fit: this trial tests little; use one that moves more, or "
+            "add a term if the sensor is better than that",
+        )
+    if held_back:
+        return Verdict(
+            "caution",
+            "predicted poorly",
+            f"{found}, though within the stated uncertainty: the coefficients are not known well enough to predict it; "
+            "run the next trial that is proposed",
+        )
+    return Verdict(
+        "caution",
+        "fitted poorly",
+        f"{found}: the model misses most of what moved; add a term, a delay or an estimated initial state",
+    )
+
+
+def _colour(score: Score, channel: str, coloured: bool) -> Verdict | None:
+    """Residuals that remember, by more than chance and by enough to matter."""
+    if score.white > LIKELY or abs(score.correlation) < CORRELATED:
+        return None
+    found = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
+    if coloured:
+        return Verdict(
+            "caution",
+            "correlated beyond the model",
+            f"{found} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
+            "deviations are rough; look for a missing term",
+        )
+    if score.correlation < 0:
+        return Verdict(
+            "caution",
+            "correlated residuals",
+            f"{found}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
+            "too large; check whether the sensor or the import filtered or differenced the channel",
+        )
+    rho = min(score.correlation, 0.999)
+    return Verdict(
+        "caution",
+        "correlated residuals",
+        f"{found}, which white noise is not: stated standard deviations are too small, by a factor of about "
+        f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured"',
+    )
+
+
+def _shape(score: Score, channel: str) -> Verdict | None:
+    """Errors of the right size that are not normal, or lie to one side."""
+    if score.pit_distance <= max(MISSHAPEN, KS_CHANCE / np.sqrt(max(score.effective, 1.0))):
+        return None
+    below = sum(score.pit[: len(score.pit) // 2])
+    side = f", {max(below, 1 - below):.0%} of it on one side of the prediction" if abs(below - 0.5) > MISSHAPEN else ""
+    return Verdict(
+        "caution",
+        "errors not normal",
+        f"errors of {channel} are not spread as stated (off by {score.pit_distance:.2f}{side}): probabilities are rough; "
+        "look for a bias of the sensor or outliers",
+    )
+
+
+def _praise(score: Score, channel: str) -> str:
+    return f"{score.explained:.0%} of the variance of {channel} is explained and {score.coverage:.0%} lies inside the 90 % band"

@@ -1,0 +1,71 @@
+"""Physical sides of coefficients, and priors cut to them: damping dissipates, and mass plus added mass is positive.
+
+A force c phi(s) along the vehicle's own velocity s takes power -c s phi(s) out of the motion. Where phi is odd in s, as s,
+s|s| and s^3 are, s phi(s) >= 0, so the term dissipates if and only if c < 0. An even phi (s^2), a change from trim
+(`X_du3`) or another signal has no sign of its own. The inertia m - X_udot is positive if and only if X_udot < m.
+"""
+
+from math import inf
+
+from seatrial.core.coefficients import AXES, CoefficientName, Factor
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.estimation.priors.box import LogUniform, Uniform
+from seatrial.estimation.priors.normal import Normal
+from seatrial.estimation.priors.protocol import Prior
+from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_normal
+
+_VELOCITY = dict(zip(AXES, RATES, strict=False))
+"""Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order."""
+
+
+def physical_support(term: CoefficientName, inertia: float) -> tuple[float, float] | None:
+    """Interval in which a coefficient is physical; None where its sign is not its own.
+
+    Args:
+        term: coefficient.
+        inertia: mass, or moment of inertia, along its axis; 1 for coefficients per unit of it.
+    """
+    own = _VELOCITY.get(term.axis)
+    if own is None or any(factor.signal != own or factor.change for factor in term.factors) or not term.factors:
+        return None
+    if term.is_added_mass:
+        return (-inf, inertia) if term.factors == (Factor(own, derivative=True),) else None
+    odd = sum(factor.power for factor in term.factors if not factor.modulus) % 2 == 1
+    return (-inf, 0.0) if odd else None
+
+
+def restricted(prior: Prior, lower: float, upper: float) -> Prior:
+    """Cut a prior to an interval: what lies outside is impossible, inside nothing changes but the total.
+
+    A uniform stays uniform and a normal becomes a truncated normal; a prior that lies inside already is returned as it is.
+
+    Raises:
+        InputError: next to nothing of the prior lies inside, or a log-normal, which cannot be cut.
+    """
+    below, above = prior.bounds
+    if lower <= below and above <= upper:
+        return prior
+    first, last = max(below, lower), min(above, upper)
+    where = f"support {below:g} to {above:g}"
+    if not first < last:
+        raise InputError(
+            where,
+            found=f"nothing between {lower:g} and {upper:g}",
+            expected="a prior that allows physical values",
+            remedy="move the prior to the physical side",
+        )
+    match prior:
+        case Uniform() | LogUniform():
+            return type(prior)(first, last)
+        case Normal(mean, sd):
+            return truncated_normal(mean, sd, first, last)
+        case TruncatedNormal():
+            return truncated_normal(prior.location, prior.scale, first, last)
+        case _:
+            raise InputError(
+                where,
+                found=f"a {type(prior).__name__} that reaches beyond {lower:g} to {upper:g}",
+                expected="a uniform, normal or truncated normal prior, which can be cut",
+                remedy="use one of these",
+            )

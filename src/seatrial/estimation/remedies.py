@@ -1,0 +1,63 @@
+"""What would tell parameters apart that the data only show together, in words for whoever plans the next trial."""
+
+from collections.abc import Sequence
+from math import floor, log10
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+
+
+def what_separates(names: Sequence[str]) -> str:
+    """Say what to do so that these parameters are known each."""
+    axes = {name.split("_")[0] for name in names if is_coefficient(name)}
+    terms = [CoefficientName.parse(name) for name in names if is_coefficient(name)]
+    inertial = any(term.is_added_mass for term in terms) or "m" in names
+    if any(name.split("[")[0] == "current" or name.startswith("bias_") for name in names):
+        return (
+            "measure the current by itself, run both ways along one line, or cover a wider range of speeds, "
+            "a reverse or a coast-down included"
+        )
+    if "t_d" in names:
+        return "only the product (1 - t_d) T acts on the hull: fix t_d, or measure the thrust at the shaft as well"
+    if inertial and axes:
+        return "fix the mass (weigh the vehicle), or fix the thrust by a bollard pull"
+    if "T" in axes and len(axes) > 1:
+        return "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
+    if any(name == "delay" or name.startswith("lag_") for name in names):
+        return "use sharper steps, or measure the delay on the bench"
+    if axes and len(terms) == len(names):
+        signals = sorted({signal for term in terms for signal in term.signals})
+        if signals == ["u"]:
+            return "cover a wider range of speeds, by larger steps, longer periods, a reverse or a coast-down"
+        return f"a trial that moves {listed(signals)} further, and one without the others"
+    if all(name.startswith(("sigma_", "tau_", "dof_")) for name in names):
+        return "a longer record"
+    return "fix one of them, or measure another channel"
+
+
+def is_coefficient(name: str) -> bool:
+    """Whether a parameter is a coefficient of the equations of motion, by its name."""
+    try:
+        CoefficientName.parse(name)
+    except InputError:
+        return False
+    return True
+
+
+def percent(share: float) -> str:
+    """A share in percent, two digits."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a sentence has them: `a`, `a and b`, `a, b and c`."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def measured(value: float, sd: float, unit: str) -> str:
+    """A value to two digits of its standard deviation, as in `-5.70 +- 0.04 kg/s`."""
+    decimals = 1 - floor(log10(sd)) if sd > 0 else 4
+    number = (
+        f"{value:.{max(decimals, 0)}f} +- {sd:.{max(decimals, 0)}f}" if decimals < 5 else f"{value:.4g} +- {sd:.2g}"
+    )
+    return number if unit == "1" else f"{number} {unit}"

@@ -1,0 +1,102 @@
+"""Data that a likelihood would have made: the measurements of its trials replaced by simulated ones, gaps and times kept."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from seatrial.estimation.filter_error import FilterError, process_name
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.trial_data import ChannelData, TrialData
+from seatrial.numerics.integrate import rk4_step
+
+
+@partial(jax.jit, static_argnums=0)
+def replicate(
+    likelihood: OutputError | FilterError, values: Mapping[str, Any], data: TrialData, key: jax.Array
+) -> TrialData:
+    """Draw measurements of every trial under given parameter values.
+
+    Args:
+        likelihood: what is believed about vehicle, sensors and noise; static.
+        values: parameters by name, SI.
+        data: trials whose controls, times, gaps and initial states are kept.
+        key: random key.
+    """
+    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    keys = jax.random.split(key, 2)
+    shown = motions(likelihood, values, data, keys[0])
+    noise_keys = jax.random.split(keys[1], (len(output.labels), len(data.channels)))
+
+    def of_trial(apart: dict[str, Array], trial: TrialData, shown: Array, keys: Array) -> TrialData:
+        here = {**values, **apart}
+        channels = tuple(
+            channel._replace(measured=channel.present * (x + _noise(sensor, here, channel, keys[i])))
+            for i, (sensor, channel, x) in enumerate(
+                zip(output.simulator.sensors, trial.channels, shown.T, strict=True)
+            )
+        )
+        return trial._replace(channels=channels)
+
+    return jax.vmap(of_trial)(output.apart(values), data, shown, noise_keys)
+
+
+def motions(
+    likelihood: OutputError | FilterError, values: Mapping[str, Any], data: TrialData, key: jax.Array
+) -> Float[Array, "trials n m"]:
+    """What the sensors would show without their noise; process noise is drawn where there is any. Arguments as `replicate`."""
+    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+
+    def of_trial(apart: dict[str, Array], trial: TrialData, start: Array, key: jax.Array) -> Array:
+        here = {**values, **apart}
+        if isinstance(likelihood, FilterError):
+            return _noisy_motion(likelihood, here, trial, start, key)
+        return output.simulator.outputs(here, start, trial.control, trial.step)
+
+    keys = jax.random.split(key, len(output.labels))
+    return jax.vmap(of_trial)(output.apart(values), data, output.starts(dict(values), data), keys)
+
+
+def _noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array) -> Float[Array, " n"]:
+    """Residuals of one channel at every sample."""
+    sd, shape = values[noise_name(sensor.channel)], channel.measured.shape
+    if sensor.noise == "heavy":
+        return sd * jax.random.t(key, values[dof_name(sensor.channel)], shape)
+    white = jax.random.normal(key, shape)
+    if sensor.noise == "white":
+        return sd * white
+    memory = jnp.exp(-channel.gaps / values[correlation_name(sensor.channel)])[channel.kind]
+
+    def advance(before: Array, sample: tuple) -> tuple[Array, Array]:
+        e, rho, present = sample
+        now = rho * before + jnp.sqrt(1.0 - rho * rho) * e
+        return jnp.where(present > 0, now, before), now
+
+    _, process = jax.lax.scan(advance, jnp.zeros(()), (white, memory, channel.present))
+    return sd * process
+
+
+def _noisy_motion(
+    likelihood: FilterError, values: Mapping[str, Any], trial: TrialData, start: Array, key: jax.Array
+) -> Float[Array, "n m"]:
+    """Outputs along a motion with process noise, from a start that is drawn too."""
+    model, simulator = likelihood.model, likelihood.output.simulator
+    n, d = trial.step.shape[0], len(model.states)
+    first, pushes = jax.random.normal(key, (d,)), jax.random.normal(jax.random.fold_in(key, 1), (n, d))
+    scale = jnp.stack([jnp.asarray(values[process_name(state)], float) for state in model.states])
+    pushes = pushes * scale * jnp.sqrt(trial.step)[:, None]
+    start = start + first * jnp.asarray(likelihood.initial_sd)
+    held, step, lags = simulator.samples(values, trial.control, trial.step)
+
+    def advance(state: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        (control, h, lag), push = sample
+        _, shown = simulator.advance(values, (state, (None,) * len(simulator.sensors)), (control, h, lag))
+        moved = rk4_step(lambda x: model.derivative(values, x, control), state, h)
+        return tuple(x + push[i] for i, x in enumerate(moved)), shown
+
+    _, shown = jax.lax.scan(advance, tuple(start[i] for i in range(d)), ((held, step, lags), pushes))
+    return jnp.stack(shown, -1)

@@ -1,0 +1,104 @@
+"""How a sensor shows the motion: with a lag, a bias and the speed of the water, and with noise of one kind or another.
+
+A lag is of first order, tau dy/dt = x - y. Across a step h over which x is a straight line its solution is
+
+    y' = a y + b x + c x',  a = exp(-r), g = (1 - a) / r, b = g - a, c = 1 - g,  r = h / tau
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Noise = Literal["white", "coloured", "heavy"]
+"""Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One measured channel; what is unknown about it is a parameter.
+
+    Attributes:
+        channel: what it measures: a state, or its rate.
+        noise: kind of the residuals: `sigma_u`, and `tau_u` where coloured, `dof_u` where heavy-tailed.
+        bias: whether it has a constant error, `bias_u`.
+        lag: whether it answers late, with the time constant `lag_u`, s.
+        over_ground: whether a velocity is measured over ground, and not through the water.
+    """
+
+    channel: str
+    noise: Noise = "white"
+    bias: bool = False
+    lag: bool = False
+    over_ground: bool = True
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters, in the order of the report."""
+        names = [noise_name(self.channel)]
+        names += {"white": [], "coloured": [correlation_name(self.channel)], "heavy": [dof_name(self.channel)]}[
+            self.noise
+        ]
+        names += [bias_name(self.channel)] * self.bias + [lag_name(self.channel)] * self.lag
+        return tuple(names)
+
+    def show(self, values: Mapping[str, Any], x: Any, memory: "Memory | None", lag: "Lag | None") -> tuple:
+        """What it shows without noise where the channel is `x`, and what it remembers."""
+        if memory is not None and lag is not None:
+            y = lag.a * memory.shown + lag.b * memory.true + lag.c * x
+            memory, x = Memory(y, x), y
+        return (x + values[bias_name(self.channel)] if self.bias else x), memory
+
+
+class Memory(NamedTuple):
+    """What a sensor with a lag showed at the last sample, and what was true."""
+
+    shown: Any
+    true: Any
+
+
+class Lag(NamedTuple):
+    """Coefficients of a lag; over all samples, or at one."""
+
+    a: Any
+    b: Any
+    c: Any
+
+
+def lags_before(step: Float[Array, " n"], tau: Any) -> Lag:
+    """Coefficients for the step that leads to each sample; at the first the sensor has settled."""
+    r = step[:-1] / tau
+    small = r < 1e-4
+    safe = jnp.where(small, 1.0, r)
+    a = jnp.exp(-r)
+    g = jnp.where(small, 1.0 - 0.5 * r + r * r / 6.0, -jnp.expm1(-safe) / safe)
+    return Lag(
+        *(jnp.concatenate([jnp.full(1, first), rest]) for first, rest in ((0.0, a), (0.0, g - a), (1.0, 1.0 - g)))
+    )
+
+
+def noise_name(channel: str) -> str:
+    """Parameter name of a channel's noise standard deviation; where heavy-tailed, of the scale of Student's t."""
+    return f"sigma_{channel}"
+
+
+def correlation_name(channel: str) -> str:
+    """Parameter name of the correlation time of a channel's residuals, s."""
+    return f"tau_{channel}"
+
+
+def dof_name(channel: str) -> str:
+    """Parameter name of the degrees of freedom of a channel's heavy-tailed residuals."""
+    return f"dof_{channel}"
+
+
+def bias_name(channel: str) -> str:
+    """Parameter name of a channel's constant error."""
+    return f"bias_{channel}"
+
+
+def lag_name(channel: str) -> str:
+    """Parameter name of the time constant of a channel's sensor, s."""
+    return f"lag_{channel}"

@@ -1,0 +1,123 @@
+"""Differential evolution Metropolis, many chains in step, with past states and snooker (ter Braak and Vrugt 2008, DE-MCzs).
+
+    for each iteration t, a and b being two rows of the archive, c a third
+        nine times in ten   propose z' = z + g (a - b) + e,  g = 2.38 / sqrt(2 d), or 1 in a tenth of these, e tiny
+        else, the snooker   propose z' = z + g u u.(a - b),  u along z - c, g ~ U(1.2, 2.2)
+        accept with probability min(1, p(z') / p(z)), times (|z' - c| / |z - c|)^(d - 1) for the snooker
+        while warming up, every tenth iteration: the chains replace the oldest rows of the archive
+
+Steps take their size and direction from differences of past states, so nothing is tuned; g = 1 carries a chain from one mode
+to another where the archive holds both. The archive is frozen after warm-up, so that what is kept is plain Metropolis.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep, refuse_dead_starts
+from seatrial.sampling.run import finish as finish
+from seatrial.sampling.target import Target, log_densities
+
+ROWS = 1024
+"""Rows of the archive, at least; and at least 32 for each chain."""
+EVERY = 10
+"""Iterations between two entries in the archive."""
+SNOOKER = 0.1
+FULL_STEP = 0.1
+JITTER = 1e-4
+"""Standard deviation of e, in those of the covariance given at the start: no state is out of reach."""
+
+
+class ArchiveState(NamedTuple):
+    """Everything the next iteration needs; arrays only, so that it can be stored and resumed.
+
+    Attributes:
+        z: positions, shape (chains, d).
+        log_density: at the positions, shape (chains,).
+        archive: past states, shape (rows, d).
+        jitter: standard deviation of e, shape (d,).
+    """
+
+    z: Float[Array, "chains d"]
+    log_density: Float[Array, " chains"]
+    archive: Float[Array, "rows d"]
+    jitter: Float[Array, " d"]
+
+
+State = ArchiveState
+
+
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+    """Begin a run; the archive begins as normal draws about the starts.
+
+    Args:
+        target: density to sample.
+        starts: one position for each chain, of finite density.
+        cov: covariance of these draws, for example the Laplace covariance.
+
+    Raises:
+        NumericalError: a start of zero density.
+    """
+    log_density = log_densities(target, starts)
+    refuse_dead_starts(log_density)
+    chains, d = starts.shape
+    rows = chains * max(32, -(-ROWS // chains))
+    noise = jax.random.normal(jax.random.key(0), (rows, d))
+    archive = jnp.tile(starts, (rows // chains, 1)) + noise @ jnp.linalg.cholesky(jnp.asarray(cov)).T
+    return begin(ArchiveState(starts, log_density, archive, JITTER * jnp.sqrt(jnp.diag(cov))))
+
+
+def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
+    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
+    return keep(run, state, drawn, settings)
+
+
+@jax.jit
+def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warmup: int):
+    chains, d = state.z.shape
+    rows = state.archive.shape[0]
+
+    def iterate(state: ArchiveState, t: Array):
+        row_key, kind_key, step_key, accept_key = jax.random.split(jax.random.fold_in(key, t), 4)
+        a, b, c = state.archive[_three_rows(row_key, chains, rows)]
+        kind, size = jax.random.uniform(kind_key, (2, chains))
+        scale = jnp.where(size < FULL_STEP, 1.0, 2.38 / jnp.sqrt(2 * d))
+        along = scale[:, None] * (a - b) + state.jitter * jax.random.normal(step_key, (chains, d))
+        snooker, log_volume = _snooker(state.z, a - b, c, 1.2 + size)
+        is_snooker = kind < SNOOKER
+        proposal = state.z + jnp.where(is_snooker[:, None], snooker, along)
+        log_density = log_densities(target, proposal)
+        log_ratio = log_density - state.log_density + jnp.where(is_snooker, log_volume, 0.0)
+        log_ratio = jnp.where(jnp.isfinite(log_ratio), log_ratio, -jnp.inf)
+        accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
+        z = jnp.where(accepted[:, None], proposal, state.z)
+        kept = jnp.where(accepted, log_density, state.log_density)
+        oldest = (t // EVERY * chains) % rows
+        entered = jax.lax.dynamic_update_slice(state.archive, z, (oldest, 0))
+        archive = jnp.where((t < warmup) & (t % EVERY == EVERY - 1), entered, state.archive)
+        acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
+        return state._replace(z=z, log_density=kept, archive=archive), (z, kept, acceptance)
+
+    return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))
+
+
+def _three_rows(key: Array, chains: int, rows: int) -> Array:
+    """Indices of three different rows for each chain, shape (3, chains)."""
+    keys = jax.random.split(key, 3)
+    a, b, c = (jax.random.randint(k, (chains,), 0, rows - i) for i, k in enumerate(keys))
+    b = b + (b >= a)
+    low, high = jnp.minimum(a, b), jnp.maximum(a, b)
+    c = c + (c >= low)
+    return jnp.stack([a, b, c + (c >= high)])
+
+
+def _snooker(z: Array, difference: Array, c: Array, scale: Array) -> tuple[Array, Array]:
+    """Step along the line through c, and the log of the change of volume; NaN, which is refused, from c itself."""
+    away = z - c
+    distance = jnp.linalg.norm(away, axis=1)
+    unit = away / distance[:, None]
+    step = scale * jnp.sum(unit * difference, axis=1)
+    return step[:, None] * unit, (z.shape[1] - 1) * jnp.log(jnp.abs(distance + step) / distance)

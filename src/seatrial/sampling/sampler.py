@@ -1,0 +1,77 @@
+"""Markov chain samplers behind one protocol: every module of the family is a sampler, chosen by name from one table."""
+
+from typing import Any, Protocol
+
+import jax
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.sampling import adaptive_metropolis, de_metropolis, metropolis, nuts
+from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
+from seatrial.sampling.target import Progress, Target, no_progress
+
+
+class Sampler(Protocol):
+    """Chains in step that start, advance block by block, and finish.
+
+    What lies between two blocks is a `Run`, arrays only: stored with `arrays_of_run`, restored with `run_from_arrays` and the
+    sampler's `State`, it goes on with the same bits.
+    """
+
+    @property
+    def State(self) -> Any:
+        """Type of the state inside a run, a NamedTuple of arrays."""
+        ...
+
+    def start_chains(self, target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+        """Begin a run from one position of finite density for each chain and a guess of the covariance."""
+        ...
+
+    def advance_chains(self, target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+        """Advance a run by one block of iterations; the key is the same for all blocks."""
+        ...
+
+    def finish(self, run: Run) -> Draws:
+        """Draws of a finished run."""
+        ...
+
+
+SAMPLERS: dict[str, Sampler] = {
+    "adaptive-metropolis": adaptive_metropolis,
+    "metropolis": metropolis,
+    "de-metropolis": de_metropolis,
+    "nuts": nuts,
+}
+DEFAULT = "adaptive-metropolis"
+
+
+def find_sampler(name: str) -> Sampler:
+    """Return the sampler of this name.
+
+    Raises:
+        InputError: no such sampler.
+    """
+    if name not in SAMPLERS:
+        raise InputError("sampler", found=f'"{name}"', expected=", ".join(SAMPLERS), remedy=nearest(name, SAMPLERS))
+    return SAMPLERS[name]
+
+
+def sample(
+    sampler: Sampler,
+    target: Target,
+    starts: Float[Array, "chains d"],
+    cov: Float[Array, "d d"],
+    key: jax.Array,
+    settings: ChainSettings,
+    progress: Progress = no_progress,
+) -> Draws:
+    """Sample without checkpoints: start, then advance until all draws are made.
+
+    Raises:
+        NumericalError: a start of zero density.
+    """
+    run = sampler.start_chains(target, starts, cov)
+    while not is_finished(run, settings):
+        run = sampler.advance_chains(target, run, key, settings)
+        progress(run.iteration, settings.warmup + settings.draws)
+    return sampler.finish(run)

@@ -1,0 +1,110 @@
+"""Equation error: textbook least squares, what noise in the regressors does to it, and the refinement that undoes it."""
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.equation_error import (
+    Accelerations,
+    fit_equation_error,
+    measured_accelerations,
+    smoothed_accelerations,
+)
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from tests.cases import TRUTH, paper_model, surge_rate
+from tests.estimation_cases import SIGMA, golden_motion, make_trial, naive_speed
+
+TIME, REV, SPEED = golden_motion()
+RATE = surge_rate(SPEED, REV)
+TRUE = np.array(list(TRUTH.values()))
+MODEL = paper_model(*TRUTH)
+
+
+def trial(u_sd, udot_sd=0.01, seed=1, label="trial"):
+    rng = np.random.default_rng(seed)
+    return make_trial(
+        TIME, REV, label, u=SPEED + u_sd * rng.normal(size=6000), udot=RATE + udot_sd * rng.normal(size=6000)
+    )
+
+
+def fit(record, **options):
+    return fit_equation_error(MODEL, [measured_accelerations(MODEL, record)], **options)
+
+
+def test_plain_fit_is_textbook_least_squares():
+    record = trial(0.02)
+    u, n = record.channel("u"), record.channel("n")
+    phi = np.column_stack([u, u * np.abs(u), 0.9 * n * np.abs(n)]) / 31.4
+    expected, residual, *_ = np.linalg.lstsq(phi, record.channel("udot"), rcond=None)
+    found = fit(record, refine=False)
+    assert found.values == pytest.approx(expected, rel=1e-7)
+    cov = residual[0] / (6000 - 3) * np.linalg.inv(phi.T @ phi)
+    assert found.sd == pytest.approx(np.sqrt(np.diag(cov)), rel=1e-6)
+    assert (found.rounds, found.status) == (0, "")
+
+
+@pytest.mark.parametrize(("u_sd", "published"), [(SIGMA, -2.69), (0.02, -1.33)])
+def test_noise_in_the_speed_biases_the_plain_fit(u_sd, published):
+    """X_u is -1.21; averages over 20 seeds, against numbers measured independently beforehand."""
+    found = np.array([fit(trial(u_sd, seed=seed), refine=False).values for seed in range(20)])
+    error = found[:, 0].std(ddof=1) / np.sqrt(20)
+    assert found[:, 0].mean() == pytest.approx(published, abs=0.06 + 3 * error)
+
+
+@pytest.mark.parametrize("u_sd", [0.02, SIGMA])
+def test_refined_fit_is_unbiased_and_says_so(u_sd):
+    fits = [fit(trial(u_sd, seed=seed)) for seed in range(20)]
+    values = np.array([one.values for one in fits])
+    error = values.std(0, ddof=1) / np.sqrt(20)
+    assert np.all(np.abs(values.mean(0) - TRUE) < 3 * error + 0.02 * np.abs(TRUE))
+    assert all("noise in the speed biases" in one.status for one in fits if u_sd == SIGMA)
+
+
+def test_without_noise_there_is_nothing_to_say():
+    speed = naive_speed(REV, np.full(6000, 0.01))
+    noise = 1e-3 * np.random.default_rng(3).normal(size=6000)
+    found = fit(make_trial(TIME, REV, u=speed, udot=surge_rate(speed, REV) + noise))
+    assert np.abs(found.values - TRUE).max() < 4 * found.sd.max()
+    assert found.status == ""
+
+
+def test_smoothed_accelerations_follow_a_cubic_exactly():
+    time = np.arange(200) * 0.05
+    cubic = np.poly1d([0.002, -0.03, 0.2, 1.0])
+    smoothed = smoothed_accelerations(MODEL, make_trial(time, np.full(200, 12.0), u=cubic(time)), 1.0)
+    inside = time[10:-10]
+    assert smoothed.speed == pytest.approx(cubic(inside), abs=1e-10)
+    assert smoothed.acceleration == pytest.approx(cubic.deriv()(inside), abs=1e-9)
+
+
+def test_smoothed_speeds_of_a_noisy_trial():
+    found = fit_equation_error(MODEL, [smoothed_accelerations(MODEL, trial(SIGMA), 1.0)])
+    assert np.all(np.abs(found.values - TRUE) < 4 * found.sd)
+    assert np.all(found.sd > 3 * fit(trial(SIGMA)).sd)
+
+
+def test_trials_are_fitted_jointly():
+    apart = [measured_accelerations(MODEL, trial(0.0, seed=seed)) for seed in (1, 2)]
+    both = fit_equation_error(MODEL, apart, refine=False)
+    assert both.sd == pytest.approx(fit_equation_error(MODEL, apart[:1], refine=False).sd / np.sqrt(2), rel=0.05)
+
+
+def test_regressors_that_cannot_be_told_apart():
+    """A vehicle that never leaves its trim."""
+    flat = np.full(50, 1.5)
+    still = Accelerations("still", flat, 0.0 * flat, np.full((50, 1), 78.5), np.full(50, 0.1))
+    with pytest.raises(NumericalError, match="proportional"):
+        fit_equation_error(MODEL, [still])
+
+
+def test_what_is_refused():
+    with pytest.raises(InputError, match="unknown added mass"):
+        fit_equation_error(surge_vehicle(SurgeHull("free", 30.47), ("X_u", "X_udot")), [])
+    gappy = trial(0.0).channel("u").copy()
+    gappy[7] = np.nan
+    with pytest.raises(InputError, match="gaps in u"):
+        smoothed_accelerations(MODEL, make_trial(TIME, REV, u=gappy), 1.0)
+    with pytest.raises(InputError, match="window"):
+        smoothed_accelerations(MODEL, trial(0.0), 0.01)
+    with pytest.raises(InputError, match='no channel "udot"'):
+        measured_accelerations(MODEL, make_trial(TIME, REV, u=SPEED))

@@ -1,0 +1,316 @@
+"""Ranks, null vectors and best sums against closed forms, dense linear algebra and numbers measured elsewhere."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.design.fisher import fisher_information
+from seatrial.estimation.combinations import known_combinations
+from seatrial.estimation.identifiability import (
+    identifiability_of_design,
+    identifiability_of_fit,
+    identifiability_of_plan,
+    identify,
+)
+from seatrial.estimation.information import likelihood_information
+from seatrial.estimation.invisible import Unknown
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.output_error import output_error
+from seatrial.estimation.posterior import Parameter
+from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.sensors import Sensor
+from seatrial.numerics.integrate import rk4_step
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from tests.cases import DEDUCTION, MASS, TRUTH, U0, paper_model
+from tests.estimation_cases import SIGMA, golden_posterior, make_trial, naive_doublets, posterior
+
+KEY = jax.random.key(0)
+AT = {"u": U0}
+WIDE = [Parameter(name, CoefficientName.parse(name).unit, name, Normal(x, 1e3 * abs(x))) for name, x in TRUTH.items()]
+
+
+def golden_design(rpm=200, period=10, n=6000):
+    control = 2 * np.pi * naive_doublets(np.arange(n) * 0.01, rpm, period)[:, None]
+    return identifiability_of_design(WIDE, paper_model(), control, 0.01, [U0], {"u": SIGMA}, AT)
+
+
+def test_golden_design():
+    """200 rpm, 10 s: X_u to 8.4 %, X_uabsu to 2.3 %, correlation -.93, the slope of the drag to 1.2 %."""
+    found = golden_design()
+    assert found.relative_sd[:2] == pytest.approx([0.084, 0.023], abs=5e-4)
+    assert found.correlation[0, 1] == pytest.approx(-0.93, abs=0.006)
+    (group,) = found.groups
+    assert group.names == ("X_u", "X_uabsu")
+    sums = {item.text: item for item in group.known}
+    slope = sums["X_u + 2 u0 X_uabsu"]
+    assert slope.relative_sd == pytest.approx(0.012, abs=6e-4)
+    assert slope.value == pytest.approx(TRUTH["X_u"] + 2 * U0 * TRUTH["X_uabsu"])
+    assert (slope.unit, slope.meaning) == ("kg/s", "the slope of the drag at u0 = 1.542 m/s")
+    drag = sums["X_u + u0 X_uabsu"]
+    assert drag.value == pytest.approx(TRUTH["X_u"] + U0 * TRUTH["X_uabsu"])
+    assert drag.relative_sd < slope.relative_sd
+    text = "\n".join(found.lines())
+    assert "X_u would be known to 8.4 %: -1.21 +- 0.10 kg/s" in text
+    assert "X_u + 2 u0 X_uabsu (the slope of the drag at u0 = 1.542 m/s) to 1.1 % (-10.25 +- 0.12 kg/s)" in text
+    assert "the split would not be: X_u to 8.4 % and X_uabsu to 2.3 %, correlation -0.925" in text
+    assert "wider range of speeds" in text
+
+
+@pytest.mark.parametrize(("rpm", "sd", "accuracy"), [(5, 4.2, 0.05), (100, 0.21, 0.005), (700, 0.031, 5e-4)])
+def test_golden_amplitudes(rpm, sd, accuracy):
+    assert golden_design(rpm).sd[0] == pytest.approx(sd, abs=accuracy)
+
+
+def test_longer_periods_separate():
+    assert golden_design(period=20).correlation[0, 1] == pytest.approx(-0.80, abs=0.01)
+    assert golden_design(period=20).groups == ()
+
+
+def test_trim_only():
+    """At rest about trim only the balance of forces is seen: rank one, so two combinations are invisible."""
+    found = golden_design(rpm=0, n=300)
+    assert len(found.invisible) == 2
+    assert found.condition == np.inf
+    drag = np.array([TRUTH["X_u"] * U0, TRUTH["X_uabsu"] * U0**2])
+    drag = np.append(drag, -drag.sum())
+    for item in found.invisible:
+        changes = np.array([dict(zip(item.names, item.steps, strict=True)).get(name, 0.0) for name in TRUTH])
+        assert abs(changes @ drag) < 1e-5 * np.abs(changes * drag).max()
+    assert sum("structural" in line for line in found.cautions()) == 2
+
+
+def test_golden_fit():
+    target = golden_posterior("M-1")
+    mode = find_mode(target, KEY)
+    found = identifiability_of_fit(target, mode, at=AT)
+    assert found.sd == pytest.approx(mode.sd, rel=1e-9)
+    assert found.contraction == pytest.approx(mode.sd / [p.prior.sd for p in target.parameters], rel=1e-9)
+    assert (found.untouched, found.invisible) == ((), ())
+    (caution,) = found.cautions()
+    assert "X_u + 2 u0 X_uabsu" in caution
+    assert found.groups[0].known[1].relative_sd == pytest.approx(0.012, abs=6e-4)
+    control = 2 * np.pi * naive_doublets(np.arange(6000) * 0.01, 200, 10)
+    information = likelihood_information(target, mode.values)
+    named = dict(zip(TRUTH, mode.values[:3], strict=True))
+    by_design = fisher_information(paper_model(), named, control[None, :, None], 0.01, [U0], {"u": mode.values[3]})[0]
+    assert np.allclose(information[:3, :3], by_design, rtol=1e-8)
+    assert np.abs(information[3, :3]).max() == pytest.approx(0, abs=1e-3)
+    assert information[3, 3] == pytest.approx(2 * 6000 / mode.values[3] ** 2, rel=1e-3)
+
+
+def test_draws_give_the_covariance():
+    target = golden_posterior("M-1")
+    mode = find_mode(target, KEY)
+    cov = identifiability_of_fit(target, mode).correlation * np.outer(mode.sd, mode.sd)
+    draws = np.random.default_rng(0).multivariate_normal(mode.values, 4 * cov, 20_000)
+    found = identifiability_of_fit(target, mode, draws)
+    assert found.sd == pytest.approx(2 * mode.sd, rel=0.03)
+
+
+def test_coloured_information_is_that_of_the_dense_covariance():
+    """S^T C^-1 S with C the covariance of an Ornstein-Uhlenbeck process at the times measured, gaps included."""
+    time = np.arange(120) * 0.1
+    rev_per_s = naive_doublets(time, 300, 4, active=8)
+    u = np.random.default_rng(0).normal(U0, 0.1, 120)
+    u[20:35] = np.nan
+    likelihood, data = output_error(
+        paper_model(), [make_trial(time, rev_per_s, u=u)], [Sensor("u", "coloured")], [[U0]]
+    )
+    names = {
+        **{name: Normal(x, 1.0) for name, x in TRUTH.items()},
+        "sigma_u": Normal(0.1, 1.0),
+        "tau_u": Normal(0.5, 1),
+    }
+    target = posterior(names, likelihood, data)
+    values = np.array([*TRUTH.values(), 0.1, 0.5])
+
+    def outputs(coefficients):
+        named = dict(zip(TRUTH, coefficients, strict=True))
+        trial = jax.tree.map(lambda x: x[0], data)
+        return likelihood.simulator.outputs(named, jnp.array([U0]), trial.control, trial.step)[:, 0]
+
+    seen = np.isfinite(u)
+    slopes = np.asarray(jax.jacfwd(outputs)(jnp.array(values[:3])))[seen]
+    cov = 0.1**2 * np.exp(-np.abs(time[seen][:, None] - time[seen]) / 0.5)
+    expected = slopes.T @ np.linalg.solve(cov, slopes)
+    np.testing.assert_allclose(likelihood_information(target, values)[:3, :3], expected, rtol=1e-8)
+
+
+def free_inertia(values, data):
+    """Noise-free speed of the paper's vehicle whose mass and thrust deduction are parameters too, against itself."""
+    n, measured = data
+    drag, thrust = (values["X_u"], values["X_uabsu"]), (1 - values.get("t_d", DEDUCTION)) * values["T_nabsn"]
+
+    def advance(state, n):
+        rate = lambda x: ((drag[0] * x[0] + drag[1] * x[0] * abs(x[0]) + thrust * n * n) / values.get("m", MASS),)  # noqa: E731
+        return rk4_step(rate, state, 0.1), state[0]
+
+    _, speed = jax.lax.scan(advance, (jnp.asarray(U0),), n)
+    return -0.5 * jnp.sum((speed - measured) ** 2) / 0.01**2, speed
+
+
+def inertia_posterior(**more):
+    n = jnp.asarray(2 * np.pi * naive_doublets(np.arange(300) * 0.1, 200, 10, active=20))
+    truth = {**TRUTH, **more}
+    measured = free_inertia(truth, (n, 0.0))[1]
+    priors = {name: Normal(x, abs(x)) for name, x in truth.items()}
+    return posterior(priors, lambda values, data: free_inertia(values, data)[0], (n, measured)), np.array(
+        [*truth.values()]
+    )
+
+
+def test_free_mass_is_a_scale():
+    """{X_u, X_uabsu, T, m} with the mass free: null vector (1, 1, 1, 1) in relative changes."""
+    target, truth = inertia_posterior(m=MASS)
+    found = identify(target.parameters, truth, likelihood_information(target, truth))
+    (null,) = found.invisible
+    assert null.names == target.names
+    assert null.steps == pytest.approx((1, 1, 1, 1), abs=1e-5)
+    assert found.eigenvalues[0] == pytest.approx(0, abs=1e-10 * found.eigenvalues[-1])
+    assert found.eigenvalues[1] > 1e-6 * found.eigenvalues[-1]
+    said = found.cautions()[0]
+    assert "X_u, X_uabsu, T_nabsn and m scale together: only their ratios are known" in said
+    assert "fix the mass" in said
+
+
+def test_only_the_product_of_thrust_and_deduction():
+    """(1 - t_d) T stays when T grows by 1 % and t_d by (1 - t_d) / t_d = 9 %."""
+    target, truth = inertia_posterior(t_d=DEDUCTION)
+    (null,) = identify(target.parameters, truth, likelihood_information(target, truth)).invisible
+    assert null.names == ("T_nabsn", "t_d")
+    assert null.steps == pytest.approx((1, 9), rel=1e-5)
+    assert (
+        "only the product (1 - t_d) T"
+        in identify(target.parameters, truth, likelihood_information(target, truth)).cautions()[0]
+    )
+
+
+def test_free_added_mass():
+    """With added mass unknown beside X_u, X_uabsu and T, m - X_udot scales: X_udot by (m - X_udot) / -X_udot."""
+    model = surge_vehicle(SurgeHull("free", mass=30.47, thrust_deduction=DEDUCTION), [*TRUTH, "X_udot"])
+    parameters = [*WIDE, Parameter("X_udot", "kg", "X_udot", Normal(-0.93, 1.0))]
+    control = 2 * np.pi * naive_doublets(np.arange(300) * 0.1, 200, 10, active=20)[:, None]
+    found = identifiability_of_design(parameters, model, control, 0.1, [U0], {"u": SIGMA, "udot": 0.1})
+    (null,) = found.invisible
+    assert null.steps == pytest.approx((1, 1, 1, 31.4 / 0.93), rel=1e-4)
+    assert "X_udot by +33.8 %" in found.cautions()[0]
+
+
+def test_unknown_bias_and_start_destroy_the_drag():
+    """Speed bias and u(0) free: sd(X_u) from .10 to 11.1, sd of the bias 1.5."""
+    time = np.arange(6000) * 0.01
+    record = make_trial(time, naive_doublets(time, 200, 10), u=U0 + np.sin(time))
+    likelihood, data = output_error(paper_model(), [record], [Sensor("u", bias=True)], [[U0]], free_initial=True)
+    priors = {name: Normal(x, 1e4 * abs(x)) for name, x in TRUTH.items()}
+    nuisances = {"sigma_u": Normal(SIGMA, 0.01), "bias_u": Normal(0.0, 1e4), "u_0[trial]": Normal(U0, 1e4)}
+    found = identifiability_of_plan(posterior({**priors, **nuisances}, likelihood, data), at=AT)
+    assert found.names == (*TRUTH, "bias_u", "u_0[trial]")
+    assert found.sd[0] == pytest.approx(11.1, abs=0.05)
+    assert found.sd[3] == pytest.approx(1.5, abs=0.05)
+    said = "\n".join(found.cautions())
+    assert "X_u would be" in said
+    assert "not even its sign" in said
+    assert "measure the current by itself" in said
+
+
+def unseen_case(*lost):
+    """A trial of which the channels `lost` were never measured."""
+    time = np.arange(60) * 0.1
+    wave = 0.1 * np.sin(time)
+    trial = make_trial(time, naive_doublets(time, 300, 2, active=4), u=U0 + wave, udot=wave)
+    channels = ("u", "udot")
+    likelihood, data = output_error(paper_model(), [trial], channels, [[U0]])
+    blank = tuple(
+        channel._replace(present=0 * channel.present, counts=0 * channel.counts) if name in lost else channel
+        for name, channel in zip(channels, data.channels, strict=True)
+    )
+    likelihood = replace(likelihood, complete=(False, False))
+    priors = {name: Uniform(*sorted((0.2 * x, 2.5 * x))) for name, x in TRUTH.items()}
+    noises = {f"sigma_{name}": Uniform(0.01, 1.0) for name in channels}
+    return posterior({**priors, **noises}, likelihood, data._replace(channels=blank))
+
+
+def test_one_channel_all_missing():
+    target = unseen_case("udot")
+    found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
+    assert found.untouched == ("sigma_udot",)
+    assert any(text.startswith("no measurement of udot is left") for text in found.cautions())
+
+
+def test_every_channel_missing():
+    target = unseen_case("u", "udot")
+    found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
+    assert found.untouched == target.names
+    assert found.cautions()[0].startswith("the data say nothing about any parameter")
+    assert found.condition == np.inf
+
+
+def test_model_that_diverges():
+    """Nothing is invented where the likelihood has no derivatives."""
+    found = identify(WIDE, np.ones(3), np.full((3, 3), np.nan))
+    assert "was not judged" in found.cautions()[0]
+    assert len(found.lines()) == 5
+
+
+def test_plan_needs_a_simulation():
+    with pytest.raises(InputError, match="simulated without the data"):
+        identifiability_of_plan(posterior({"a": Normal(0.0, 1.0)}, lambda values, data: -(values["a"] ** 2)))
+
+
+def unknown(values):
+    values = np.asarray(values, float)
+    return Unknown(tuple("abcdef"[: values.size]), ("m/s",) * values.size, values, np.abs(values), values != 0)
+
+
+def test_best_sum_beats_every_other():
+    """No random sum has a smaller relative standard deviation, but for the 5 % that leaving parameters out may cost."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(4, 4))
+    cov, values = root @ root.T, np.array([3.0, -2.0, 5.0, 1.0])
+    best = known_combinations(unknown(values), 0.01 * cov, {})[-1]
+    sums = rng.normal(size=(200_000, 4))
+    others = np.sqrt(np.einsum("ni,ij,nj->n", sums, 0.01 * cov, sums)) / np.abs(sums @ values)
+    optimum = 1 / np.sqrt(values @ np.linalg.solve(0.01 * cov, values))
+    assert optimum * (1 - 1e-9) <= best.relative_sd <= 1.1 * optimum
+    assert optimum * (1 - 1e-9) <= others.min()
+
+
+def test_difference_that_is_known_and_small():
+    """Correlation +.99 of equal values: their difference is known, though not to a share of itself."""
+    cov = 0.01 * np.array([[1, 0.99], [0.99, 1]])
+    (best,) = known_combinations(unknown([0.2, 0.2]), cov, {})
+    assert best.text == "a - b"
+    assert best.sd == pytest.approx(np.sqrt(0.0002))
+    assert best.known == "as 0.000 +- 0.014 m/s"
+
+
+def test_cubic_term_of_a_change_has_no_slope_at_trim():
+    names = ("X_u", "X_uabsu", "X_du3")
+    units = tuple(CoefficientName.parse(name).unit for name in names)
+    values, sd = np.array([-1.0, -3.0, -8.0]), np.array([0.6, 0.3, 2.0])
+    cov = np.array([[1, -0.99, 0.9], [-0.99, 1, -0.9], [0.9, -0.9, 1]]) * np.outer(sd, sd)
+    *meant, _ = known_combinations(Unknown(names, units, values, values, values < 0), cov, {"u": 2.0})
+    by_text = {item.text: item.sd for item in meant}
+    assert by_text == {
+        "X_u + u0 X_uabsu": pytest.approx(np.sqrt(0.36 + 0.36 - 2 * 0.99 * 0.36)),
+        "X_u + 2 u0 X_uabsu": pytest.approx(np.sqrt(0.36 + 1.44 - 2 * 0.99 * 0.72)),
+    }
+
+
+def test_drag_and_thrust_give_their_ratio():
+    """Known to 3.4 % each with correlation -.992, drag and thrust give a ratio to 3.4 % sqrt(2 (1 - .992))."""
+    names = ("X_uabsu", "T_nabsn")
+    values = np.array([-2.93, 6.28e-4])
+    cov = 0.034**2 * np.array([[1, -0.992], [-0.992, 1]]) * np.outer(np.abs(values), np.abs(values))
+    ratio, _ = known_combinations(Unknown(names, ("kg/m", "kg m/rad^2"), values, values, values != 0), cov, {})
+    assert ratio.text == "the ratio X_uabsu / T_nabsn"
+    assert ratio.meaning == "which sets the steady speed"
+    assert ratio.unit == "rad^2/m^2"
+    assert ratio.relative_sd == pytest.approx(0.034 * np.sqrt(2 * 0.008))
+    draws = np.random.default_rng(1).multivariate_normal(values, cov, 100_000)
+    assert (draws[:, 0] / draws[:, 1]).std() == pytest.approx(ratio.sd, rel=0.01)

@@ -1,0 +1,124 @@
+"""Profile likelihood against the normal equations and a brute-force nested search."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.profile import DROP, profile_likelihood
+from tests.estimation_cases import golden_posterior, linear_gaussian, posterior, short_posterior
+
+KEY = jax.random.key(0)
+
+
+def profiles(target, *names):
+    return profile_likelihood(target, find_mode(target, KEY), names or None)
+
+
+@pytest.mark.parametrize("d", [1, 3])
+def test_linear_model(d):
+    """The profile is a parabola about least squares, whatever the prior: c_i -+ sqrt(3.84) sd_i."""
+    problem = linear_gaussian(d)
+    best, *_ = np.linalg.lstsq(problem.design, problem.measured, rcond=None)
+    sd = problem.sd * np.sqrt(np.diag(np.linalg.inv(problem.design.T @ problem.design)))
+    for i, found in enumerate(profiles(problem.posterior)):
+        assert found.kind == "closed"
+        assert found.best == pytest.approx(best[i], abs=1e-6)
+        assert (found.lower, found.upper) == pytest.approx(
+            (best[i] - 1.96 * sd[i], best[i] + 1.96 * sd[i]), abs=2e-3 * sd[i]
+        )
+        assert found.drop == pytest.approx(0.5 * ((found.values - best[i]) / sd[i]) ** 2, abs=1e-5)
+        assert (np.diff(found.values) > 0).all()
+
+
+def test_nested_search():
+    """At each point the other parameter was put where a bounded scalar search puts it."""
+    target = short_posterior("X_u", "X_uabsu")
+    likelihood = jax.jit(lambda a, b: target.likelihood({"X_u": a, "X_uabsu": b}, target.data))
+    (low, high) = target.parameters[0].prior.bounds
+    (found,) = profiles(target, "X_uabsu")
+
+    def profile(at):
+        return -minimize_scalar(
+            lambda x: -float(likelihood(x, at)), bounds=(low, high), method="bounded", options={"xatol": 1e-7}
+        ).fun
+
+    heights = np.array([profile(at) for at in found.values])
+    peak = -minimize_scalar(
+        lambda at: -profile(at), bounds=(found.values[0], found.values[-1]), method="bounded", options={"xatol": 1e-6}
+    ).fun
+    assert found.drop == pytest.approx(peak - heights, rel=1e-4, abs=1e-3)
+    for end in (found.lower, found.upper):
+        assert peak - profile(end) == pytest.approx(DROP, abs=0.02)
+
+
+def test_golden_intervals_are_nearly_normal():
+    target = golden_posterior("M-1")
+    mode = find_mode(target, KEY)
+    for i, found in enumerate(profile_likelihood(target, mode)):
+        half = 0.5 * (found.upper - found.lower)
+        assert half == pytest.approx(1.96 * mode.sd[i], rel=0.02)
+        assert found.others.shape == (found.values.size, 4)
+
+
+def test_untouched_parameter_is_flat():
+    (known, unknown) = profiles(
+        posterior({"a": Uniform(-1.0, 1.0), "b": Uniform(-2.0, 3.0)}, lambda v, data: -0.5 * (v["a"] / 0.01) ** 2)
+    )
+    assert known.kind == "closed"
+    assert unknown.kind == "flat"
+    assert unknown.values[[0, -1]] == pytest.approx([-2, 3], abs=1e-4)
+    assert unknown.drop == pytest.approx(0, abs=1e-9)
+    assert "no value from -2 to 3 can be ruled out" in unknown.line
+
+
+@pytest.mark.parametrize(("sign", "kind"), [(1, "open above"), (-1, "open below")])
+def test_saturating_effect_is_known_on_one_side(sign, kind):
+    """The data show exp(-a) = 0 +- 0.05: a is at least -log(1.96 * 0.05), and may be anything above."""
+    target = posterior(
+        {"a": Uniform(*sorted((0.1 * sign, 9.0 * sign)))}, lambda v, data: -0.5 * (jnp.exp(-sign * v["a"]) / 0.05) ** 2
+    )
+    (found,) = profiles(target)
+    assert found.kind == kind
+    end = found.lower if sign > 0 else found.upper
+    assert end == pytest.approx(-sign * np.log(1.96 * 0.05), abs=2e-3)
+    assert "known on one side only" in found.line
+
+
+def test_only_the_sum_is_seen():
+    """a + b is known and both lie in boxes: each is open on both sides of a likelihood ridge."""
+    prior = Uniform(-1.0, 1.0)
+    target = posterior({"a": prior, "b": prior}, lambda v, data: -0.5 * ((v["a"] + v["b"]) / 0.01) ** 2)
+    assert [found.kind for found in profiles(target)] == ["flat", "flat"]
+
+
+def test_profile_ends_where_the_other_parameter_meets_its_bound():
+    """a + b = 0 +- 0.01 with |b| < 0.5: beyond |a| = 0.5 the fit falls within 0.0196."""
+    target = posterior(
+        {"a": Uniform(-1.0, 1.0), "b": Uniform(-0.5, 0.5)}, lambda v, data: -0.5 * ((v["a"] + v["b"]) / 0.01) ** 2
+    )
+    (found,) = profiles(target, "a")
+    assert (found.lower, found.upper) == pytest.approx((-0.5196, 0.5196), abs=1e-4)
+
+
+def test_beside_a_region_of_zero_likelihood():
+    def cut(v, data):
+        return jnp.where(v["a"] < 0.6, -0.5 * ((v["a"] - 0.5) / 0.1) ** 2, -jnp.inf)
+
+    (found,) = profiles(posterior({"a": Uniform(-5.0, 5.0)}, cut))
+    assert found.lower == pytest.approx(0.304, abs=1e-3)
+    assert found.upper == pytest.approx(0.6, abs=1e-3)
+
+
+def test_a_better_fit_beyond_the_posterior_mode():
+    """The prior prefers the broad peak at 0, the likelihood the higher one at 1.5: the profile is about the latter."""
+
+    def two_peaks(v, data):
+        return jnp.logaddexp(-0.5 * (v["a"] / 0.4) ** 2, 1.0 - 0.5 * ((v["a"] - 1.5) / 0.3) ** 2)
+
+    (found,) = profiles(posterior({"a": Normal(0.0, 0.5)}, two_peaks))
+    assert found.best == pytest.approx(1.5, abs=0.01)
+    assert found.drop.min() == 0

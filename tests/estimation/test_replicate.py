@@ -1,0 +1,72 @@
+"""Simulated measurements against the distribution that each likelihood states."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from seatrial.estimation.filter_error import filter_error
+from seatrial.estimation.output_error import output_error
+from seatrial.estimation.replicate import replicate
+from seatrial.estimation.sensors import Sensor
+from tests.cases import TRUTH, U0, paper_model
+from tests.estimation.test_filter_error import LINEAR, MEASURED, REV, SPEED, TIME, N, dense, record
+from tests.estimation_cases import make_trial, naive_speed
+
+REPLICATES = 300
+KEYS = jax.random.split(jax.random.key(3), REPLICATES)
+VALUES = {**TRUTH, "sigma_u": 0.05}
+U = np.where(np.arange(N) % 9 == 4, np.nan, MEASURED)
+THERE = np.isfinite(U)
+
+
+def drawn(likelihood, data, values):
+    """Measurements of many replicates, shape (replicates, measured samples)."""
+    values = {name: jnp.asarray(float(value)) for name, value in values.items()}
+    many = jax.vmap(lambda key: replicate(likelihood, values, data, key).channels[0].measured)(KEYS)
+    assert np.all(np.asarray(many)[:, 0, ~THERE] == 0)
+    return np.asarray(many)[:, 0, THERE]
+
+
+def output(sensor, values):
+    return drawn(*output_error(paper_model(), [record(u=U)], [sensor], [(U0,)]), values)
+
+
+@pytest.mark.parametrize(
+    ("noise", "more", "law"), [("white", {}, stats.norm(0, 0.05)), ("heavy", {"dof_u": 3.0}, stats.t(3.0, 0, 0.05))]
+)
+def test_independent_noise(noise, more, law):
+    residual = output(Sensor("u", noise), {**VALUES, **more}) - SPEED[THERE]
+    assert stats.kstest(residual.ravel(), law.cdf).pvalue > 1e-3
+    assert np.abs(np.corrcoef(residual[:, :-1].ravel(), residual[:, 1:].ravel())[0, 1]) < 4 / np.sqrt(residual.size)
+
+
+def assert_normal(sample, mean, cov):
+    """Squared lengths of the whitened samples follow the chi-squared law, and their mean is zero."""
+    white = np.linalg.solve(np.linalg.cholesky(cov), (sample - mean).T)
+    assert stats.kstest((white**2).sum(0), stats.chi2(len(mean)).cdf).pvalue > 1e-3
+    assert np.abs(white.mean()) < 4 / np.sqrt(white.size)
+
+
+def test_coloured_noise():
+    sample = output(Sensor("u", "coloured"), {**VALUES, "tau_u": 0.8})
+    time = TIME[THERE]
+    assert_normal(sample, SPEED[THERE], 0.05**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / 0.8))
+
+
+def test_process_noise():
+    """The linear vehicle, whose measurements are jointly normal."""
+    likelihood, data = filter_error(paper_model(), [record(u=U)], ["u"], [(U0,)], [0.05])
+    sample = drawn(likelihood, data, LINEAR)
+    mean, cov = dense(U, moments=True)
+    assert_normal(sample, mean, cov)
+
+
+def test_sensors_and_trials_of_their_own():
+    records = [make_trial(TIME, REV, label, u=U) for label in "ab"]
+    likelihood, data = output_error(paper_model(), records, [Sensor("u", bias=True)], [(U0,)] * 2, own=["bias_u"])
+    values = {**VALUES, "sigma_u": 1e-9, "bias_u[a]": 0.1, "bias_u[b]": -0.2}
+    made = replicate(likelihood, {name: jnp.asarray(float(x)) for name, x in values.items()}, data, KEYS[0])
+    clean = naive_speed(REV, np.diff(TIME))[THERE]
+    assert np.allclose(np.asarray(made.channels[0].measured)[:, THERE] - clean, [[0.1], [-0.2]], atol=1e-6)

@@ -1,0 +1,139 @@
+"""Scores against numerical integration, scipy and textbook loops."""
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from seatrial.estimation.scores import (
+    coverage,
+    crps_ensemble,
+    crps_normal,
+    effective_samples,
+    explained_share,
+    nrmse_fit,
+    pit_distance,
+    pit_shares,
+    whiteness,
+)
+
+
+@pytest.mark.parametrize(("y", "mean", "sd"), [(0.3, 0.0, 1.0), (-4.0, 1.0, 0.5), (2.0, 2.0, 3.0), (1e-3, 0.0, 1e-4)])
+def test_normal_score_is_the_integral(y, mean, sd):
+    """Split at the measurement, in units of the standard deviation, far beyond which nothing is left."""
+    cdf = stats.norm(mean, sd).cdf
+    low, high = min(mean, y) - 12 * sd, max(mean, y) + 12 * sd
+    below = integrate.quad(lambda x: cdf(x) ** 2, low, y, epsabs=1e-13)[0]
+    above = integrate.quad(lambda x: (1 - cdf(x)) ** 2, y, high, epsabs=1e-13)[0]
+    assert crps_normal(np.array([y]), np.array([mean]), np.array([sd]))[0] == pytest.approx(below + above, rel=1e-7)
+
+
+def test_ensemble_score_is_the_integral_and_the_double_sum():
+    rng = np.random.default_rng(1)
+    draws, measured = rng.normal(size=(7, 3)), np.array([-3.0, 0.1, 2.0])
+    found = crps_ensemble(measured, draws)
+    for column, y, score in zip(draws.T, measured, found, strict=True):
+        spread = np.mean([abs(a - b) for a in column for b in column])
+        assert score == pytest.approx(np.mean(np.abs(column - y)) - spread / 2)
+        edges = np.sort([*column, y])
+        middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
+        steps = (column[:, None] <= middle).mean(0)
+        assert score == pytest.approx(float(width @ (steps - (y <= middle)) ** 2))
+
+
+def test_many_draws_score_as_their_distribution():
+    """The sum of the bias 1 / (s sqrt(pi)) and four errors of a mean of |x - y| of 20 000 draws is 0.025."""
+    draws = 0.5 + 1.2 * np.random.default_rng(2).normal(size=(20_000, 2))
+    measured = np.array([0.0, 3.0])
+    exact = crps_normal(measured, np.full(2, 0.5), np.full(2, 1.2))
+    np.testing.assert_allclose(crps_ensemble(measured, draws), exact, atol=0.025)
+
+
+def test_a_fit_by_hand():
+    measured, predicted = np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 2.0, 4.0, 5.0])
+    assert explained_share(measured, predicted) == pytest.approx(1 - 2 / 14)
+    assert nrmse_fit(measured, predicted) == pytest.approx(1 - np.sqrt(2 / 14))
+    assert nrmse_fit(measured, measured) == 1.0
+    assert np.isnan(explained_share(np.full(5, 0.1), np.zeros(5)))
+    assert np.isnan(nrmse_fit(np.full(5, 0.1), np.zeros(5)))
+
+
+def test_calibration_of_normal_residuals():
+    """Quantiles of the normal are covered exactly and transform to a uniform grid."""
+    z = stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
+    assert coverage(z, 0.5) == pytest.approx(0.5)
+    assert coverage(z, 0.9) == pytest.approx(0.9)
+    np.testing.assert_allclose(pit_shares(z), 0.1)
+    assert pit_distance(z) == pytest.approx(0.0005)
+    assert pit_distance(z + 1.0) == pytest.approx(0.383, abs=2e-3)
+    assert pit_shares(np.full(3, 9.0))[-1] == 1.0
+
+
+def naive_ljung_box(e, lags):
+    e = e - e.mean()
+    n = e.size
+    r = [sum(e[i] * e[i + k] for i in range(n - k)) / sum(x * x for x in e) for k in range(1, lags + 1)]
+    return stats.chi2.sf(n * (n + 2) * sum(x * x / (n - k) for k, x in enumerate(r, 1)), lags)
+
+
+def test_portmanteau_without_gaps_is_ljung_box():
+    e = np.random.default_rng(3).normal(size=90)
+    e[1:] += 0.15 * e[:-1]
+    found = whiteness(0.1 * np.arange(90), e)
+    assert found.p_value == pytest.approx(naive_ljung_box(e, 20), rel=1e-9)
+    assert found.interval == pytest.approx(0.1)
+    assert 1e-4 < found.p_value < 0.999
+
+
+def test_portmanteau_is_calibrated_across_gaps():
+    """Of 400 white series with gaps 5 % fall below p = 0.05, give or take three errors; of correlated ones nearly all."""
+    rng = np.random.default_rng(4)
+    p = []
+    for _ in range(400):
+        present = rng.random(200) < 0.6
+        present[80:120] = False
+        p.append(whiteness(np.flatnonzero(present) * 0.5, rng.normal(size=int(present.sum()))).p_value)
+    assert abs(np.mean(np.array(p) < 0.05) - 0.05) < 3 * np.sqrt(0.05 * 0.95 / 400)
+    assert abs(np.mean(np.array(p) < 0.5) - 0.5) < 3 * np.sqrt(0.25 / 400)
+
+
+def autoregressive(rho, n, seed):
+    rng = np.random.default_rng(seed)
+    e = [rng.normal()]
+    for _ in range(n - 1):
+        e.append(rho * e[-1] + np.sqrt(1 - rho**2) * rng.normal())
+    return np.array(e)
+
+
+def test_a_gap_does_not_make_neighbours():
+    """Every other sample of an autoregressive series is missing, twice as often in the second half: lags keep their length."""
+    e = autoregressive(0.8, 40_000, 5)
+    kept = np.concatenate([np.arange(0, 20_000, 2), np.arange(20_000, 40_000, 6)])
+    found = whiteness(0.2 * kept, e[kept])
+    assert found.interval == pytest.approx(0.4)
+    np.testing.assert_allclose(found.correlation[:6], 0.64 ** np.arange(1, 7), atol=0.05)
+    assert found.pairs[0] == 10_000
+    assert found.pairs[2] == 9_998 + 3_333
+    assert found.neighbours == found.correlation[0]
+    assert found.p_value < 1e-6
+
+
+def test_jitter_of_the_clock_does_not_shift_lags():
+    rng = np.random.default_rng(6)
+    e = autoregressive(0.9, 20_000, 6)
+    time = 0.1 * (np.arange(e.size) + 0.2 * rng.uniform(-1, 1, e.size))
+    np.testing.assert_allclose(whiteness(time, e).correlation[:5], 0.9 ** np.arange(1, 6), atol=0.04)
+
+
+def test_effective_samples():
+    """An autoregressive series is worth n (1 - rho) / (1 + rho)."""
+    n = 50_000
+    assert effective_samples(np.arange(n), autoregressive(0.8, n, 7)) == pytest.approx(n / 9, rel=0.15)
+    assert effective_samples(np.arange(n), autoregressive(0.0, n, 8)) == pytest.approx(n, rel=0.05)
+
+
+@pytest.mark.parametrize("values", [np.empty(0), np.zeros(1), np.zeros(50), np.full(50, 0.1)])
+def test_nothing_to_test_is_no_evidence_against_whiteness(values):
+    found = whiteness(np.arange(values.size, dtype=float), values)
+    assert found.p_value == 1.0
+    assert found.neighbours == 0.0
+    assert effective_samples(np.arange(values.size, dtype=float), values) <= 1.0

@@ -1,0 +1,158 @@
+"""Verdicts on trials whose errors are known to be right, too large, too small, slow, lopsided, or not there at all."""
+
+import numpy as np
+import pytest
+
+from seatrial.estimation.judgement import Verdict, judge, worst
+from seatrial.estimation.validation import score_channel
+
+TIME = np.arange(1200) * 0.05
+MOTION = np.sin(0.4 * TIME)
+NOISE = 0.1
+
+
+def scored(errors, *, mean=MOTION, motion_sd=0.005, noise=NOISE, **options):
+    return score_channel(TIME, MOTION + errors, mean, np.full(TIME.size, motion_sd), noise, **options)
+
+
+def white(scale=NOISE, seed=0):
+    return scale * np.random.default_rng(seed).normal(size=TIME.size)
+
+
+def slow(tau, scale=NOISE, seed=1):
+    """An Ornstein-Uhlenbeck process of correlation time tau, s."""
+    rng, rho, e = np.random.default_rng(seed), np.exp(-0.05 / tau), [0.0]
+    for _ in range(TIME.size - 1):
+        e.append(rho * e[-1] + np.sqrt(1 - rho**2) * rng.normal())
+    return scale * np.array(e)
+
+
+def verdict(score, held_back=False, coloured=False) -> Verdict:
+    return judge(score, "u", held_back, coloured)
+
+
+def test_numbers_by_hand():
+    errors = white()
+    found = scored(errors)
+    sd = np.hypot(NOISE, 0.005)
+    assert found.rmse == pytest.approx(np.sqrt(np.mean(errors**2)))
+    assert found.variance == pytest.approx(np.mean(errors**2) / sd**2)
+    assert found.coverage == np.mean(np.abs(errors) <= 1.6448536 * sd)
+    assert found.coverage_50 == np.mean(np.abs(errors) <= 0.6744898 * sd)
+    measured = MOTION + errors
+    assert found.explained == pytest.approx(1 - np.sum(errors**2) / np.sum((measured - measured.mean()) ** 2))
+    assert found.nrmse == pytest.approx(1 - np.sqrt(1 - found.explained))
+    assert sum(found.pit) == pytest.approx(1.0)
+    assert found.samples == 1200
+    assert found.missing == ""
+
+
+def test_right_errors_pass():
+    assert verdict(scored(white())).level == "pass"
+
+
+def test_false_alarms_are_rare():
+    """Of 300 right trials at most 3 % are cautioned, four errors above the 1 % of one test."""
+    assert sum(verdict(scored(white(seed=s))).level != "pass" for s in range(300)) <= 9
+
+
+@pytest.mark.parametrize(
+    ("scale", "level", "about"),
+    [
+        (1.25, "pass", ""),
+        (1.6, "caution", "band too narrow"),
+        (2.5, "fail", "errors beyond what is stated"),
+        (0.6, "caution", "band too wide"),
+    ],
+)
+def test_size_of_the_errors(scale, level, about):
+    found = verdict(scored(white(scale * NOISE)), held_back=True)
+    assert (found.level, found.about) == (level, about)
+
+
+def test_outliers_fail_by_their_size():
+    errors = white()
+    errors[::40] += 2.0
+    assert verdict(scored(errors)).level == "fail"
+
+
+def test_an_uncertain_motion_is_one_error_and_not_a_thousand():
+    """Off by 2.5 standard deviations of a motion that is common to the trial: no sample inside, yet nothing strange."""
+    off = scored(white(0.01) + 0.5, motion_sd=0.2, noise=0.01)
+    assert off.coverage < 0.01
+    assert off.effective < 1.1
+    assert verdict(off, held_back=True).level == "pass"
+    assert verdict(scored(white(0.01) + 0.5, motion_sd=0.002, noise=0.01), held_back=True).level == "fail"
+
+
+def test_slow_residuals():
+    """The factor is that of an autoregressive process, sqrt((1 + rho) / (1 - rho)) = 3.2 for 0.25 s in steps of 0.05 s."""
+    errors = slow(0.25)
+    found = verdict(scored(errors))
+    assert found.about == "correlated residuals"
+    assert "by a factor of about 3." in found.reason
+    assert 'set estimation.residuals = "coloured"' in found.reason
+    assert verdict(scored(errors, correlation_time=0.25), coloured=True).level == "pass"
+    wrong = verdict(scored(errors, correlation_time=0.01), coloured=True)
+    assert wrong.about == "correlated beyond the model"
+    assert "too large" in verdict(scored(white() - np.roll(white(), 1), noise=1.4 * NOISE)).reason
+
+
+def test_a_lopsided_error():
+    found = verdict(scored(NOISE * (np.random.default_rng(2).exponential(size=TIME.size) - 0.3)))
+    assert found.about == "errors not normal"
+    assert "on one side" in found.reason
+
+
+def test_little_motion_explained():
+    hidden = verdict(scored(white(5.0), noise=5.0))
+    assert hidden.about == "noise hides the motion"
+    ignorant = verdict(scored(white(), mean=-MOTION, motion_sd=2.0), held_back=True)
+    assert ignorant.about == "predicted poorly"
+    assert "-" in ignorant.reason
+    assert "next trial" in ignorant.reason
+
+
+def test_a_measurement_that_never_changes():
+    found = score_channel(TIME, np.full(TIME.size, 0.3), np.full(TIME.size, 0.3), np.zeros(TIME.size), NOISE)
+    assert found.explained == found.nrmse == 0.0
+    assert found.missing == "the measurement never changes"
+    assert found.rmse == 0.0
+    assert "never changes" in verdict(found).reason
+    assert verdict(found).level == "caution"
+
+
+def test_a_channel_without_measurements():
+    found = score_channel(TIME, np.full(TIME.size, np.nan), MOTION, np.zeros(TIME.size), NOISE)
+    assert found.samples == 0
+    assert verdict(found, held_back=True) == Verdict(
+        "caution", "not measured", "nothing was measured of u: the prediction cannot be judged; check the channel map"
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_few_measurements(count):
+    measured = np.full(TIME.size, np.nan)
+    measured[:: TIME.size // count] = (MOTION + white())[:: TIME.size // count]
+    found = score_channel(TIME, measured, MOTION, np.full(TIME.size, 0.01), NOISE)
+    assert 0 < found.samples <= count + 1
+    assert np.isfinite([x for x in vars(found).values() if isinstance(x, float)]).all()
+    assert verdict(found).reason
+
+
+def test_a_prediction_that_diverges_fails():
+    mean = np.where(TIME > 30, np.inf, MOTION)
+    found = score_channel(TIME, MOTION, mean, np.zeros(TIME.size), NOISE)
+    assert verdict(found).level == "fail"
+    assert "without bound" in verdict(found).reason
+
+
+def test_the_worst_channel_speaks_for_the_trial():
+    levels = [
+        Verdict("pass", "", "a"),
+        Verdict("caution", "x", "b"),
+        Verdict("fail", "y", "c"),
+        Verdict("fail", "z", "d"),
+    ]
+    assert worst(levels).reason == "c"
+    assert worst(levels[:2]).reason == "b"

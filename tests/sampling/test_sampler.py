@@ -1,0 +1,204 @@
+"""What every sampler of the family must do."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.priors import Normal, Uniform
+from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.sampling.run import (
+    ChainSettings,
+    Draws,
+    arrays_of_run,
+    complaints_of_draws,
+    is_finished,
+    run_from_arrays,
+)
+from seatrial.sampling.sampler import DEFAULT, SAMPLERS, find_sampler, sample
+from tests.estimation_cases import linear_gaussian, posterior
+from tests.sampling.moments import assert_moments, grid_moments
+
+KEY = jax.random.key(3)
+SHORT = ChainSettings(chains=32, warmup=200, draws=200)
+LONG = {
+    "metropolis": ChainSettings(draws=2000),
+    "adaptive-metropolis": ChainSettings(draws=2000),
+    "de-metropolis": ChainSettings(draws=2000),
+    "nuts": ChainSettings(warmup=300, draws=400),
+}
+each = pytest.mark.parametrize("name", SAMPLERS)
+
+
+def starts_of(target, chains):
+    return jax.random.normal(jax.random.key(9), (chains, target.dim))
+
+
+def draw(name, target, settings, key=KEY, **kwargs):
+    starts = starts_of(target, settings.chains)
+    return sample(SAMPLERS[name], target, starts, 0.1 * jnp.eye(target.dim), key, settings, **kwargs)
+
+
+def test_every_sampler_is_tried_here():
+    assert set(LONG) == set(SAMPLERS)
+    assert DEFAULT in SAMPLERS
+
+
+@each
+@pytest.mark.parametrize(
+    "d", [2, pytest.param(1, marks=pytest.mark.thorough), pytest.param(6, marks=pytest.mark.thorough)]
+)
+def test_correlated_normal(name, d):
+    problem = linear_gaussian(d)
+    mean, cov = problem.moments
+    settings = replace(LONG[name], draws=max(1, d // 2) * LONG[name].draws)
+    draws = draw(name, problem.posterior, settings)
+    values = np.asarray(problem.posterior.constrain(jnp.asarray(draws.z)))
+    assert_moments(values, mean, np.sqrt(np.diag(cov)))
+    sd = np.sqrt(np.diag(cov))
+    assert np.abs(np.corrcoef(values.reshape(-1, d).T) - cov / np.outer(sd, sd)).max() < 0.05
+    assert complaints(problem.posterior.names, diagnose(values)) == []
+    assert complaints_of_draws(draws) == []
+
+
+@pytest.mark.thorough
+@each
+def test_posterior_cut_by_the_box_against_closed_form(name):
+    """A triangular density 2a on the unit interval: mean 2/3, variance 1/18; b is free."""
+    target = posterior({"a": Uniform(0.0, 1.0), "b": Normal(2.0, 0.5)}, lambda values, data: jnp.log(values["a"]))
+    values = np.asarray(target.constrain(jnp.asarray(draw(name, target, LONG[name]).z)))
+    assert_moments(values, np.array([2 / 3, 2.0]), np.array([np.sqrt(1 / 18), 0.5]))
+
+
+@each
+def test_region_of_zero_likelihood_against_quadrature(name):
+    """A wall right through the bulk: nothing is drawn behind it, and what is drawn before it is right."""
+
+    def smooth(a, b):
+        return -0.5 * ((b - 0.5 * a) / 0.5) ** 2
+
+    def walled(values, data):
+        return jnp.where(values["a"] + values["b"] < 0.5, smooth(values["a"], values["b"]), -jnp.inf)
+
+    target = posterior({"a": Normal(0.0, 1.0), "b": Normal(0.0, 1.0)}, walled)
+    starts = jnp.column_stack([jnp.linspace(-1.0, 0.0, 32), jnp.zeros(32)])
+    draws = sample(SAMPLERS[name], target, starts, 0.1 * jnp.eye(2), KEY, LONG[name])
+    assert (draws.z.sum(-1) < 0.5).all()
+    axis = np.linspace(-6, 6, 2401)
+    with np.errstate(divide="ignore"):
+        exact = grid_moments(lambda a, b: smooth(a, b) - (a**2 + b**2) / 2 + np.log(a + b < 0.5), axis, axis)
+    assert_moments(draws.z, *exact)
+
+
+@each
+def test_run_stored_and_restored_after_every_block_gives_the_same_bits(name, tmp_path):
+    target, sampler = linear_gaussian(2).posterior, SAMPLERS[name]
+    starts = starts_of(target, SHORT.chains)
+    run, stops = sampler.start_chains(target, starts, 0.1 * jnp.eye(2)), 0
+    while not is_finished(run, SHORT):
+        np.savez(tmp_path / "run.npz", **arrays_of_run(run))
+        with np.load(tmp_path / "run.npz", allow_pickle=False) as stored:
+            run = run_from_arrays(sampler.State, dict(stored))
+        run, stops = sampler.advance_chains(target, run, KEY, SHORT), stops + 1
+    assert stops == 4
+    resumed, whole = sampler.finish(run), draw(name, target, SHORT)
+    assert resumed.z.tobytes() == whole.z.tobytes()
+    assert resumed.log_density.tobytes() == whole.log_density.tobytes()
+    assert resumed[2:] == whole[2:]
+
+
+@each
+def test_state_is_arrays_only(name):
+    """And of the same types after a block, so that one program serves all blocks."""
+    target = linear_gaussian(2).posterior
+    run = SAMPLERS[name].start_chains(target, starts_of(target, 32), 0.1 * jnp.eye(2))
+    assert type(run.state) is SAMPLERS[name].State
+    for field in run.state:
+        assert isinstance(field, jax.Array)
+        assert field.dtype in (jnp.float64, jnp.int64)
+    after = SAMPLERS[name].advance_chains(target, run, KEY, SHORT)
+    assert jax.tree.map(jax.typeof, after.state) == jax.tree.map(jax.typeof, run.state)
+
+
+@each
+def test_shapes_thinning_and_log_densities(name):
+    target = linear_gaussian(2).posterior
+    every, some = draw(name, target, SHORT), draw(name, target, ChainSettings(32, 200, 200, thin=5))
+    assert every.z.shape == (32, 200, 2)
+    assert every.log_density.shape == (32, 200)
+    np.testing.assert_array_equal(some.z, every.z[:, 4::5])
+    again = jax.vmap(target.log_density)(jnp.asarray(every.z.reshape(-1, 2)))
+    np.testing.assert_allclose(every.log_density.ravel(), again, rtol=1e-12)
+
+
+@each
+def test_seeds(name):
+    target = linear_gaussian(2).posterior
+    first, again, other = (
+        draw(name, target, SHORT),
+        draw(name, target, SHORT),
+        draw(name, target, SHORT, jax.random.key(4)),
+    )
+    assert first.z.tobytes() == again.z.tobytes()
+    assert not (first.z == other.z).all(-1).any()
+
+
+@each
+def test_longer_run_begins_with_the_shorter(name):
+    target = linear_gaussian(2).posterior
+    short, long = draw(name, target, SHORT), draw(name, target, ChainSettings(32, 200, 300))
+    assert (long.z[:, :200] == short.z).all()
+
+
+@each
+def test_what_was_learnt_is_frozen_after_warm_up(name):
+    target, sampler = linear_gaussian(2).posterior, SAMPLERS[name]
+    run = sampler.start_chains(target, starts_of(target, 32), jnp.eye(2))
+    moving = {"z", "log_density", "gradient", "divergences", "steps"}
+    learnt = []
+    while not is_finished(run, SHORT):
+        run = sampler.advance_chains(target, run, KEY, SHORT)
+        learnt.append({k: np.asarray(v) for k, v in run.state._asdict().items() if k not in moving})
+    same = [all((one[k] == learnt[-1][k]).all() for k in one) for one in learnt]
+    assert same == [False, True, True, True]
+
+
+@each
+def test_dead_starts_are_refused(name):
+    target = posterior({"a": Uniform(0.0, 1.0)}, lambda values, data: jnp.where(values["a"] < 0.5, 0.0, -jnp.inf), ())
+    with pytest.raises(NumericalError, match="1 of 2 chains start where the density is zero: start them inside"):
+        SAMPLERS[name].start_chains(target, jnp.array([[-1.0], [1.0]]), jnp.eye(1))
+
+
+@each
+def test_chain_that_never_moves_is_told(name):
+    """One chain starts on a spike that no step finds again."""
+
+    def spike(values, data):
+        return jnp.where(jnp.abs(values["a"] - 0.5) < 1e-9, 1e5, 0.0)
+
+    target = posterior({"a": Normal(0.0, 1.0)}, spike, ())
+    starts = jnp.linspace(-1.0, 1.0, 32)[:, None].at[2].set(0.5)
+    draws = sample(SAMPLERS[name], target, starts, jnp.eye(1), KEY, SHORT)
+    assert complaints_of_draws(draws)[0].startswith("1 of 32 chains never moved in 200 draws (chain 3): ")
+
+
+def test_divergences_are_told():
+    z = np.random.default_rng(0).normal(size=(2, 10, 1))
+    (said,) = complaints_of_draws(Draws(z, z[..., 0], 0.8, 3))
+    assert said.startswith("3 of 20 transitions diverged: ")
+
+
+def test_progress_is_told():
+    seen = []
+    draw(DEFAULT, linear_gaussian(2).posterior, SHORT, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(100, 400), (200, 400), (300, 400), (400, 400)]
+
+
+def test_unknown_sampler_is_refused():
+    assert find_sampler("nuts") is SAMPLERS["nuts"]
+    with pytest.raises(InputError, match='did you mean "metropolis"'):
+        find_sampler("metropolys")

@@ -1,0 +1,54 @@
+"""Targets of known evidence that the estimators of evidence share: well-behaved ones, and two made to mislead."""
+
+import jax.numpy as jnp
+import numpy as np
+from scipy import stats
+
+from seatrial.estimation.priors import Normal, Uniform
+from tests.estimation_cases import linear_gaussian, posterior
+
+
+def linear(d, seed=0):
+    """Linear regression of known noise, and its log evidence."""
+    problem = linear_gaussian(d, seed)
+    return problem.posterior, problem.log_evidence
+
+
+def correlated(d, rho=0.9):
+    """Normal likelihood of one common correlation under standard normal priors: Z is the density of the sum of both at the centre."""
+    centre, cov = np.linspace(-1.0, 1.0, d), 0.09 * (rho * np.ones((d, d)) + (1 - rho) * np.eye(d))
+    data = (jnp.asarray(centre), jnp.asarray(np.linalg.inv(cov)), jnp.asarray(np.linalg.slogdet(cov)[1]))
+    target = posterior({f"x{i}": Normal(0.0, 1.0) for i in range(d)}, _normal, data)
+    return target, float(stats.multivariate_normal(centre, cov + np.eye(d)).logpdf(np.zeros(d)))
+
+
+def _normal(values, data):
+    centre, precision, log_det = data
+    off = jnp.stack(list(values.values())) - centre
+    return -0.5 * (off @ precision @ off + log_det + off.size * jnp.log(2 * jnp.pi))
+
+
+def far_peaks(d=2, at=1.0, sd=0.03):
+    """Equal normal peaks at -at and at along the first axis under standard normal priors: each has half of Z."""
+    centre = np.zeros(d)
+    centre[0] = at
+    data = tuple(map(jnp.asarray, (np.stack([-centre, centre]), np.full(2, sd), np.log([0.5, 0.5]))))
+    target = posterior({f"x{i}": Normal(0.0, 1.0) for i in range(d)}, _mixture, data)
+    return target, float(stats.multivariate_normal(centre, (1 + sd**2) * np.eye(d)).logpdf(np.zeros(d)))
+
+
+def spike_on_slab(d=20, spike=0.01, slab=0.1, away=0.031, weight=100.0):
+    """Skilling's phase transition in the unit cube: a spike of 100 times the evidence inside a slab (Bayesian Analysis 1, 2006)."""
+    data = (np.stack([np.full(d, away), np.zeros(d)]), np.array([spike, slab]), np.log([weight, 1.0]))
+    target = posterior({f"x{i}": Uniform(-0.5, 0.5) for i in range(d)}, _mixture, tuple(map(jnp.asarray, data)))
+    inside = [d * np.log(np.diff(stats.norm(c, s).cdf([-0.5, 0.5]))[0]) for c, s in ((away, spike), (0.0, slab))]
+    return target, float(np.logaddexp(np.log(weight) + inside[0], inside[1]))
+
+
+def _mixture(values, data):
+    """Log of a weighted sum of round normal densities."""
+    centres, sd, log_weight = data
+    x = jnp.stack(list(values.values()))
+    square = jnp.sum(((x - centres) / sd[:, None]) ** 2, -1)
+    terms = log_weight - 0.5 * square - x.size * (jnp.log(sd) + 0.5 * jnp.log(2 * jnp.pi))
+    return jnp.logaddexp(terms[0], terms[1])

@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.priors import Uniform
+from seatrial.selection.savage_dickey import savage_dickey
+from tests.estimation_cases import linear_gaussian, posterior
+from tests.selection.test_bridge import exact_draws
+
+
+def nested_pair(d, seed=1):
+    """A linear problem, and the exact log Bayes factor of its middle coefficient, near 0 in truth."""
+    full = linear_gaussian(d, seed)
+    reduced = full._replace(design=np.delete(full.design, d // 2, axis=1))
+    return full, f"c{d // 2}", full.log_evidence - reduced.log_evidence
+
+
+def of_shape(z):
+    """A posterior in name only: the draws are given."""
+    return posterior({"a": Uniform(-1.0, 1.0)}, lambda v, data: 0.0), np.asarray(z)[..., None]
+
+
+@pytest.mark.parametrize("shape", ["kernel", "normal", "t"])
+@pytest.mark.parametrize("d", [3, 9])
+def test_nested_pair_in_closed_form(d, shape):
+    full, name, exact = nested_pair(d)
+    found = savage_dickey(full.posterior, name, exact_draws(full, length=1000), shape=shape)
+    assert found.status == ""
+    assert 0 < found.std_error < 0.2
+    assert abs(found.log_value - exact) < 4 * found.std_error
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+@pytest.mark.parametrize("shape", ["kernel", "normal"])
+def test_stated_errors_cover(shape, correlation):
+    """Of 100 runs more than 12 miss by over 2 stated errors in one of 1000 trials, if 4.6 are to be expected."""
+    full, name, exact = nested_pair(3)
+    missed = 0
+    for i in range(100):
+        draws = exact_draws(full, length=1000, seed=i, correlation=correlation)
+        found = savage_dickey(full.posterior, name, draws, shape=shape)
+        missed += abs(found.log_value - exact) > 2 * found.std_error
+    assert missed <= 12
+
+
+def test_skewed_draws_by_kernel_but_not_by_a_normal():
+    """A gamma of shape 4: the normal is 0.2 nats off at its mode, and says so."""
+    draws = np.random.default_rng(0).gamma(4.0, 0.2, size=(4, 4000)) - 0.6
+    target, z = of_shape(draws)
+    exact = float(target.parameters[0].prior.log_density(0.0)) - np.log(0.6**3 / 0.2**4 / 6 * np.exp(-3.0))
+    found = savage_dickey(target, "a", z)
+    assert found.status == ""
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.3
+    assert "not of this shape" in savage_dickey(target, "a", z, shape="normal").status
+
+
+@pytest.mark.parametrize("shape", ["kernel", "normal"])
+def test_value_in_the_tail_is_reported(shape):
+    target, z = of_shape(0.1 * np.random.default_rng(0).normal(size=(4, 1000)) + 0.36)
+    assert "standard deviations from the posterior mean" in savage_dickey(target, "a", z, shape=shape).status
+
+
+def test_no_draw_near_the_value():
+    target, z = of_shape(0.1 * np.random.default_rng(0).normal(size=(4, 1000)) + 1.2)
+    with pytest.raises(NumericalError, match="compare the evidences"):
+        savage_dickey(target, "a", z)
+    assert "only 0 effective draws" in savage_dickey(target, "a", z, shape="normal").status
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "shape", "words"),
+    [
+        ("b", 0.0, (4, 1000), "a parameter of the posterior"),
+        ("a", 1.0, (4, 1000), "a value inside the prior"),
+        ("a", -2.0, (4, 1000), "a value inside the prior"),
+        ("a", 0.0, (4, 100), "at least 1000 draws"),
+    ],
+)
+def test_bad_input(name, at, shape, words):
+    target, z = of_shape(np.random.default_rng(0).normal(size=shape))
+    with pytest.raises(InputError, match=words):
+        savage_dickey(target, name, z, at=at)
+
+
+def test_chains_that_never_moved():
+    target, z = of_shape(np.zeros((4, 1000)))
+    with pytest.raises(NumericalError, match="never moved"):
+        savage_dickey(target, "a", z)

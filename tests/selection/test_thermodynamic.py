@@ -1,0 +1,149 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.priors import Normal
+from seatrial.sampling.tempered_ladder import Ladder, LadderSettings, sample_ladder, spread
+from seatrial.selection.thermodynamic import (
+    _integrals,
+    _jackknife,
+    stepping_stone,
+    stepping_stone_evidence,
+    thermodynamic,
+    thermodynamic_evidence,
+)
+from tests.estimation_cases import posterior
+from tests.selection.targets import correlated, linear
+from tests.selection.test_evidence import box, half_forbidden
+
+KEY = jax.random.key(1)
+
+
+def exact_ladder(d, b, draws=1000, copies=16, seed=0):
+    """Independent draws of log L = -x.x / 2 under p L^b for standard normal p, and log Z = -d/2 log 2."""
+    e = np.random.default_rng(seed).chisquare(d, size=(draws, b.size, copies))
+    log_likelihood = -0.5 * e / (1.0 + b)[:, None]
+    return Ladder(b, log_likelihood, np.full(b.size - 1, 0.5), 9.0, 0.0), -0.5 * d * np.log(2.0)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        lambda: linear(2),
+        pytest.param(box, marks=pytest.mark.thorough),
+        pytest.param(half_forbidden, marks=pytest.mark.thorough),
+        pytest.param(lambda: correlated(5), marks=pytest.mark.thorough),
+    ],
+    ids=["linear 2", "box", "half forbidden", "correlated 5"],
+)
+def test_known_evidence(problem):
+    target, exact = problem()
+    ladder = sample_ladder(target, KEY)
+    for found in (stepping_stone(ladder), thermodynamic(ladder)):
+        assert found.status == ""
+        assert 0 < found.std_error < 0.1
+        assert abs(found.log_value - exact) < 4 * found.std_error
+
+
+@pytest.mark.thorough
+def test_stated_errors_cover_for_chains():
+    """Of 30 runs more than 5 miss by over 2 stated errors in one of 500 trials, if 1.4 are to be expected."""
+    target, exact = linear(2)
+    missed = np.zeros(2)
+    for i in range(30):
+        ladder = sample_ladder(target, jax.random.key(i), LadderSettings(draws=500))
+        found = [estimate(ladder) for estimate in (stepping_stone, thermodynamic)]
+        missed += [abs(one.log_value - exact) > 2 * one.std_error for one in found]
+    assert (missed <= 5).all()
+
+
+@pytest.mark.parametrize("estimate", [stepping_stone, thermodynamic])
+@pytest.mark.parametrize("d", [2, 20])
+def test_stated_errors_cover_for_exact_draws(estimate, d):
+    """Of 100 ladders about 4.6 miss by over 2 stated errors, and by chance more than 12 in one of 1000 trials."""
+    b = np.linspace(0.0, 1.0, 17) ** 2
+    found = [(estimate(ladder), exact) for ladder, exact in (exact_ladder(d, b, 200, seed=i) for i in range(100))]
+    assert sum(abs(one.log_value - exact) > 2 * one.std_error for one, exact in found) <= 12
+
+
+def test_integral_of_a_known_curve():
+    """E_b = -1 / (1 + b), variance 1 / (1 + b)^2 for d = 2: the error falls with the fourth power of the steps."""
+
+    def error(n):
+        b = np.linspace(0.0, 1.0, n + 1)
+        two_points = np.stack([-1 / (1 + b) - 1 / (1 + b), -1 / (1 + b) + 1 / (1 + b)])
+        return abs(_integrals(b, np.repeat(two_points[:, :, None], 2, 2))[0] + np.log(2.0))
+
+    assert np.log2(error(8) / error(16)) == pytest.approx(4.0, abs=0.1)
+
+
+def test_stated_discretisation_error_bounds_that_of_exact_draws():
+    """So many draws that the ladder's own error shows: 0.1 nat at 5 rungs."""
+    b = np.linspace(0.0, 1.0, 5) ** 2
+    ladder, exact = exact_ladder(40, b, draws=20_000)
+    found = thermodynamic(ladder)
+    assert found.diagnostics["discretisation_error"] > 0
+    assert abs(found.log_value - exact) < 3 * found.std_error
+
+
+def test_jackknife_of_a_mean_is_its_standard_error():
+    x = np.random.default_rng(0).normal(size=16)
+    rows = np.array([x.mean(), *(np.delete(x, i).mean() for i in range(16))])
+    widened = stats.t.ppf(0.975, 15) / stats.norm.ppf(0.975)
+    assert _jackknife(rows) == pytest.approx(x.std(ddof=1) / 4 * widened, rel=1e-10)
+
+
+def test_spread_of_a_ladder_that_refuses_alike_changes_nothing():
+    b = np.geomspace(1e-3, 1.0, 9)
+    b[0] = 0.0
+    assert spread(b, np.full(8, 0.3)) == pytest.approx(b, abs=1e-12)
+
+
+def test_spread_moves_rungs_to_where_swaps_are_refused():
+    b = np.linspace(0.0, 1.0, 9)
+    new = spread(b, np.array([0.9, *[0.1] * 7]))
+    assert (np.diff(new) > 0).all()
+    assert new[1] < 0.5 * b[1]
+    assert new[[0, -1]].tolist() == [0.0, 1.0]
+
+
+def test_coarse_ladder_is_reported():
+    target, _ = linear(2)
+    ladder = sample_ladder(target, KEY, LadderSettings(rungs=5, warmup=250, draws=250))
+    for estimate in (stepping_stone, thermodynamic):
+        assert "use more rungs" in estimate(ladder).status
+
+
+def test_halves_that_differ_are_reported():
+    ladder, _ = exact_ladder(2, np.linspace(0.0, 1.0, 9))
+    moved = ladder._replace(log_likelihood=ladder.log_likelihood + np.repeat([0.0, 1.0], 500)[:, None, None])
+    assert "two halves" in stepping_stone(moved).status
+
+
+def test_draws_that_never_arrive_are_reported():
+    ladder, _ = exact_ladder(2, np.linspace(0.0, 1.0, 9))
+    assert "all the way" in thermodynamic(ladder._replace(arrivals=0.1)).status
+
+
+def test_no_finite_likelihood():
+    target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.full((), -jnp.inf))
+    with pytest.raises(NumericalError, match="Narrow the prior"):
+        sample_ladder(target, KEY, LadderSettings(rungs=5, copies=4))
+
+
+@pytest.mark.parametrize("wrong", [{"rungs": 8}, {"rungs": 3}, {"copies": 2}, {"draws": 100}, {"warmup": 10}])
+def test_sizes_that_cannot_be(wrong):
+    with pytest.raises(InputError, match="odd number"):
+        sample_ladder(linear(2)[0], KEY, LadderSettings(**wrong))
+
+
+def test_same_key_same_bits_and_progress_ends():
+    target, _ = linear(2)
+    settings, seen = LadderSettings(rungs=5, warmup=250, draws=250), []
+    first = stepping_stone_evidence(target, KEY, settings, lambda done, total: seen.append((done, total)))
+    assert first == stepping_stone_evidence(target, KEY, settings)
+    assert first != thermodynamic_evidence(target, KEY, settings)
+    assert seen == [(1, 2), (2, 2)]
