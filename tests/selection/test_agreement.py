@@ -52,7 +52,7 @@ def test_second_peak_that_importance_sampling_misses_alarms():
 def test_phase_transition_alarms():
     """All methods agree on the slab, a hundredth of Z: only the cold search meets the spike."""
     target, exact = spike_on_slab()
-    smaller = EvidenceSettings(repeats=2, smc=SMCSettings(particles=512))
+    smaller = EvidenceSettings(repeats=2, smc=SMCSettings(particles=512, moves=40))
     found = agreed_evidence(target, KEY, settings=AgreementSettings(smc=smaller))
     assert abs(found.log_value - exact) < 4 * found.std_error or "highest peak" in found.status
 

@@ -8,6 +8,7 @@ What agreement cannot show: a mode that no method met. Two methods can miss the 
 """
 
 from collections.abc import Sequence
+from math import log
 from typing import Any
 from zlib import crc32
 
@@ -24,8 +25,8 @@ SMALL = 20
 """Parameters up to which importance sampling gives the value."""
 ALARM, FLOOR = 3.0, 0.1
 """Difference that alarms: in joint errors, and in nats at least."""
-BLUNT = 0.2
-"""Joint error, nats, above which a second peak as large as the first, log 2, would hardly alarm."""
+BLUNT = log(2.0) / ALARM
+"""Joint error, nats, above which a second peak as large as the first, log 2, would not alarm."""
 _USUAL = AgreementSettings()
 
 
@@ -78,13 +79,16 @@ def agreed_evidence(
     return judge({name: one.evidence for name, one in found.items()}, failed, alarms)
 
 
-def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = ()) -> Evidence:
+def judge(
+    evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = (), blunt: float = BLUNT
+) -> Evidence:
     """Choose the first healthy evidence, or the first if none is, and say what speaks against it.
 
     Args:
         evidences: by method, the preferred first.
         failed: why other methods gave none.
         alarms: what else is known against the result.
+        blunt: joint error, nats, above which a check is too blunt.
     """
     value = next((name for name, one in evidences.items() if not one.status), next(iter(evidences)))
     chosen, said, checks, table = evidences[value], list(alarms), 0, {}
@@ -109,7 +113,7 @@ def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequen
             )
         elif not one.status and not _kin(name, value):
             checks += 1
-            if joint > BLUNT:
+            if joint > blunt:
                 said.append(f"{one.method} checks to {joint:.2f} nats only: use more particles or draws")
     said += [f"{name} failed: {why}" for name, why in failed.items()]
     if value != next(iter(evidences)) or failed:
