@@ -19,6 +19,8 @@ from seatrial.report.svg import draw_svg
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "calibration"
 REPLICATES = 400
+RESULTS = "<!-- results -->"
+"""Where the results begin in the page."""
 DEFAULT = "adaptive-metropolis"
 BASE = """
 [campaign]
@@ -98,8 +100,9 @@ def main() -> None:
         write_text(HERE / "calibration.svg", draw_svg(figure, "calibration"))
     page = HERE / "calibration.md"
     text = page.read_text(encoding="utf-8")
-    head = text[: text.index("| case |")]
-    write_text(page, head + table(found))
+    head = text[: text.index(RESULTS)]
+    picture = "![Distance of the rank distributions from the uniform one](calibration.svg)"
+    write_text(page, f"{head}{RESULTS}\n\n{picture}\n\n{table(found)}")
     sys.exit(any(one.calibration.outside() for one in found.values()))
 
 
