@@ -10,6 +10,7 @@ from seatrial.campaign.load import load_campaign
 from seatrial.campaign.store import Store
 from seatrial.campaign.trials import get_trials
 from seatrial.core.errors import InputError
+from seatrial.estimation.calibration import DRAWS
 from seatrial.report.calibration_picture import write_calibration_picture
 from tests.campaign.small import write_small
 
@@ -82,4 +83,4 @@ def test_truths_that_cannot_be_simulated_are_drawn_again(small):
     ranks, tried = module._replicate(posterior, module.find_method(METHOD), jax.random.key(5))
     assert tried >= 1
     assert ranks.min() >= 0
-    assert ranks.max() <= module.DRAWS
+    assert ranks.max() <= DRAWS

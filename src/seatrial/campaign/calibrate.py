@@ -16,8 +16,8 @@ from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.calibration import DRAWS, Calibration, ranks_of
-from seatrial.estimation.draw_posterior import find_method
+from seatrial.estimation.calibration import Calibration, ranks_of, spread_evenly
+from seatrial.estimation.draw_posterior import Draw, find_method
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
 
@@ -112,7 +112,7 @@ def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, 
     return Calibrated(Calibration(names, data["rank"].values), method, data.attrs["structure"], refused)
 
 
-def _replicate(posterior: Posterior, draw, key: jax.Array) -> tuple[np.ndarray, int]:
+def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> tuple[np.ndarray, int]:
     """Ranks of one truth, the log-likelihood's last, and how many draws it took to find one that can be simulated."""
     truth_key, data_key, draw_key = jax.random.split(key, 3)
     for tried in range(1, TRIES + 1):
@@ -128,9 +128,8 @@ def _replicate(posterior: Posterior, draw, key: jax.Array) -> tuple[np.ndarray, 
         raise NumericalError(
             f"none of {TRIES} draws from the prior can be simulated over these records: narrow the priors; `seatrial prior` shows why"
         )
-    drawn = draw(made, draw_key)
-    chosen = drawn[np.linspace(0, len(drawn) - 1, DRAWS).round().astype(int)]
-    values = np.column_stack([made.constrain(jnp.asarray(chosen)), _log_likelihoods(made, jnp.asarray(chosen))])
+    chosen = jnp.asarray(spread_evenly(draw(made, draw_key)))
+    values = np.column_stack([made.constrain(chosen), _log_likelihoods(made, chosen)])
     return ranks_of(np.append(np.asarray(truth), at_truth), values), tried
 
 

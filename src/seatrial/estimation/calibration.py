@@ -17,7 +17,6 @@ DRAWS = 99
 """Posterior draws that a rank is taken among: ranks run from 0 to 99."""
 BINS = 20
 LEVEL = 0.99
-INTERVALS = (0.5, 0.9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +78,12 @@ class Calibration:
 
 def ranks_of(truth: Float[np.ndarray, " k"], draws: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " k"]:
     """Rank of each true value among `DRAWS` draws spread evenly over those given."""
-    chosen = draws[np.linspace(0, len(draws) - 1, DRAWS).round().astype(int)]
-    return (chosen < truth).sum(0)
+    return (spread_evenly(draws) < truth).sum(0)
+
+
+def spread_evenly(draws: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "ranks k"]:
+    """`DRAWS` of the draws, at even distances."""
+    return draws[np.linspace(0, len(draws) - 1, DRAWS).round().astype(int)]
 
 
 @lru_cache(maxsize=16)

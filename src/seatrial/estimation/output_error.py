@@ -202,7 +202,7 @@ def output_error(
         )
     data = stack_trials(records, model, [sensor.channel for sensor in chosen], initial)
     for record in records if delay else ():
-        check_even(record)
+        _check_even(record)
     if current:
         _check_current(model, chosen)
     complete = tuple(bool(channel.present.all()) for channel in data.channels)
@@ -210,7 +210,7 @@ def output_error(
     return OutputError(simulator, complete, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
 
 
-def check_even(record: Record) -> None:
+def _check_even(record: Record) -> None:
     """Refuse a record whose time step varies.
 
     Raises:
