@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
@@ -18,7 +18,7 @@ from seatrial.sampling.run import (
     is_finished,
     run_from_arrays,
 )
-from seatrial.sampling.sampler import DEFAULT, SAMPLERS, find_sampler, sample
+from seatrial.sampling.sampler import DEFAULT, SAMPLERS, sample
 from tests.estimation_cases import linear_gaussian, posterior
 from tests.sampling.moments import assert_moments, grid_moments
 
@@ -196,9 +196,3 @@ def test_progress_is_told():
     seen = []
     draw(DEFAULT, linear_gaussian(2).posterior, SHORT, progress=lambda done, total: seen.append((done, total)))
     assert seen == [(100, 400), (200, 400), (300, 400), (400, 400)]
-
-
-def test_unknown_sampler_is_refused():
-    assert find_sampler("nuts") is SAMPLERS["nuts"]
-    with pytest.raises(InputError, match='did you mean "metropolis"'):
-        find_sampler("metropolys")

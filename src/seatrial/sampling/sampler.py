@@ -5,7 +5,6 @@ from typing import Any, Protocol
 import jax
 from jaxtyping import Array, Float
 
-from seatrial.core.errors import InputError, nearest
 from seatrial.sampling import adaptive_metropolis, de_metropolis, metropolis, nuts
 from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
 from seatrial.sampling.target import Progress, Target, no_progress
@@ -43,17 +42,6 @@ SAMPLERS: dict[str, Sampler] = {
     "nuts": nuts,
 }
 DEFAULT = "adaptive-metropolis"
-
-
-def find_sampler(name: str) -> Sampler:
-    """Return the sampler of this name.
-
-    Raises:
-        InputError: no such sampler.
-    """
-    if name not in SAMPLERS:
-        raise InputError("sampler", found=f'"{name}"', expected=", ".join(SAMPLERS), remedy=nearest(name, SAMPLERS))
-    return SAMPLERS[name]
 
 
 def sample(
