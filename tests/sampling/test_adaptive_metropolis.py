@@ -73,7 +73,9 @@ def test_golden_posterior(model, means, sds):
     target = golden_posterior(model)
     mode = find_mode(target, KEY)
     starts = jnp.asarray(mode.z) + 1.5 * jax.random.normal(KEY, (32, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
-    draws = sample_adaptive_metropolis(target, starts, jnp.asarray(mode.cov), KEY, ChainSettings())
+    draws = sample_adaptive_metropolis(
+        target, starts, jnp.asarray(mode.cov), KEY, ChainSettings(warmup=1000, draws=4000)
+    )
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))
     k = len(means)
     scaled = values[:, :, :k] / np.array([1.0, 1.0, THRUST_UNIT, 1.0])[:k]

@@ -25,6 +25,7 @@ from tests.sampling.moments import assert_moments, grid_moments
 KEY = jax.random.key(3)
 SHORT = ChainSettings(chains=32, warmup=200, draws=200)
 LONG = {
+    "independence-metropolis": ChainSettings(draws=1000),
     "metropolis": ChainSettings(draws=2000),
     "adaptive-metropolis": ChainSettings(draws=2000),
     "de-metropolis": ChainSettings(draws=2000),

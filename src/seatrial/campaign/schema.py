@@ -172,10 +172,12 @@ class EstimationTable(Table):
     residuals: Residuals = "white"
     current: Scope = "none"
     varying: list[str] = []
-    sampler: Literal["adaptive-metropolis", "metropolis", "de-metropolis", "nuts"] = "adaptive-metropolis"
+    sampler: Literal["independence-metropolis", "adaptive-metropolis", "metropolis", "de-metropolis", "nuts"] = (
+        "independence-metropolis"
+    )
     chains: int = Field(default=32, ge=2, le=1024)
-    warmup: int = Field(default=1000, ge=100, multiple_of=100)
-    draws: int = Field(default=4000, ge=100, multiple_of=100)
+    warmup: int = Field(default=500, ge=100, multiple_of=100)
+    draws: int = Field(default=1500, ge=100, multiple_of=100)
     thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = 1
 
 

@@ -19,12 +19,14 @@ from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 PosteriorDraws = Float[np.ndarray, "n d"]
 Draw = Callable[[Posterior, jax.Array], PosteriorDraws]
 SIZES = {
+    "independence-metropolis": ChainSettings(32, 300, 200),
     "adaptive-metropolis": ChainSettings(32, 500, 500),
     "metropolis": ChainSettings(32, 500, 1000),
     "de-metropolis": ChainSettings(32, 500, 1000),
     "nuts": ChainSettings(8, 300, 200),
 }
 """Size of each sampler's run; enough for a hundred independent draws of a posterior that is not too far from normal."""
+METHODS = (*SAMPLERS, "tempered-smc")
 PARTICLES = 512
 SPREAD = 1.5
 """Standard deviations of the normal approximation from which chains start."""
@@ -36,9 +38,8 @@ def find_method(name: str) -> Draw:
     Raises:
         InputError: no such method.
     """
-    known = [*SAMPLERS, "tempered-smc"]
-    if name not in known:
-        raise InputError("method", found=f'"{name}"', expected=", ".join(known), remedy=nearest(name, known))
+    if name not in METHODS:
+        raise InputError("method", found=f'"{name}"', expected=", ".join(METHODS), remedy=nearest(name, METHODS))
     return _by_smc if name == "tempered-smc" else partial(_by_chains, SAMPLERS[name], SIZES[name])
 
 

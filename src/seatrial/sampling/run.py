@@ -30,8 +30,8 @@ class ChainSettings:
     """
 
     chains: int = 32
-    warmup: int = 1000
-    draws: int = 4000
+    warmup: int = 500
+    draws: int = 1500
     thin: int = 1
 
 

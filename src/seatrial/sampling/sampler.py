@@ -5,7 +5,7 @@ from typing import Any, Protocol
 import jax
 from jaxtyping import Array, Float
 
-from seatrial.sampling import adaptive_metropolis, de_metropolis, metropolis, nuts
+from seatrial.sampling import adaptive_metropolis, de_metropolis, independence_metropolis, metropolis, nuts
 from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
 from seatrial.sampling.target import Progress, Target, no_progress
 
@@ -36,12 +36,13 @@ class Sampler(Protocol):
 
 
 SAMPLERS: dict[str, Sampler] = {
+    "independence-metropolis": independence_metropolis,
     "adaptive-metropolis": adaptive_metropolis,
     "metropolis": metropolis,
     "de-metropolis": de_metropolis,
     "nuts": nuts,
 }
-DEFAULT = "adaptive-metropolis"
+DEFAULT = "independence-metropolis"
 
 
 def sample(

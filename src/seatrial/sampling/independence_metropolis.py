@@ -1,0 +1,118 @@
+"""Fresh draws or a random walk, as they are accepted: Metropolis with two proposals, many chains in step.
+
+    for each iteration t
+        with probability f, a fresh draw    propose z' ~ q = t_5(m, C),  accept with min(1, p(z') q(z) / (p(z) q(z')))
+        else a step of the walk             propose z' = z + exp(s) L e,  e ~ N(0, I),  L L^T = C,  accept with min(1, p(z') / p(z))
+        while warming up
+            m <- m + g (mean of all chains - m),  g = 6 / (t + 100)
+            C <- C + g (spread of all chains about m - C)
+            f <- f + g (acceptance of fresh draws - f), kept within 0.1 and 0.9
+            s <- s + (t + 1)^-0.6 (acceptance of the walk - 0.234)
+
+Where records leave a posterior that is nearly normal, a draw of its normal twin, tails widened, is accepted four times in five
+and forgets all before it (Tierney, Annals of Statistics 22, 1994); where it is not, f falls and the walk goes on as it would alone.
+What is learnt is learnt from all chains together and frozen after warm-up.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep, refuse_dead_starts
+from seatrial.sampling.run import finish as finish
+from seatrial.sampling.target import Target, log_densities
+
+TARGET_ACCEPTANCE = 0.234
+PRIOR_WEIGHT, PACE = 100, 6.0
+"""Iterations' worth of trust in what was given, and the pace at which it is forgotten: after t of them, (100 / (t + 100))^6."""
+FREEDOM = 5.0
+"""Degrees of freedom of the fresh draws: tails that the posterior's cannot exceed for long."""
+FIRST, LEAST, MOST = 0.5, 0.1, 0.9
+"""Share of fresh draws at the start, and its bounds: both moves are always made."""
+
+
+class IndependenceState(NamedTuple):
+    """Everything the next iteration needs; arrays only, so that it can be stored and resumed.
+
+    Attributes:
+        z: positions, shape (chains, d).
+        log_density: at the positions, shape (chains,).
+        mean: running mean of all chains, shape (d,).
+        cov: their covariance, shape (d, d).
+        fresh: f.
+        log_scale: s.
+    """
+
+    z: Float[Array, "chains d"]
+    log_density: Float[Array, " chains"]
+    mean: Float[Array, " d"]
+    cov: Float[Array, "d d"]
+    fresh: Float[Array, ""]
+    log_scale: Float[Array, ""]
+
+
+State = IndependenceState
+
+
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+    """Begin a run.
+
+    Args:
+        target: density to sample.
+        starts: one position for each chain, of finite density.
+        cov: first covariance, for example the Laplace covariance.
+
+    Raises:
+        NumericalError: a start of zero density.
+    """
+    log_density = log_densities(target, starts)
+    refuse_dead_starts(log_density)
+    log_scale = jnp.asarray(np.log(2.38 / np.sqrt(target.dim)))
+    return begin(IndependenceState(starts, log_density, starts.mean(0), cov, jnp.asarray(FIRST), log_scale))
+
+
+def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
+    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
+    return keep(run, state, drawn, settings)
+
+
+@jax.jit
+def _block(target: Target, state: IndependenceState, key: jax.Array, start: int, warmup: int):
+    def iterate(state: IndependenceState, t: Array):
+        chains, d = state.z.shape
+        move_key, step_key, tail_key, accept_key = jax.random.split(jax.random.fold_in(key, t), 4)
+        fresh = jax.random.uniform(move_key) < state.fresh
+        factor = jnp.linalg.cholesky(state.cov + 1e-12 * jnp.diag(jnp.diag(state.cov)))
+        step = jax.random.normal(step_key, (chains, d)) @ factor.T
+        widened = jnp.sqrt(0.5 * FREEDOM / jax.random.gamma(tail_key, 0.5 * FREEDOM, (chains, 1)))
+        proposal = jnp.where(fresh, state.mean + widened * step, state.z + jnp.exp(state.log_scale) * step)
+        log_density = log_densities(target, proposal)
+        correction = _log_fresh(state.z, state.mean, factor) - _log_fresh(proposal, state.mean, factor)
+        log_ratio = jnp.where(jnp.isfinite(log_density), log_density, -jnp.inf) - state.log_density
+        log_ratio = log_ratio + jnp.where(fresh, correction, 0.0)
+        accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
+        z = jnp.where(accepted[:, None], proposal, state.z)
+        kept = jnp.where(accepted, log_density, state.log_density)
+        acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
+        weight = jnp.where(t < warmup, PACE / (t + PRIOR_WEIGHT), 0.0)
+        mean = state.mean + weight * (z.mean(0) - state.mean)
+        spread = z - mean
+        cov = state.cov + weight * (spread.T @ spread / chains - state.cov)
+        share = jnp.clip(state.fresh + weight * (acceptance - state.fresh), LEAST, MOST)
+        gain = jnp.where(t < warmup, (t + 1.0) ** -0.6, 0.0)
+        log_scale = state.log_scale + gain * (acceptance - TARGET_ACCEPTANCE)
+        learnt = jnp.where(fresh, share, state.fresh), jnp.where(fresh, state.log_scale, log_scale)
+        return IndependenceState(z, kept, mean, cov, *learnt), (z, kept, acceptance)
+
+    return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))
+
+
+def _log_fresh(z: Float[Array, "chains d"], mean: Array, factor: Array) -> Float[Array, " chains"]:
+    """Log density of a fresh draw, up to a constant."""
+    white = jax.scipy.linalg.solve_triangular(factor, (z - mean).T, lower=True)
+    d = z.shape[1]
+    return -0.5 * (FREEDOM + d) * jnp.log1p(jnp.sum(white**2, axis=0) / FREEDOM)
