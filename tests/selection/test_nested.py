@@ -5,7 +5,8 @@ import pytest
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Normal
-from seatrial.selection.nested import _integrate, nested_evidence, sample_nested
+from seatrial.sampling.nested import _integrate, sample_nested
+from seatrial.selection.nested import nested_evidence
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, posterior
 from tests.selection.test_evidence import box, half_forbidden
 
@@ -61,19 +62,30 @@ def test_information_of_a_normal_posterior():
     assert sample_nested(PAIR.posterior, KEY).information == pytest.approx(exact, abs=4 * np.sqrt(exact / 500))
 
 
+def test_draws_are_those_of_the_posterior():
+    """Moments within 4 errors of as many independent draws as the shares amount to."""
+    run = sample_nested(PAIR.posterior, KEY)
+    values = np.asarray(PAIR.posterior.constrain(jnp.asarray(run.draws(4000, KEY))))
+    mean, cov = PAIR.moments
+    count = 1.0 / (run.share**2).sum()
+    assert (np.abs(values.mean(0) - mean) < 4 * np.sqrt(np.diag(cov) / count)).all()
+    assert np.diag(np.cov(values.T)) == pytest.approx(np.diag(cov), rel=4 * np.sqrt(2 / count))
+    assert run.draws(4000, KEY).tobytes() == run.draws(4000, KEY).tobytes()
+
+
 def test_integration_of_a_known_shrinkage():
     """L(X) = exp(-50 X) over the prior mass X, points at their expected mass: Z = (1 - exp(-50)) / 50."""
     live, batch, steps = 400, 50, 80
     log_mass = np.cumsum(np.tile(-1.0 / np.arange(live, live - batch, -1), steps))
     dead = list(-50 * np.exp(log_mass).reshape(steps, batch))
     last = -50 * np.exp(log_mass[-1]) * (np.arange(live) + 0.5) / live
-    log_evidence, information = _integrate(dead, last)
+    log_evidence, information, _ = _integrate(dead, last)
     assert log_evidence == pytest.approx(np.log(1 / 50), abs=1 / live)
     assert information == pytest.approx(np.log(50) - 1, abs=0.02)
 
 
 def test_likelihood_that_says_nothing_is_one():
-    log_evidence, information = _integrate([np.zeros(10)] * 5, np.zeros(80))
+    log_evidence, information, _ = _integrate([np.zeros(10)] * 5, np.zeros(80))
     assert log_evidence == pytest.approx(0.0, abs=1e-12)
     assert information == pytest.approx(0.0, abs=1e-12)
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.nested import sample_nested
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, Sampler, sample
 from seatrial.sampling.target import log_densities
@@ -26,21 +27,22 @@ SIZES = {
     "nuts": ChainSettings(8, 300, 200),
 }
 """Size of each sampler's run; enough for a hundred independent draws of a posterior that is not too far from normal."""
-METHODS = (*SAMPLERS, "tempered-smc")
-PARTICLES = 512
+METHODS = (*SAMPLERS, "tempered-smc", "nested")
+PARTICLES, LIVE = 512, 200
 SPREAD = 1.5
 """Standard deviations of the normal approximation from which chains start."""
 
 
 def find_method(name: str) -> Draw:
-    """Method by name: a sampler of `SAMPLERS`, or `tempered-smc`.
+    """Method by name: a sampler of `SAMPLERS`, `tempered-smc` or `nested`.
 
     Raises:
         InputError: no such method.
     """
     if name not in METHODS:
         raise InputError("method", found=f'"{name}"', expected=", ".join(METHODS), remedy=nearest(name, METHODS))
-    return _by_smc if name == "tempered-smc" else partial(_by_chains, SAMPLERS[name], SIZES[name])
+    whole = {"tempered-smc": _by_smc, "nested": _by_nested}
+    return whole[name] if name in whole else partial(_by_chains, SAMPLERS[name], SIZES[name])
 
 
 def spread_starts(posterior: Posterior, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
@@ -61,3 +63,8 @@ def _by_chains(sampler: Sampler, settings: ChainSettings, posterior: Posterior, 
 
 def _by_smc(posterior: Posterior, key: jax.Array) -> PosteriorDraws:
     return sample_tempered_smc(posterior, key, SMCSettings(PARTICLES)).particles
+
+
+def _by_nested(posterior: Posterior, key: jax.Array) -> PosteriorDraws:
+    run_key, draw_key = jax.random.split(key)
+    return sample_nested(posterior, run_key, live=LIVE).draws(PARTICLES, draw_key)
