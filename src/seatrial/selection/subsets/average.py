@@ -1,0 +1,113 @@
+"""What all structures say together: probabilities, and averages whose uncertainty is within and between structures.
+
+    E[c] = sum_S P(S | y) m_S,  Cov[c] = sum_S P(S | y) V_S + sum_S P(S | y) (m_S - E[c]) (m_S - E[c])^T
+
+over all structures, not only the best; m_S and V_S are zero for absent terms. The median-probability model has the terms of
+inclusion probability above one half (Barbieri and Berger, Annals of Statistics 32, 2004).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, UInt64
+
+from seatrial.core.errors import InputError
+from seatrial.selection.subsets.conjugate import SubsetFit, evidence_of
+from seatrial.selection.subsets.gram import Gram
+from seatrial.selection.subsets.prior import Prior
+
+
+class Averaged(NamedTuple):
+    """Quantities averaged over structures, with their standard deviations, each of shape (n,).
+
+    Attributes:
+        mean: posterior mean.
+        within: root of the average variance in each structure.
+        between: standard deviation of the structures' means.
+        total: of both.
+    """
+
+    mean: Float[np.ndarray, " n"]
+    within: Float[np.ndarray, " n"]
+    between: Float[np.ndarray, " n"]
+    total: Float[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, eq=False)
+class SubsetPosterior:
+    """Posterior over all structures of d terms.
+
+    Attributes:
+        names: terms.
+        stats: of the regression on all of them.
+        prior: of the coefficients.
+        structures: the best ones, most probable first, bit i for term i, shape (n,).
+        log_evidence: log p(y | S) of these, nats, shape (n,).
+        probability: P(S | y) of these, shape (n,).
+        count: number of allowed structures.
+        log_evidence_total: log p(y), all structures weighed by their prior, nats.
+        inclusion: posterior probability of each term, shape (d,).
+        joint: that both of each two are there, shape (d, d).
+        mean: averaged coefficients, shape (d,).
+        within: average of their covariances in each structure, shape (d, d).
+        between: covariance of the structures' means, shape (d, d).
+    """
+
+    names: tuple[str, ...]
+    stats: Gram
+    prior: Prior
+    structures: UInt64[np.ndarray, " n"]
+    log_evidence: Float[np.ndarray, " n"]
+    probability: Float[np.ndarray, " n"]
+    count: int
+    log_evidence_total: float
+    inclusion: Float[np.ndarray, " d"]
+    joint: Float[np.ndarray, "d d"]
+    mean: Float[np.ndarray, " d"]
+    within: Float[np.ndarray, "d d"]
+    between: Float[np.ndarray, "d d"]
+
+    @property
+    def covered(self) -> float:
+        """Probability of the structures that are listed."""
+        return float(self.probability.sum())
+
+    def numbers(self, rank: int) -> list[int]:
+        """Numbers of the terms of one of the best structures, the best having rank 0."""
+        return [i for i in range(len(self.names)) if int(self.structures[rank]) >> i & 1]
+
+    def terms(self, rank: int) -> tuple[str, ...]:
+        """Names of the terms of one of the best structures."""
+        return tuple(self.names[i] for i in self.numbers(rank))
+
+    def fit(self, rank: int) -> SubsetFit:
+        """Posterior of the coefficients of one of the best structures, in the order of its terms."""
+        return evidence_of(self.stats, self.prior, self.numbers(rank))
+
+    def median_model(self) -> tuple[str, ...]:
+        """Terms more probable than not; they keep any rules."""
+        return tuple(name for name, p in zip(self.names, self.inclusion, strict=True) if p > 0.5)
+
+    def coefficients(self) -> Averaged:
+        """Averaged coefficients; an absent one counts as zero."""
+        return self.predict(np.eye(len(self.names)))
+
+    def predict(self, phi: Float[np.ndarray, "m d"]) -> Averaged:
+        """Averaged response to regressors, without noise.
+
+        Raises:
+            InputError: not one column for each term.
+        """
+        phi = np.asarray(phi, float)
+        if phi.ndim != 2 or phi.shape[1] != len(self.names):
+            raise InputError(
+                "regressors to predict for",
+                found=f"shape {phi.shape}",
+                expected=f"(m, {len(self.names)})",
+                remedy="give a column for each term, in the order of `names`",
+            )
+        within, between = (np.einsum("mi,ij,mj->m", phi, cov, phi) for cov in (self.within, self.between))
+        # rounding leaves the difference of nearly equal squares a little below zero
+        between = np.maximum(between, 0.0)
+        return Averaged(phi @ self.mean, np.sqrt(within), np.sqrt(between), np.sqrt(within + between))

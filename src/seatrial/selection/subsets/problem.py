@@ -1,0 +1,142 @@
+"""One matrix with everything that tells structures apart: what remains once the terms always there are eliminated.
+
+[[A, h], [h^T, 2 b0 + y^T y]]  ->  columns scaled so that elimination's pivots carry the priors of the terms, too
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import NumericalError
+from seatrial.selection.subsets.conjugate import evidence_constant
+from seatrial.selection.subsets.gram import Gram
+from seatrial.selection.subsets.prior import Prior
+
+LARGEST_LOG = 600.0
+"""Natural logarithm of a determinant that a double holds with room to spare."""
+
+
+class Problem(NamedTuple):
+    """Of k optional terms after m terms always there.
+
+    The log of P(S) p(y | S) is constant - shape log(corner) - 1/2 log(determinant), both after elimination of S.
+
+    Attributes:
+        matrix: scaled, shape (k+1, k+1).
+        start: determinant of the structure of no optional term.
+        pivots: what each term multiplies the determinant by, if not the pivot of elimination, shape (k,).
+        squares: what each term adds to the corner, shape (k,), if anything.
+        constant: nats.
+        shape: a = a0 + n/2.
+        scale: coefficients over those of the scaled columns, shape (k,).
+        slope: coefficients of the terms always there over what remains, shape (m, k+1).
+        inverse: inverse of their block of A, shape (m, m).
+    """
+
+    matrix: Float[np.ndarray, "k1 k1"]
+    start: float
+    pivots: Float[np.ndarray, " k"] | None
+    squares: Float[np.ndarray, " k"] | None
+    constant: float
+    shape: float
+    scale: Float[np.ndarray, " k"]
+    slope: Float[np.ndarray, "m k1"]
+    inverse: Float[np.ndarray, "m m"]
+
+
+class Averages(NamedTuple):
+    """Posterior averages over structures of the coefficients, those always there first.
+
+    Attributes:
+        mean: shape (m+k,); a coefficient counts as zero where its term is absent.
+        within: average of the covariances in each structure, shape (m+k, m+k).
+        between: covariance of the means of the structures, shape (m+k, m+k).
+    """
+
+    mean: Float[np.ndarray, " d"]
+    within: Float[np.ndarray, "d d"]
+    between: Float[np.ndarray, "d d"]
+
+
+def make_problem(
+    stats: Gram, prior: Prior, always: Sequence[int], optional: Sequence[int], chance: Float[np.ndarray, " k"]
+) -> Problem:
+    """Eliminate the terms always there and scale the rest.
+
+    Args:
+        stats: checked statistics.
+        prior: of the coefficients.
+        always: numbers of the terms in every structure.
+        optional: numbers of the others.
+        chance: prior probabilities of inclusion of these, between 0 and 1, shape (k,).
+
+    Raises:
+        InputError: prior of the wrong sign or size.
+        NumericalError: prior and data so far apart that determinants overflow.
+    """
+    posterior, sure, free = prior.posterior(stats), np.asarray(always, int), np.asarray(optional, int)
+    order = np.concatenate([sure, free])
+    corner = 2 * prior.rate + stats.square + posterior.square[sure].sum()
+    whole = np.block(
+        [
+            [posterior.matrix[np.ix_(order, order)], posterior.moment[order, None]],
+            [posterior.moment[None, order], np.array([[corner]])],
+        ]
+    )
+    m = sure.size
+    inverse = np.linalg.inv(whole[:m, :m])
+    slope = -inverse @ whole[:m, m:]
+    rest = whole[m:, m:] + whole[m:, :m] @ slope
+    odds = np.log(chance) - np.log1p(-chance)
+    constant = evidence_constant(stats, prior) + np.log1p(-chance).sum() + 0.5 * posterior.log_ratio[sure].sum()
+    log_pivot = -2 * odds - posterior.log_ratio[free]
+    if posterior.determinant:
+        constant -= 0.5 * np.linalg.slogdet(whole[:m, :m])[1]
+        scale, pivots = np.exp(0.5 * log_pivot), None
+        log_pivot = log_pivot + np.log(np.diag(rest)[:-1])
+    else:
+        scale, pivots = 1 / np.sqrt(np.diag(rest)[:-1]), np.exp(log_pivot)
+    if 0.5 * np.abs(log_pivot).sum() > LARGEST_LOG:
+        raise NumericalError(
+            "prior and data differ by more than a number can hold: widen or narrow the prior of the coefficients, or take "
+            "inclusion probabilities nearer 1/2"
+        )
+    columns = np.append(scale, 1.0)
+    squares = posterior.square[free]
+    return Problem(
+        rest * np.outer(columns, columns),
+        float(np.exp(-0.5 * log_pivot.sum())),
+        pivots,
+        squares if squares.any() else None,
+        float(constant - 0.25 * log_pivot.sum()),
+        prior.shape + 0.5 * stats.n,
+        scale,
+        slope,
+        inverse,
+    )
+
+
+def averages(
+    problem: Problem, moment: Float[np.ndarray, "k1 k1"], spread: Float[np.ndarray, "k k"], corner: float
+) -> Averages:
+    """Averages from sums over structures in scaled columns.
+
+    Args:
+        problem: as made.
+        moment: sum of w z z^T, z the posterior means of a structure and -1.
+        spread: sum of w corner A_S^-1.
+        corner: sum of w corner.
+    """
+    columns, total = np.append(problem.scale, 1.0), moment[-1, -1]
+    moment = moment * np.outer(columns, columns) / total
+    spread = spread * np.outer(problem.scale, problem.scale) / total
+    freedom = 2 * (problem.shape - 1)
+    m, slope = problem.inverse.shape[0], problem.slope
+    up = np.vstack([slope, np.eye(slope.shape[1])])
+    means = up @ moment @ up.T
+    mean = -means[:-1, -1]
+    within = up[:-1, :-1] @ spread @ up[:-1, :-1].T
+    within[:m, :m] += corner / total * problem.inverse
+    return Averages(mean, within / freedom, means[:-1, :-1] - np.outer(mean, mean))

@@ -1,0 +1,248 @@
+import numpy as np
+import pytest
+
+import seatrial.selection.subsets.all_subsets as engine
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.conjugate import evidence_of
+from seatrial.selection.subsets.gram import gram
+from seatrial.selection.subsets.prior import GPrior, unit_information
+from seatrial.selection.subsets.rules import Rules
+from seatrial.selection.subsets.sensitivity import sensitivity
+from tests.selection.subsets.naive import NAMES, agree, naive_all, problem, some_prior
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    """Several prefixes and several blocks already at eight terms."""
+    monkeypatch.setattr(engine, "LEVELS", 3)
+    monkeypatch.setattr(engine, "LANES", 4)
+
+
+@pytest.mark.parametrize(
+    "prior", [some_prior(8), some_prior(8, np.linspace(-1, 1, 8)), GPrior(40.0, 2.0, 0.7)], ids=str
+)
+def test_all_structures_against_the_naive_twin(prior):
+    phi, y, stats = problem(8)
+    agree(all_subsets(stats, prior, NAMES[:8]), naive_all(prior, phi, y))
+
+
+@pytest.mark.thorough
+def test_ten_terms_against_the_naive_twin():
+    phi, y, stats = problem(10)
+    agree(all_subsets(stats, some_prior(10), NAMES[:10], top=1024), naive_all(some_prior(10), phi, y))
+
+
+@pytest.mark.parametrize("k", [1, 2, 5])
+def test_few_terms(k):
+    phi, y, stats = problem(k)
+    agree(all_subsets(stats, some_prior(k), NAMES[:k]), naive_all(some_prior(k), phi, y))
+
+
+@pytest.mark.usefixtures("small_blocks")
+@pytest.mark.parametrize("prior", [some_prior(8, np.linspace(-1, 1, 8)), GPrior(40.0, 2.0, 0.7)], ids=str)
+def test_prefixes_certain_terms_and_unequal_odds(prior):
+    phi, y, stats = problem(8)
+    chance = np.linspace(0.1, 0.8, 8)
+    for always in ((), (2,), (1, 6)):
+        found = all_subsets(stats, prior, NAMES[:8], always=[NAMES[i] for i in always], inclusion=tuple(chance))
+        agree(found, naive_all(prior, phi, y, always, chance=chance))
+
+
+def test_prefixes_agree_with_one_batch(monkeypatch):
+    _, _, stats = problem(11)
+    split = all_subsets(stats, some_prior(11), NAMES[:11])
+    monkeypatch.setattr(engine, "LEVELS", 11)
+    whole = all_subsets(stats, some_prior(11), NAMES[:11])
+    np.testing.assert_array_equal(split.structures, whole.structures)
+    for name in ("log_evidence", "probability", "inclusion", "joint", "mean", "within", "between"):
+        np.testing.assert_allclose(getattr(split, name), getattr(whole, name), rtol=1e-9, atol=1e-12)
+
+
+def test_threads_change_nothing():
+    _, _, stats = problem(18, n=60, strength=2.0)
+    one, two = (all_subsets(stats, some_prior(18), NAMES[:18], threads=n) for n in (1, 2))
+    for name in ("structures", "probability", "joint", "mean", "within", "between"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+    assert one.log_evidence_total == two.log_evidence_total
+
+
+def test_order_of_the_terms_does_not_matter_beyond_a_block():
+    """Sixteen terms forwards and backwards: other prefixes, other blocks, blocks left out or not."""
+    phi, y, stats = problem(16, n=80, strength=3.0)
+    one = all_subsets(stats, some_prior(16), NAMES[:16], top=300)
+    prior = some_prior(16)
+    turned = type(prior)(prior.precision[::-1], prior.shape, prior.rate)
+    two = all_subsets(gram(phi[:, ::-1], y), turned, NAMES[:16][::-1], top=300)
+    np.testing.assert_allclose(one.probability, two.probability, rtol=1e-9)
+    assert [set(one.terms(i)) for i in range(50)] == [set(two.terms(i)) for i in range(50)]
+    np.testing.assert_allclose(one.joint, two.joint[::-1, ::-1], atol=1e-11)
+    np.testing.assert_allclose(one.coefficients().total, two.coefficients().total[::-1], rtol=1e-9)
+    for rank in (0, 7, 299):
+        assert abs(one.fit(rank).log_evidence - one.log_evidence[rank]) < 1e-9
+    assert one.covered < 1
+    assert (np.diff(one.probability) <= 0).all()
+
+
+RULES = {
+    "parents": Rules(parents=(0, 0, 0b11, 0b1, 0, 0b1000100, 0b1)),
+    "groups": Rules(groups=(0b110, 0b1110000)),
+    "exclusive": Rules(exclusive=(0b1010100, 0b11)),
+    "all": Rules(parents=(0, 0b1, 0, 0b10000000), groups=(0b110000,), exclusive=(0b1001100,)),
+}
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_blocks_left_out_do_not_count():
+    """Without the third term, on which blocks differ, structures are hundreds of nats worse."""
+    phi, y, stats = problem(8, strength=300.0)
+    agree(all_subsets(stats, some_prior(8), NAMES[:8]), naive_all(some_prior(8), phi, y), 1e-9)
+
+
+@pytest.mark.usefixtures("small_blocks")
+@pytest.mark.parametrize("which", RULES)
+@pytest.mark.parametrize("always", [(), (3,)])
+def test_rules_against_brute_force(which, always):
+    rules, (phi, y, stats), prior = RULES[which], problem(8), some_prior(8)
+    found = all_subsets(stats, prior, NAMES[:8], always=[NAMES[i] for i in always], rules=rules, inclusion=0.3)
+    naive = naive_all(prior, phi, y, always, lambda there: _keeps(rules, set(np.flatnonzero(there))), 0.3)
+    agree(found, naive)
+    assert rules.allowed(found.structures).all()
+    everything = np.arange(2**8)
+    assert rules.allowed(everything).tolist() == [_keeps(rules, _members(number)) for number in everything]
+
+
+def test_median_model_keeps_the_rules():
+    stats, prior = problem(8)[2], some_prior(8)
+    for rules in RULES.values():
+        found = all_subsets(stats, prior, NAMES[:8], rules=rules)
+        number = sum(1 << NAMES.index(name) for name in found.median_model())
+        assert rules.allowed(np.array([number])).all()
+
+
+def test_prediction_adds_within_and_between():
+    phi, _, stats = problem(6)
+    found = all_subsets(stats, some_prior(6), NAMES[:6], top=64)
+    row = phi[:1]
+    fits = [(row[0, found.numbers(i)], found.fit(i)) for i in range(64)]
+    means = np.array([part @ fit.mean for part, fit in fits])
+    variances = np.array([part @ fit.cov @ part for part, fit in fits])
+    predicted = found.predict(row)
+    mean = found.probability @ means
+    np.testing.assert_allclose(predicted.mean, mean)
+    np.testing.assert_allclose(predicted.within**2, found.probability @ variances)
+    np.testing.assert_allclose(predicted.between**2, found.probability @ (means - mean) ** 2)
+    np.testing.assert_allclose(predicted.total, np.hypot(predicted.within, predicted.between))
+    with pytest.raises(InputError, match="column for each term"):
+        found.predict(phi[:, :3])
+
+
+def test_terms_are_recovered_and_named():
+    _, _, stats = problem(12, n=400, strength=3.0)
+    found = all_subsets(stats, unit_information(stats, 1.0), NAMES[:12])
+    assert found.terms(0) == found.median_model() == ("a", "b", "c")
+    assert (found.inclusion[:3] > 0.99).all()
+    assert found.count == 4096
+
+
+def test_prior_scale_decides():
+    """A wider prior costs each term the log of the factor (Lindley): few terms in the end, and the pair follows."""
+    stats, prior = problem(6)[2], some_prior(6)
+    found = sensitivity(stats, prior, NAMES[:6], (0.01, 1.0, 1e6))
+    base = all_subsets(stats, prior, NAMES[:6])
+    np.testing.assert_allclose(found.inclusion[1], base.inclusion)
+    assert found.pair == (base.terms(0), base.terms(1))
+    assert abs(found.log_bayes_factor[1] - (base.log_evidence[0] - base.log_evidence[1])) < 1e-10
+    assert found.inclusion[2].sum() < 0.01 < found.inclusion[1].sum()
+    assert found.top[2] == 0
+    pair = [[base.numbers(i) for i in (0, 1)], prior.scaled(0.01)]
+    expected = np.subtract(*(evidence_of(stats, pair[1], terms).log_evidence for terms in pair[0]))
+    assert abs(found.log_bayes_factor[0] - expected) < 1e-12
+
+
+def _members(number):
+    return {i for i in range(8) if number >> i & 1}
+
+
+def _keeps(rules, there):
+    """The rules in words of sets."""
+    parents = all(_members(rules.parents[i]) <= there for i in there if i < len(rules.parents))
+    groups = all(_members(g) & there in (set(), _members(g)) for g in rules.groups)
+    return parents and groups and all(len(_members(e) & there) <= 1 for e in rules.exclusive)
+
+
+def _spoilt(how):
+    phi, y, _ = problem(4)
+    if how == "pair":
+        phi[:, 3] = -2 * phi[:, 1]
+    elif how == "constants":
+        phi[:, 1], phi[:, 2] = 2.0, 0.3
+    elif how == "zero":
+        phi[:, 2] = 0
+    elif how == "three":
+        phi[:, 3] = phi[:, 0] / 0.1 + phi[:, 1] / 0.5
+    elif how == "few":
+        phi, y = phi[:3], y[:3]
+    return gram(phi, y)
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ("pair", "b and d are proportional.*-1.0000000000"),
+        ("constants", "b and c are proportional.*1.0000000000"),
+        ("zero", "c is zero throughout"),
+        ("three", "a combination of the regressors of a, b, d vanishes"),
+        ("few", "3 measurements for 4 terms"),
+    ],
+)
+def test_data_that_cannot_tell(how, said):
+    with pytest.raises(InputError, match=said):
+        all_subsets(_spoilt(how), some_prior(4), NAMES[:4])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"always": ["z"]}, "terms of the library"),
+        ({"inclusion": 1.0}, "between 0 and 1"),
+        ({"inclusion": (0.5, 0.5)}, "between 0 and 1"),
+        ({"top": 0}, "best structures"),
+        ({"rules": Rules(parents=(0b10000,))}, "term number 5"),
+        ({"rules": Rules(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
+        ({"rules": Rules(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
+    ],
+)
+def test_bad_question(options, said):
+    with pytest.raises(InputError, match=said):
+        all_subsets(problem(4)[2], some_prior(4), NAMES[:4], **options)
+
+
+@pytest.mark.parametrize(("names", "said"), [(("a", "b", "a", "c"), "a more than once"), (("a", "b"), "2 names")])
+def test_bad_names(names, said):
+    with pytest.raises(InputError, match=said):
+        all_subsets(problem(4)[2], some_prior(4), names)
+
+
+def test_too_many_terms():
+    stats = problem(26, n=100)[2]
+    names = [f"t{i}" for i in range(26)]
+    with pytest.raises(InputError, match="26 optional terms of 26, 2\\^26 structures"):
+        all_subsets(stats, some_prior(26), names)
+
+
+def test_bad_rows():
+    phi, y, _ = problem(4)
+    phi[7, 2] = np.nan
+    with pytest.raises(InputError, match=r"row 7(.|\n)*in 1 of 40 rows"):
+        gram(phi, y)
+    with pytest.raises(InputError, match="row for each measurement"):
+        gram(phi[:10], y)
+
+
+def test_numbers_out_of_range():
+    phi, _, stats = problem(4)
+    with pytest.raises(NumericalError, match="more than a number can hold"):
+        all_subsets(stats, some_prior(4).scaled(1e100), NAMES[:4])
+    with pytest.raises(NumericalError, match="fits the response to rounding"):
+        all_subsets(gram(phi, phi @ np.ones(4) * 1e9), GPrior(1e30, 2.0, 1e-30), NAMES[:4])

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.selection.subsets.conjugate import evidence_of
+from seatrial.selection.subsets.gram import gram
+from seatrial.selection.subsets.prior import GPrior, IndependentPrior, physical_prior, unit_information
+from tests.selection.subsets.naive import naive_fit, naive_log_evidence, problem, some_prior
+
+GOLDEN = {
+    (0, 1, 2): 9.66532925,
+    (0, 1, 2, 3): 8.53397527,
+    (1, 2): -42.02104446,
+    (0, 2): -256.02723612,
+    (): -584.78407055,
+}
+
+
+@pytest.fixture(scope="module")
+def golden():
+    """The golden regression of surge damping, and its prior."""
+    k = np.arange(200)
+    u, n = 1.5 + 0.3 * np.sin(0.05 * k), 12.5 + 2.5 * np.sign(np.sin(0.08 * k + 0.1))
+    phi = np.column_stack([u, u * np.abs(u), 0.009 * n * np.abs(n), (u - 1.5) ** 3])
+    y = phi[:, :3] @ [-1.21, -2.93, 6.28] + 0.3 * np.sin(1.7 * k**2)
+    return phi, y, physical_prior(2 * np.array([1.21, 2.93, 6.28, 10.0]), np.sqrt(0.1), shape=2.0)
+
+
+@pytest.mark.parametrize("terms", GOLDEN)
+def test_golden_evidence(golden, terms):
+    phi, y, prior = golden
+    assert abs(evidence_of(gram(phi, y), prior, terms).log_evidence - GOLDEN[terms]) < 1e-6
+
+
+def test_physical_prior_is_the_golden_one(golden):
+    prior = golden[2]
+    np.testing.assert_allclose(prior.precision, 0.1 / (2 * np.array([1.21, 2.93, 6.28, 10.0])) ** 2)
+    assert prior.shape == 2
+    assert abs(prior.rate - 0.1) < 1e-15
+
+
+@pytest.mark.parametrize("terms", [(), (1,), (3, 0), (0, 1, 2, 3)])
+@pytest.mark.parametrize(
+    "prior", [some_prior(4), some_prior(4, np.array([0.3, -2.0, 0.0, 0.1])), GPrior(40.0, 2.0, 0.7)], ids=str
+)
+def test_against_the_multivariate_t_density(prior, terms):
+    phi, y, stats = problem(4)
+    fit, chosen = evidence_of(stats, prior, terms), np.array(terms, int)
+    assert abs(fit.log_evidence - naive_log_evidence(prior, phi, y, chosen)) < 1e-10
+    mean, cov = naive_fit(prior, phi, y, chosen)
+    np.testing.assert_allclose(fit.mean, mean, rtol=1e-9)
+    np.testing.assert_allclose(fit.cov, cov, rtol=1e-8)
+
+
+def test_trials_add_up():
+    phi, y, stats = problem(4)
+    both = gram(phi[:15], y[:15]) + gram(phi[15:], y[15:])
+    assert both.n == stats.n
+    np.testing.assert_allclose(both.matrix, stats.matrix, rtol=1e-12)
+    with pytest.raises(InputError, match="same regressors"):
+        stats + gram(phi[:, :2], y)
+
+
+def test_units_of_a_regressor_do_not_matter():
+    phi, y, stats = problem(3)
+    prior, unit = some_prior(3), np.array([1e3, 1.0, 1e-4])
+    other = IndependentPrior(prior.precision * unit**2, prior.shape, prior.rate)
+    one, two = (evidence_of(s, p, (0, 1, 2)) for s, p in ((stats, prior), (gram(phi * unit, y), other)))
+    assert abs(one.log_evidence - two.log_evidence) < 1e-9
+    np.testing.assert_allclose(one.mean, two.mean * unit, rtol=1e-9)
+
+
+def test_unit_information_is_one_measurement():
+    stats = problem(3)[2]
+    assert unit_information(stats, 0.5).g == stats.n
+    assert unit_information(stats, 0.5).scaled(2.0).g == 4 * stats.n
+
+
+def test_exact_fit_is_refused():
+    phi, _, _ = problem(3)
+    with pytest.raises(NumericalError, match="fits the response to rounding"):
+        evidence_of(gram(phi, phi @ np.ones(3) * 1e9), GPrior(1e30, 2.0, 1e-30), (0, 1, 2))
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [
+        IndependentPrior(np.ones(2), 2.0, 1.0),
+        IndependentPrior(np.array([1.0, -1.0, 1.0]), 2.0, 1.0),
+        IndependentPrior(np.ones(3), 0.0, 1.0),
+        IndependentPrior(np.ones(3), 2.0, 1.0, np.ones(2)),
+        GPrior(-1.0, 2.0, 1.0),
+        GPrior(10.0, 2.0, np.inf),
+    ],
+    ids=str,
+)
+def test_bad_prior(prior):
+    with pytest.raises(InputError, match="expected"):
+        evidence_of(problem(3)[2], prior, (0,))
+
+
+def test_bad_physical_prior():
+    with pytest.raises(InputError, match="prior sd"):
+        physical_prior(np.array([1.0, 0.0]), 1.0)
+    with pytest.raises(InputError, match="noise"):
+        physical_prior(np.ones(2), 1.0, shape=1.0)
