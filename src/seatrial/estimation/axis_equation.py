@@ -1,0 +1,150 @@
+"""The equation of motion of one axis as a sum of named terms: inertia d(rate)/dt = sum c_j phi_j + known terms.
+
+The rate is u, v, w, p, q or r (SNAME 1950). Thrust acts along X less the part lost to the hull, (1 - t_d) T. Rigid-body
+forces enter as known terms: m (du/dt - v r) = X is the axis X with inertia m and the known term X_vr = m.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+
+RATE_OF = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
+"""The velocity whose rate each axis governs."""
+
+
+@dataclass(frozen=True, eq=False)
+class AxisEquation:
+    """Equation of one axis. Build it with `axis_equation`, which checks it.
+
+    Attributes:
+        axis: X, Y, Z, K, M or N.
+        terms: those whose coefficients are sought.
+        inertia: kg or kg m^2, added inertia included; 1 where unknown, and coefficients then are per unit of inertia.
+        thrust_share: 1 - t_d, by which terms of the axis T act on X.
+        known: terms of given coefficient, SI, per unit of inertia where that is unknown.
+        trim: equilibrium of every signal written with `d`.
+    """
+
+    axis: str
+    terms: tuple[CoefficientName, ...]
+    inertia: float = 1.0
+    thrust_share: float = 1.0
+    known: tuple[tuple[CoefficientName, float], ...] = ()
+    trim: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def rate(self) -> str:
+        """The velocity whose rate the equation gives."""
+        return RATE_OF[self.axis]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals the terms need, each once; accelerations by the velocity they are the rate of."""
+        names = [*self.terms, *(name for name, _ in self.known)]
+        return tuple(dict.fromkeys(signal for name in names for signal in name.signals))
+
+    def share(self, term: CoefficientName) -> float:
+        """Factor by which a term acts on this axis."""
+        return self.thrust_share if term.axis == "T" else 1.0
+
+    def regressor(
+        self, term: CoefficientName, signals: Mapping[str, Float[np.ndarray, " n"]]
+    ) -> Float[np.ndarray, " n"]:
+        """Force of a unit of the coefficient at n samples."""
+        size = next(iter(signals.values())).size
+        return self.share(term) * np.broadcast_to(term.regressor(signals, self.trim), (size,))
+
+
+def axis_equation(
+    axis: str,
+    terms: Sequence[str],
+    inertia: float | None = None,
+    thrust_deduction: float = 0.0,
+    known: Mapping[str, float] | None = None,
+    trim: Mapping[str, float] | None = None,
+) -> AxisEquation:
+    """Build the equation of one axis.
+
+    Args:
+        axis: X, Y, Z, K, M or N.
+        terms: coefficient names on that axis; on X those of the thrust T too.
+        inertia: kg or kg m^2, added inertia included; None for coefficients per unit of it.
+        thrust_deduction: t_d.
+        known: coefficients that are not sought.
+        trim: equilibrium of every signal written with `d`.
+
+    Raises:
+        InputError: another axis, a malformed or repeated term, its own acceleration as a term, or an unphysical constant.
+    """
+    known, trim = known or {}, trim or {}
+    place = f"equation of axis {axis}"
+    if axis not in RATE_OF:
+        raise InputError(
+            place, found=f'"{axis}"', expected="one of " + " ".join(RATE_OF), remedy="name an axis of motion"
+        )
+    if inertia is not None and not (isfinite(inertia) and inertia > 0):
+        raise InputError(
+            place,
+            found=f"an inertia of {inertia}",
+            expected="a positive number, or none",
+            remedy="leave it out for coefficients per unit of inertia",
+        )
+    if not 0 <= thrust_deduction < 1:
+        raise InputError(
+            place,
+            found=f"a thrust deduction of {thrust_deduction}",
+            expected="from 0 to below 1",
+            remedy="give t_d as a fraction of the thrust",
+        )
+    free = tuple(CoefficientName.parse(term) for term in terms if term not in known)
+    fixed = tuple((CoefficientName.parse(term), float(value)) for term, value in known.items())
+    if not free:
+        raise InputError(
+            place, found="no term whose coefficient is sought", expected="at least one", remedy="name terms"
+        )
+    seen: dict[CoefficientName, str] = {}
+    for name in [*free, *(name for name, _ in fixed)]:
+        _check_term(name, axis, trim, place)
+        if name in seen:
+            raise InputError(
+                f"{place}, term {name}",
+                found=f"the same regressor as {seen[name]}",
+                expected="each regressor once",
+                remedy="leave one of the two out",
+            )
+        seen[name] = name.text
+    return AxisEquation(axis, free, 1.0 if inertia is None else inertia, 1.0 - thrust_deduction, fixed, trim)
+
+
+def _check_term(name: CoefficientName, axis: str, trim: Mapping[str, float], place: str) -> None:
+    allowed = ("X", "T") if axis == "X" else (axis,)
+    if name.axis not in allowed:
+        raise InputError(
+            f"{place}, term {name}",
+            found=f'axis "{name.axis}"',
+            expected=" or ".join(allowed),
+            remedy="leave the term out, or give it to the equation of its own axis",
+        )
+    if name.is_added_mass and not (
+        len(name.factors) == 1 and name.factors[0].power == 1 and name.factors[0].signal != RATE_OF[axis]
+    ):
+        raise InputError(
+            f"{place}, term {name}",
+            found="the acceleration that the equation is solved for, or a product with one",
+            expected="an acceleration of another axis, alone, as in Y_rdot",
+            remedy="count the added inertia in the inertia of the axis",
+        )
+    for signal in name.trim_signals:
+        if signal not in trim:
+            raise InputError(
+                f"{place}, term {name}",
+                found=f'no trim value of "{signal}"',
+                expected=f"trim.{signal}",
+                remedy="give the trim point, since the term is a change from it",
+            )

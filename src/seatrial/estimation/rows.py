@@ -1,0 +1,247 @@
+"""Whitened rows of one or several equations of motion, ready for least squares and for the selection of terms.
+
+The noise of sensors and of a white force is taken out first (row_noise.py), the density of the force by restricted maximum
+likelihood of the fit with every term (Patterson and Thompson 1971). Residuals of the e equations at the same window then correlate as
+Sigma, and the rows of a window are multiplied by the inverse of its Cholesky factor: seemingly unrelated regressions
+(Zellner, J. Am. Stat. Assoc. 57, 1962). Rows end independent and of unit variance, as far as that fit can tell.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import minimize_scalar
+
+from seatrial.core.errors import InputError
+from seatrial.estimation.axis_equation import AxisEquation
+from seatrial.estimation.row_noise import RowCovariance, check_noise, row_covariances, row_factor, whiten
+from seatrial.estimation.weak_form import RawRows, TrialRows, coefficient_names, raw_rows
+
+ROUNDS = 10
+"""Most rounds of weighting; the third changes estimates by little."""
+SETTLED = 1e-3
+"""Standard deviations by which the last round may move a coefficient."""
+LOG_SHARES = (-9.0, 9.0)
+"""Range of the logarithm of the force's share in the variance of a row over the sensors'."""
+COLLINEAR = 1e-10
+"""Part of a regressor's sum of squares that others must not explain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Whitened rows of all trials, equation after equation; n rows, k coefficients, e equations.
+
+    Attributes:
+        names: coefficients, the columns.
+        design: regressors, shape (n, k).
+        target: shape (n,).
+        equation: number of the equation of each row; rows of one window mix those before it, shape (n,).
+        trial: number of the trial, shape (n,).
+        index: place in the trial's sequence of windows, shape (n,).
+        inflation: factor on every standard deviation that gives residuals unit variance: about 1 where the noise is as stated, shape (e,).
+        force_sd: root of the spectral density of the white force that no term explains, N sqrt(s) or by inertia, shape (e,).
+        correlation: of the equations' residuals, shape (e, e).
+        r2: part of the raw rows' sum of squares that all terms explain, for each equation, shape (e,).
+        equations: as given.
+        trials: as given.
+        noise: standard deviation of each channel, as given.
+        factors: Cholesky factors of the noise for each trial and equation.
+        mixing: Cholesky factor of Sigma, shape (e, e).
+    """
+
+    names: tuple[str, ...]
+    design: Float[np.ndarray, "n k"]
+    target: Float[np.ndarray, " n"]
+    equation: Int[np.ndarray, " n"]
+    trial: Int[np.ndarray, " n"]
+    index: Int[np.ndarray, " n"]
+    inflation: Float[np.ndarray, " e"]
+    force_sd: Float[np.ndarray, " e"]
+    correlation: Float[np.ndarray, "e e"]
+    r2: Float[np.ndarray, " e"]
+    equations: tuple[AxisEquation, ...]
+    trials: tuple[TrialRows, ...]
+    noise: Mapping[str, float]
+    factors: tuple[tuple[Float[np.ndarray, "b m"], ...], ...]
+    mixing: Float[np.ndarray, "e e"]
+
+
+def whitened_rows(equations: Sequence[AxisEquation], trials: Sequence[TrialRows], noise: Mapping[str, float]) -> Rows:
+    """Rows of all trials, independent and of unit residual variance as far as the fit with every term can tell.
+
+    Args:
+        equations: of one or several axes, with every candidate term.
+        trials: of `weak_trials` or `pointwise_trials` for the same equations.
+        noise: standard deviation of every measured channel that the rows use, in the channel's unit.
+
+    Raises:
+        InputError: noise of a channel not given, two equations of one axis, fewer rows than needed, or regressors that
+            cannot be told apart.
+    """
+    equations, trials = tuple(equations), tuple(trials)
+    names = coefficient_names(equations)
+    _check_axes(equations)
+    for trial in trials:
+        check_noise(equations, trial, noise)
+    raw = [raw_rows(equations, trial) for trial in trials]
+    check_regressors(equations, _joined(raw))
+    freedom = np.array([_joined(raw).target.shape[1] - len(equation.terms) for equation in equations])
+    values, sigma = np.zeros(len(names)), np.eye(len(equations))
+    factors, density, rows = (), [], raw[0]
+    for _ in range(ROUNDS):
+        coefficients = dict(zip(names, values, strict=True))
+        covariances = [row_covariances(equations, trial, coefficients, noise) for trial in trials]
+        density = [_force_density(equations, i, raw, [one[i] for one in covariances]) for i in range(len(equations))]
+        factors = tuple(tuple(map(row_factor, one, density)) for one in covariances)
+        rows = _joined([whiten(one, factor) for one, factor in zip(raw, factors, strict=True)])
+        mixed = mix(rows, np.linalg.cholesky(sigma))
+        fitted, cov = solve(*flat(mixed))
+        moved = np.abs(fitted - values) > SETTLED * np.sqrt(np.diag(cov))
+        values, left = fitted, rows.target - rows.design @ fitted
+        sigma = left @ left.T / np.sqrt(np.outer(freedom, freedom))
+        if not moved.any():
+            break
+    mixing, inflation = np.linalg.cholesky(sigma), np.sqrt(np.diag(sigma))
+    design, target = flat(mix(rows, mixing))
+    whole, count = _joined(raw), [trial.windows.centre.size for trial in trials]
+    unexplained = ((whole.target - whole.design @ values) ** 2).sum(1)
+    return Rows(
+        names,
+        design,
+        target,
+        np.repeat(np.arange(len(equations)), sum(count)),
+        np.tile(np.repeat(np.arange(len(trials)), count), len(equations)),
+        np.tile(np.concatenate([trial.windows.index for trial in trials]), len(equations)),
+        inflation,
+        inflation * np.sqrt(density),
+        sigma / np.outer(inflation, inflation),
+        1 - unexplained / (whole.target**2).sum(1),
+        equations,
+        trials,
+        dict(noise),
+        factors,
+        mixing,
+    )
+
+
+def rewhitened(rows: Rows, trials: Sequence[TrialRows]) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, " n"]]:
+    """Design and target of other signals in the same windows, freed of the same noise: for simulated repetitions."""
+    parts = [
+        whiten(raw_rows(rows.equations, trial), factor) for trial, factor in zip(trials, rows.factors, strict=True)
+    ]
+    return flat(mix(_joined(parts), rows.mixing))
+
+
+def solve(
+    design: Float[np.ndarray, "n k"], target: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
+    """Least squares: estimates, and their covariance for residuals of unit variance."""
+    scale = np.linalg.norm(design, axis=0)
+    _, factor = np.linalg.qr(np.column_stack([design / scale, target]))
+    inverse = np.linalg.inv(factor[:-1, :-1])
+    return inverse @ factor[:-1, -1] / scale, inverse @ inverse.T / np.outer(scale, scale)
+
+
+def mix(rows: RawRows, mixing: Float[np.ndarray, "e e"]) -> RawRows:
+    """Rows of each window multiplied across the equations by the inverse of a lower triangle."""
+    inverse = np.linalg.inv(mixing)
+    return RawRows(np.einsum("ef,fmk->emk", inverse, rows.design), inverse @ rows.target)
+
+
+def flat(rows: RawRows) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, " n"]]:
+    """Rows of all equations, one equation after the other."""
+    return rows.design.reshape(-1, rows.design.shape[2]), rows.target.ravel()
+
+
+def check_regressors(equations: Sequence[AxisEquation], rows: RawRows) -> None:
+    """Check that the rows can tell the terms of each equation apart.
+
+    Raises:
+        InputError: fewer than two rows for each term, a regressor that is zero throughout, or one that others give.
+    """
+    start = 0
+    for equation, block in zip(equations, rows.design, strict=True):
+        names = [term.text for term in equation.terms]
+        phi, start = block[:, start : start + len(names)], start + len(names)
+        place = f"rows of axis {equation.axis}"
+        if len(phi) < 2 * len(names):
+            raise InputError(
+                place,
+                found=f"{len(phi)} rows for {len(names)} terms",
+                expected=f"at least {2 * len(names)}",
+                remedy="choose narrower windows or windows with overlap, give more records, or drop terms",
+            )
+        norm = np.linalg.norm(phi, axis=0)
+        if not norm.all():
+            raise InputError(
+                f"{place}, term {names[int(np.argmin(norm))]}",
+                found="a regressor that is zero in every row",
+                expected="signals that move in the trial",
+                remedy="leave the term out, or run a trial that excites it",
+            )
+        _check_collinear(phi / norm, names, place)
+
+
+def _check_collinear(phi: Float[np.ndarray, "m j"], names: Sequence[str], place: str) -> None:
+    """Refuse unit columns of which one is a combination of others, naming the pair where two suffice."""
+    _, singular, right = np.linalg.svd(phi, full_matrices=False)
+    if singular[-1] ** 2 > COLLINEAR * singular[0] ** 2:
+        return
+    cosine = np.triu(phi.T @ phi, 1)
+    i, j = divmod(int(np.argmax(np.abs(cosine))), len(names))
+    if 1 - abs(cosine[i, j]) < COLLINEAR * len(names):
+        found = f"regressors of {names[i]} and {names[j]} with correlation {cosine[i, j]:+.10f}"
+    else:
+        involved = [name for name, weight in zip(names, right[-1], strict=True) if abs(weight) > 0.1]
+        found = f"regressors of {', '.join(involved)} of which one is a combination of the others"
+    raise InputError(
+        place,
+        found=found,
+        expected="terms that the motion tells apart",
+        remedy="drop one of them, or give a trial over more speeds or with other controls",
+    )
+
+
+def _force_density(
+    equations: Sequence[AxisEquation], which: int, raw: Sequence[RawRows], covariances: Sequence[RowCovariance]
+) -> float:
+    """Spectral density of the white force, for sensor noise as given, by restricted maximum likelihood; 0 where none is needed.
+
+    The overall scale of the noise is estimated along with it, so that a mistaken sensor noise is not taken for a force.
+    """
+    if not any(one.force.any() for one in covariances):
+        return 0.0
+    start = sum(len(equation.terms) for equation in equations[:which])
+    own = slice(start, start + len(equations[which].terms))
+    parts = [RawRows(rows.design[which : which + 1, :, own], rows.target[which : which + 1]) for rows in raw]
+    equal = np.mean([one.sensors[0].mean() / one.force[0].mean() for one in covariances])
+
+    def loss(log_share: float) -> float:
+        factors = [row_factor(one, equal * np.exp(log_share)) for one in covariances]
+        free = _joined([whiten(part, [factor]) for part, factor in zip(parts, factors, strict=True)])
+        triangle = np.abs(np.diag(np.linalg.qr(np.column_stack([free.design[0], free.target[0]]), mode="r")))
+        freedom = free.target.size - free.design.shape[2]
+        return float(
+            sum(np.log(factor[0]).sum() for factor in factors)
+            + np.log(triangle[:-1]).sum()
+            + freedom * np.log(triangle[-1])
+        )
+
+    best = minimize_scalar(loss, bounds=LOG_SHARES, method="bounded", options={"xatol": 0.05})
+    return float(equal * np.exp(best.x)) if best.fun < loss(-np.inf) else 0.0
+
+
+def _check_axes(equations: Sequence[AxisEquation]) -> None:
+    axes = [equation.axis for equation in equations]
+    if len(set(axes)) < len(axes) or not axes:
+        raise InputError(
+            "equations",
+            found=f"axes {', '.join(axes)}" if axes else "none",
+            expected="at least one, each axis once",
+            remedy="put all terms of an axis into one equation",
+        )
+
+
+def _joined(parts: Sequence[RawRows]) -> RawRows:
+    return RawRows(*(np.concatenate(group, axis=1) for group in zip(*parts, strict=True)))

@@ -1,0 +1,136 @@
+"""Regression rows of the equations of motion in weak form, which needs no acceleration.
+
+For each window k and term j
+
+    y_k = -inertia int psi_k' x dt,   Phi_kj = int psi_k phi_j dt,   y = Phi c + e
+
+with bumps psi_k (windows.py; Messenger and Bortz 2021, section 2). Noise in a regressor is averaged over the window, and its
+product with the noise in y vanishes on average, since psi psi' integrates to zero; what remains of its bias falls as one over
+the width (regressor_noise.py estimates it). Where the acceleration was measured, rows can be samples instead.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.estimation.axis_equation import AxisEquation
+from seatrial.estimation.windows import Windows, bump_windows, samples
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRows:
+    """One trial as the regression sees it: n samples, m rows for each equation.
+
+    Attributes:
+        label: of the record.
+        signals: by name, shape (n,) each; 0 where not measured, which no row touches.
+        held: names of those that are controls, held over each step and exactly known.
+        step: time to the next sample, s, shape (n,).
+        windows: weights of the rows.
+    """
+
+    label: str
+    signals: Mapping[str, Float[np.ndarray, " n"]]
+    held: frozenset[str]
+    step: Float[np.ndarray, " n"]
+    windows: Windows
+
+    def ends(self) -> tuple[dict[str, Float[np.ndarray, " n"]], dict[str, Float[np.ndarray, " n"]]]:
+        """Signals at each sample with the control that begins there, and with the one that ends there."""
+        ending = {
+            name: np.append(values[:1], values[:-1]) if name in self.held else values
+            for name, values in self.signals.items()
+        }
+        return dict(self.signals), ending
+
+
+class RawRows(NamedTuple):
+    """Rows of one trial before whitening, for e equations and all k coefficients; m rows for each equation."""
+
+    design: Float[np.ndarray, "e m k"]
+    target: Float[np.ndarray, "e m"]
+
+
+def weak_trials(
+    records: Sequence[Record], equations: Sequence[AxisEquation], width: float, overlap: bool = True
+) -> tuple[TrialRows, ...]:
+    """Trials in weak form. Windows that touch a gap in any signal of any equation are dropped.
+
+    Args:
+        records: trials with the velocities that the equations name, as measured or smoothed.
+        equations: of one or several axes.
+        width: of the windows, s: about the time in which the motion changes. Wider ones average more noise and leave fewer rows.
+        overlap: whether neighbouring windows share half their width; without, rows are fewer and nearer to independent.
+
+    Raises:
+        InputError: a signal that was not measured, or no window without gaps.
+    """
+
+    def windows_of(time: np.ndarray, present: np.ndarray, label: str) -> Windows:
+        return bump_windows(time, present, width, overlap, label)
+
+    return tuple(_trial(record, equations, "", windows_of) for record in records)
+
+
+def pointwise_trials(records: Sequence[Record], equations: Sequence[AxisEquation]) -> tuple[TrialRows, ...]:
+    """Trials with a row at each sample where the accelerations (udot, …) and all signals were measured.
+
+    Raises:
+        InputError: a signal or acceleration that was not measured, or never together with the others.
+    """
+    return tuple(_trial(record, equations, "dot", samples) for record in records)
+
+
+def coefficient_names(equations: Sequence[AxisEquation]) -> tuple[str, ...]:
+    """Names of all coefficients, the columns of the design."""
+    return tuple(term.text for equation in equations for term in equation.terms)
+
+
+def raw_rows(equations: Sequence[AxisEquation], trial: TrialRows) -> RawRows:
+    """Rows of one trial, in the units of force or acceleration times seconds; each equation has its own block of columns."""
+    windows, (beginning, ending) = trial.windows, trial.ends()
+
+    def row(equation: AxisEquation, term) -> Float[np.ndarray, " m"]:
+        if term.is_added_mass:
+            return windows.rate @ trial.signals[term.factors[0].signal + windows.suffix]
+        return windows.left @ equation.regressor(term, beginning) + windows.right @ equation.regressor(term, ending)
+
+    names = coefficient_names(equations)
+    design = np.zeros((len(equations), windows.centre.size, len(names)))
+    target = np.empty(design.shape[:2])
+    for i, equation in enumerate(equations):
+        target[i] = equation.inertia * (windows.rate @ trial.signals[equation.rate + windows.suffix])
+        for term in equation.terms:
+            design[i, :, names.index(term.text)] = row(equation, term)
+        for term, value in equation.known:
+            target[i] -= value * row(equation, term)
+    return RawRows(design, target)
+
+
+def _trial(record: Record, equations: Sequence[AxisEquation], suffix: str, windows_of) -> TrialRows:
+    needed: dict[str, str] = {}
+    for equation in equations:
+        needed.setdefault(equation.rate + suffix, f"the rate of {equation.rate}, axis {equation.axis}")
+        for term in [*equation.terms, *(term for term, _ in equation.known)]:
+            dot = suffix if term.is_added_mass else ""
+            for signal in term.signals:
+                needed.setdefault(signal + dot, f"the term {term}")
+    for signal, why in needed.items():
+        if signal not in (*record.controls, *record.measured):
+            raise InputError(
+                f'record "{record.label}"',
+                found=f'no channel "{signal}", which {why} needs',
+                expected="one of " + ", ".join(record.controls + record.measured),
+                remedy="leave the term out, or map the channel when importing"
+                + (", or use windows, which need no acceleration" if signal.endswith("dot") else ""),
+            )
+    columns = {signal: np.asarray(record.channel(signal), float) for signal in needed}
+    present = np.all([np.isfinite(column) for column in columns.values()], axis=0)
+    windows = windows_of(record.time, present, record.label)
+    signals = {name: np.where(np.isfinite(column), column, 0.0) for name, column in columns.items()}
+    return TrialRows(record.label, signals, frozenset(record.controls) & set(needed), record.step, windows)
