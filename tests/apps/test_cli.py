@@ -36,7 +36,21 @@ def test_unknown_command_names_the_nearest(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    "command", ["prior", "design", "simulate", "import", "estimate", "calibrate", "select", "tuning", "report", "run"]
+    "command",
+    [
+        "prior",
+        "design",
+        "simulate",
+        "import",
+        "estimate",
+        "profile",
+        "calibrate",
+        "select",
+        "criteria",
+        "tuning",
+        "report",
+        "run",
+    ],
 )
 def test_a_folder_that_is_no_campaign(monkeypatch, capsys, tmp_path, command):
     code, out, err = run(monkeypatch, capsys, command, tmp_path)

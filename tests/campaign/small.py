@@ -58,6 +58,12 @@ draws = 4000
 particles = 256
 repeats = 2
 """
+NO_X_U = (
+    ('optional = ["X_u"]', "optional = []"),
+    ('[prior.X_u]\ndistribution = "uniform"\nlower = -3.6\nupper = 1.2\n', ""),
+    ("X_u = -1.21\n", ""),
+)
+"""Replacements that leave one structure of two coefficients."""
 
 
 def write_small(folder: Path, *replacements: tuple[str, str]) -> Path:

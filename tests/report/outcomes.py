@@ -8,6 +8,7 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import Estimate
+from seatrial.campaign.known import Direction, Known, KnownParameter
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.loop import Outcome
 from seatrial.campaign.predict import Fit
@@ -110,10 +111,30 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         _filter(campaign, trials, random),
         fits,
         _predictions(campaign, trials),
+        make_known(chosen),
+        None,
         None,
         next_design,
         summary,
     )
+
+
+def make_known(estimate: Estimate) -> Known:
+    """A parameter that is known, one known only together with the next, and others that the data do not touch."""
+    names, units = estimate.names, map(str, estimate.data["unit"].values)
+    numbers = [(0.5, 0.01, 0.02, 0.1, 0.1), (0.5, 0.4, 0.8, 0.5, -0.97)] + [(0.0, 9.0, 1e300, 1.0, 0.2)] * len(names)
+    rows = tuple(
+        KnownParameter(name, unit, *found[:-1], names[(i + 1) % len(names)], found[-1])
+        for i, (name, unit, found) in enumerate(zip(names, units, numbers, strict=False))
+    )
+    directions = (
+        Direction(0.01, ((names[0], 0.01), (names[1], -0.004)), (True, True)),
+        Direction(2.0, ((names[1], 1.9), (names[2], 0.3)), (True, False)),
+    )
+    verdict = (
+        f"what is known is {names[0]} + {names[1]} to 2 %; the split is not; to separate them, run <b>faster</b>",
+    )
+    return Known("after", estimate.structure.label, rows, directions, verdict)
 
 
 def _fit(label: str, channel: str) -> Fit:

@@ -102,6 +102,22 @@ def test_autocorrelation_is_that_of_the_samples_present():
     assert autocorrelation(TIME, np.full(TIME.size, np.nan))[0].size == 0
 
 
+def test_autocorrelation_across_gaps_is_that_of_samples_so_far_apart():
+    random = np.random.default_rng(7)
+    series = np.zeros(3000)
+    for k in range(1, series.size):
+        series[k] = 0.9 * series[k - 1] + random.normal()
+    bursts = np.where(np.arange(series.size) % 30 < 10, series, np.nan)
+    lag, correlation, _ = autocorrelation(np.arange(series.size) * 0.1, bursts)
+    assert lag.max() == pytest.approx(6.0)
+    assert not ((lag > 0.95) & (lag < 2.05)).any()
+    centred = bursts - np.nanmean(bursts)
+    for at in (0.1, 0.5, 2.5):
+        k = round(at / 0.1)
+        naive = np.nanmean(centred[k:] * centred[:-k]) / np.nanmean(centred**2) * (1 - k / 2980)
+        assert correlation[np.argmin(abs(lag - at))] == pytest.approx(naive, abs=1e-3)
+
+
 def test_a_trace_shows_where_records_begin_and_what_it_should_reach():
     sd = 1.0 / (1.0 + TIME)
     figure = coefficient_trace(

@@ -1,6 +1,7 @@
 """The page: complete in itself, safe whatever names it prints, well formed, and the same bytes for the same results."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -147,3 +148,29 @@ def test_chains_that_never_moved_do_not_break_the_page(tmp_path):
             "ess_tail": np.nan,
         }
     assert "0.3000" in render(outcome)
+
+
+def test_what_is_known_together_is_named_and_what_is_not_is_flagged(html):
+    said = html[html.index('id="known"') : html.index('id="next"')]
+    assert "to 2\u202f%" in said
+    assert "run &lt;b&gt;faster&lt;/b&gt;" in said
+    assert said.count('<span class="flag"') >= 4
+    assert "known together rather than each" in said
+    assert "not at all" in said
+    assert "+190\u202f%" in said
+    assert "prior sd" in said
+
+
+def test_a_design_is_judged_before_the_data(tmp_path):
+    outcome = make_outcome(tmp_path)
+    before = replace(outcome, first=outcome.next, promised=replace(outcome.known, stage="before", directions=()))
+    html = render(before)
+    said = html[html.index('id="trial"') : html.index('id="fit"')]
+    assert "What this design could tell" in said
+    assert "run &lt;b&gt;faster&lt;/b&gt;" in said
+    assert "What this design could tell" not in render(outcome)
+
+
+def test_a_campaign_in_which_nothing_was_scored_has_its_glance(tmp_path):
+    html = render(replace(make_outcome(tmp_path), fits=()))
+    assert "nothing was measured that could be compared" in html

@@ -23,12 +23,14 @@ from seatrial.core.errors import NumericalError
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.target import Progress
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
-from seatrial.selection.agreement import SMALL, judge
+from seatrial.selection.agreement import ALARM, FLOOR, SMALL, judge
 from seatrial.selection.evidence import Evidence, combine_runs
 from seatrial.selection.importance import importance_evidence
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select
 
+CALLED = {"importance": "importance sampling", "smc": "tempered SMC"}
+"""Methods of evidence as a sentence names them."""
 BLUNT = 0.5
 """Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
 
@@ -36,8 +38,7 @@ BLUNT = 0.5
 def select_structure(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> Selection:
     """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
     store = Store(campaign.folder)
-    keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
-    key = key_of("selection", keys)
+    keys, key = _keys(campaign, trials)
     if not is_current(store.selection, key):
         evidences = run_side_by_side(
             [
@@ -59,14 +60,47 @@ def select_structure(campaign: Campaign, trials: Trials, watch: Watch = SILENT) 
         )
         for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
             path.unlink()
-    stored = read_json(store.selection, f"seatrial select {campaign.folder}")
-    evidences = [Evidence(**item["evidence"]) for item in stored["structures"]]
-    return select(campaign.structures, evidences, campaign.source.structure.optional)
+    return _read(campaign)
+
+
+def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
+    """The selection if it has been made and is current; nothing is computed."""
+    return _read(campaign) if is_current(Store(campaign.folder).selection, _keys(campaign, trials)[1]) else None
+
+
+def agreement_words(evidence: Evidence) -> str:
+    """Which methods gave this evidence, and which of them agree."""
+    table = evidence.diagnostics["methods"]
+    value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
+    others = {name: one for name, one in table.items() if name != value and not one["status"]}
+    agree = [
+        f"{CALLED.get(name, name)} ({abs(one['joint_errors']):.1f} joint errors away)"
+        for name, one in others.items()
+        if abs(one["joint_errors"]) <= ALARM or abs(one["difference"]) <= FLOOR
+    ]
+    said = f"by {CALLED.get(value, value)}, " + (
+        f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}"
+        if agree
+        else "which no other method confirms"
+    )
+    return f"{said}; {evidence.status}" if evidence.status else said
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
     """Key of one structure's evidence."""
     return key_of("evidence", estimate_key(campaign, structure, trials), campaign.source.selection.model_dump())
+
+
+def _keys(campaign: Campaign, trials: Trials) -> tuple[dict[str, str], str]:
+    """Keys of the evidences by structure, and of them all."""
+    keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
+    return keys, key_of("selection", keys)
+
+
+def _read(campaign: Campaign) -> Selection:
+    stored = read_json(Store(campaign.folder).selection, f"seatrial select {campaign.folder}")
+    evidences = [Evidence(**item["evidence"]) for item in stored["structures"]]
+    return select(campaign.structures, evidences, campaign.source.structure.optional)
 
 
 def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str, progress: Progress) -> Evidence:

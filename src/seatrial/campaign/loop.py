@@ -1,6 +1,6 @@
 """The whole loop: design, simulate or import, estimate, select, and say what to run next."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
+from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
 from seatrial.campaign.record_checks import record_cautions
 from seatrial.campaign.shown import shown_unit
@@ -39,6 +40,8 @@ class Outcome:
         filter: traces of the full structure.
         fits: how well each record is predicted.
         predictions: the curves.
+        known: what the data tell about each parameter of the chosen structure.
+        promised: what the best design would tell about those of the full one; None where the trial was imported.
         first: sweep from the priors; None where the trial was imported.
         next: sweep from the posterior of the chosen structure.
         summary: the machine-readable summary.
@@ -52,6 +55,8 @@ class Outcome:
     filter: xr.Dataset
     fits: tuple[Fit, ...]
     predictions: xr.Dataset
+    known: Known
+    promised: Known | None
     first: Sweep | None
     next: Sweep
     summary: dict[str, Any]
@@ -64,6 +69,8 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     estimates = estimate_all(campaign, trials, watch)
     selection = select_structure(campaign, trials, watch)
     chosen = estimates[selection.chosen]
+    known = known_after(campaign, chosen, trials)
+    promised = None if first is None else known_before(campaign, first)
     traces = trace_filter(campaign, estimates[0], trials)
     fits, predictions = predict_all(campaign, chosen, trials)
     terms = chosen.structure.terms
@@ -71,7 +78,19 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
         campaign, chosen.structure, chosen.draws([name for name in terms if name in chosen.names]), chosen.key, watch
     )
     outcome = Outcome(
-        campaign, trials, tuple(estimates), selection, chosen, traces, tuple(fits), predictions, first, following, {}
+        campaign,
+        trials,
+        tuple(estimates),
+        selection,
+        chosen,
+        traces,
+        tuple(fits),
+        predictions,
+        known,
+        promised,
+        first,
+        following,
+        {},
     )
     summary = summarise(outcome)
     write_stamped_json(
@@ -97,6 +116,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "verdicts": list(selection.verdicts),
         "cautions": cautions,
         "alarms": alarms,
+        "known": asdict(outcome.known),
         "fits": [fit.__dict__ for fit in outcome.fits],
         "next_trial": next_trial(outcome.next, campaign),
     }

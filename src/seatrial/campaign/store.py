@@ -42,6 +42,27 @@ class Store:
         return self.results / "next.nc"
 
     @property
+    def known_design(self) -> Path:
+        """What the best design would tell."""
+        return self.results / "known" / "design.json"
+
+    def known(self, label: str) -> Path:
+        """What the data tell about each parameter of one structure."""
+        return self.results / "known" / f"{label}.json"
+
+    def profiles(self, label: str) -> Path:
+        """Profile likelihoods of one structure's parameters."""
+        return self.results / "profiles" / f"{label}.json"
+
+    def criteria(self, label: str) -> Path:
+        """Information criteria of one structure."""
+        return self.results / "criteria" / f"{label}.nc"
+
+    def future(self, label: str) -> Path:
+        """Leave-future-out of one structure."""
+        return self.results / "criteria" / f"{label}-future.nc"
+
+    @property
     def filter(self) -> Path:
         """Filter traces."""
         return self.results / "filter.nc"

@@ -7,7 +7,7 @@ from seatrial.campaign.store import Store
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
-from seatrial.report.sections import coefficients, designs, fits, method, models, posteriors, summary, traces
+from seatrial.report.sections import coefficients, designs, fits, known, method, models, posteriors, summary, traces
 
 SECTIONS = {
     "summary": summary.section,
@@ -17,6 +17,7 @@ SECTIONS = {
     "fit": fits.section,
     "traces": traces.section,
     "posteriors": posteriors.section,
+    "known": known.section,
     "next": designs.next_section,
     "method": method.section,
 }
@@ -29,6 +30,7 @@ CONTENTS = {
     "fit": "Fit and residuals",
     "traces": "Filter traces",
     "posteriors": "Posteriors",
+    "known": "What is known",
     "next": "The next trial",
     "method": "How this was computed",
 }

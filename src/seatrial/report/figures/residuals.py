@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_LAGS = 60
+FEWEST = 6
+"""Pairs of samples below which a correlation is not worth drawing."""
 
 
 def record_residuals(
@@ -47,22 +49,29 @@ def record_residuals(
 
 
 def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Autocorrelation of the samples that are present, from one sample apart on.
+    """Autocorrelation of the samples that are present, from one sample apart on; samples across a gap are as far apart as they are.
 
     Returns:
-        lags (number of samples times their median spacing, s), correlations, and the number of samples.
+        lags (multiples of the median spacing, s) that enough pairs of samples have, correlations, and the number of samples.
     """
     present = np.isfinite(residual)
     values, at = residual[present] - residual[present].mean() if present.any() else residual[present], time[present]
     total = float(values @ values)
     if values.size < 8 or total == 0.0:
         return np.empty(0), np.empty(0), int(values.size)
-    lags = np.arange(1, min(MOST_LAGS, values.size // 3) + 1)
-    return (
-        lags * float(np.median(np.diff(at))),
-        np.array([values[lag:] @ values[:-lag] for lag in lags]) / total,
-        int(values.size),
-    )
+    spacing = float(np.median(np.diff(at)))
+    place = np.round((at - at[0]) / spacing).astype(int)
+    lags, found = np.arange(1, min(MOST_LAGS, values.size // 3) + 1), []
+    for lag in lags:
+        later = np.minimum(np.searchsorted(place, place + lag), place.size - 1)
+        pair = place[later] == place + lag
+        count = int(pair.sum())
+        # As many pairs as without gaps weigh as they do there, so that long lags shrink towards zero alike.
+        weight = values.size * (1 - lag / (place[-1] + 1)) / max(count, 1)
+        found.append(weight * float(values[pair] @ values[later[pair]]) / total if count >= FEWEST else np.nan)
+    correlation = np.array(found)
+    there = np.isfinite(correlation)
+    return lags[there] * spacing, correlation[there], int(values.size)
 
 
 def _draw_autocorrelation(axes: "Axes", lag: np.ndarray, correlation: np.ndarray, count: int, colour: str) -> None:

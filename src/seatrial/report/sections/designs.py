@@ -17,6 +17,7 @@ from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, percent, rounded, short, times_ten, unit_html
+from seatrial.report.sections import known
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
@@ -34,6 +35,8 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
         "words": design_words(first),
         "structure": full.structure.label,
         "rows": _sd_rows(outcome, filtered, before, first.final_sd[first.best], reached),
+        "promised": None if outcome.promised is None else known.rows_of(outcome.promised, labels_of(outcome)),
+        "foreseen": [] if outcome.promised is None else known.verdict_of(outcome.promised, labels_of(outcome)),
     }
 
 

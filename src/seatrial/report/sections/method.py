@@ -11,6 +11,18 @@ from seatrial.campaign.store import Store
 from seatrial.report.numbers import percent, short
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 
+LIKELIHOODS = {
+    "output-error": "free simulation (output error)",
+    "filter-error": "simulation corrected by a filter at every sample (filter error)",
+}
+SAMPLERS = {
+    "independence-metropolis": "fresh draws and a random walk, as they are accepted (independence Metropolis)",
+    "adaptive-metropolis": "adaptive Metropolis",
+    "metropolis": "Metropolis, one parameter at a time",
+    "de-metropolis": "differential evolution Metropolis",
+    "nuts": "No-U-Turn sampler",
+}
+
 
 def section(outcome: Outcome) -> dict[str, Any]:
     """What `method.html` prints."""
@@ -23,6 +35,8 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "vehicle": outcome.campaign.hull.name,
         "methods": _methods(outcome),
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
+        "likelihood": LIKELIHOODS[estimation.likelihood],
+        "sampler": SAMPLERS[estimation.sampler],
         "chains": estimation.chains,
         "warmup": estimation.warmup,
         "draws": estimation.draws,
@@ -99,6 +113,10 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
         (store.schedule(store.design), "control of the trial over time, its unit in the header"),
         *(
             (store.posterior(estimate.structure.label), f"draws of {estimate.structure.label}")
+            for estimate in outcome.estimates
+        ),
+        *(
+            (store.known(estimate.structure.label), f"what is known of {estimate.structure.label}, alone and together")
             for estimate in outcome.estimates
         ),
         (store.selection, "evidences, probabilities and verdicts"),

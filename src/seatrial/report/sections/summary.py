@@ -83,8 +83,8 @@ def find(outcome: Outcome) -> list[Finding]:
 def glance(outcome: Outcome) -> list[dict[str, Any]]:
     """A few numbers with their names, each with a link to where they come from."""
     selection, trials = outcome.selection, outcome.trials
-    held_back = [fit for fit in outcome.fits if fit.held_back]
-    fitted = [fit for fit in outcome.fits if not fit.held_back]
+    scored = [fit for fit in outcome.fits if fit.samples > 0 and not fit.missing]
+    held_back = [fit for fit in scored if fit.held_back]
     seconds = sum(float(record.time[-1] - record.time[0]) for record in trials.fit)
     simulated = outcome.campaign.source.imported is None
     at = selection.chosen
@@ -105,8 +105,10 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
         {
             "name": "Held-back motion explained" if held_back else "Fitted motion explained",
             "href": "#fit",
-            "value": _span([fit.explained for fit in held_back or fitted]),
-            "note": f"{_span([fit.coverage for fit in held_back or fitted])} of samples inside the 90 % band",
+            "value": _span([fit.explained for fit in held_back or scored]),
+            "note": f"{_span([fit.coverage for fit in held_back or scored])} of samples inside the 90 % band"
+            if scored
+            else "nothing was measured that could be compared",
         },
         _next(outcome),
     ]
@@ -134,6 +136,9 @@ def _next(outcome: Outcome) -> dict[str, Any]:
 
 
 def _span(shares: list[float]) -> str:
+    """Least and largest as percentages; a dash where there are none."""
+    if not shares:
+        return DASH
     low, high = percent(min(shares)), percent(max(shares))
     return low if low == high else f"{low.removesuffix(' %')}{DASH}{high}"
 

@@ -1,0 +1,54 @@
+"""Whether it may be believed: the filter's tuning, and the calibration of the stated uncertainty."""
+
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
+
+
+def tuning(folder: Folder, quiet: Quiet = False) -> None:
+    """Check the tuning of the filter along each fitted record, and say which of P, Q and R to change."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.estimate import estimate_all
+        from seatrial.campaign.trials import get_trials
+        from seatrial.campaign.tuning import WHERE, check_filter
+
+        trials = get_trials(campaign, watch)
+        checks = check_filter(campaign, estimate_all(campaign, trials, watch)[0], trials)
+        for check in checks:
+            typer.echo(f"record {check.record.label}")
+            typer.echo("\n".join(check.lines()))
+        typer.echo(WHERE)
+        return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
+
+    with_campaign(folder, quiet, work)
+
+
+def calibrate(
+    folder: Folder,
+    replicates: Annotated[
+        int, typer.Option(min=20, max=100_000, help="How many truths are drawn and found again.")
+    ] = 400,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="independence-metropolis, adaptive-metropolis, metropolis, de-metropolis, nuts, tempered-smc or nested."
+        ),
+    ] = "independence-metropolis",
+    quiet: Quiet = False,
+) -> None:
+    """Check that stated uncertainty is right: truths from the priors, data from them, and their ranks in the posteriors."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.calibrate import calibrate as run_calibration
+        from seatrial.campaign.trials import get_trials
+        from seatrial.report.calibration_picture import write_calibration_picture
+
+        found = run_calibration(campaign, get_trials(campaign, watch), replicates, method, watch)
+        typer.echo("\n".join(found.lines()))
+        typer.echo(f"picture: {write_calibration_picture(campaign, found)}")
+        return Exit.ALARMS if found.calibration.outside() else Exit.OK
+
+    with_campaign(folder, quiet, work)

@@ -1,0 +1,59 @@
+"""Before the trial: a campaign file, what its priors mean, the most informative trial."""
+
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
+
+
+def init(
+    folder: Folder,
+    template: Annotated[
+        str, typer.Option(help="Campaign to begin from: remus100 (simulated) or log (a CSV log).")
+    ] = "remus100",
+) -> None:
+    """Write a campaign file to begin from."""
+    from seatrial.campaign.templates import init_campaign
+
+    typer.echo(f"wrote {init_campaign(folder, template)}; edit it, then: seatrial run {folder}")
+
+
+def prior(folder: Folder, quiet: Quiet = False) -> None:
+    """Show what the priors mean in metres per second, before any data are used."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.prior_predictive import predict_from_prior
+        from seatrial.campaign.prior_words import prior_alarms, prior_cautions, prior_lines
+        from seatrial.report.prior_picture import write_prior_picture
+
+        found = predict_from_prior(campaign, watch)
+        typer.echo("\n".join(prior_lines(found)))
+        typer.echo(f"picture: {write_prior_picture(campaign, found)}")
+        return finish(prior_alarms(found), prior_cautions(found))
+
+    with_campaign(folder, quiet, work)
+
+
+def design(folder: Folder, quiet: Quiet = False) -> None:
+    """Find the most informative trial of the family, inside the limits."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.designs import design_first
+        from seatrial.campaign.known import known_before
+        from seatrial.campaign.shown import shown_unit
+        from seatrial.campaign.store import Store
+
+        sweep = design_first(campaign, watch)
+        row, column = sweep.best
+        factor, unit = shown_unit(sweep.family.control)
+        typer.echo(
+            f"best doublet: amplitude {sweep.amplitude[row] * factor:.4g} {unit}, period {sweep.period[column]:.4g} s, "
+            f"entropy reduction {sweep.gain[row, column]:.2f} nat; schedule in {Store(folder).schedule(Store(folder).design)}"
+        )
+        promised = known_before(campaign, sweep)
+        typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
+        typer.echo("\n".join(promised.lines()))
+        return Exit.OK
+
+    with_campaign(folder, quiet, work)

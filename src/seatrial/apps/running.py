@@ -1,0 +1,63 @@
+"""What every command shares: exit codes, arguments, a campaign with a watch on it, and an end that can be resumed."""
+
+import os
+import signal
+from collections.abc import Callable
+from enum import IntEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+class Exit(IntEnum):
+    """Exit codes of every command."""
+
+    OK = 0
+    BUG = 1
+    BAD_INPUT = 2
+    ALARMS = 3
+    NUMERICAL = 4
+    INTERRUPTED = 130
+
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campaign.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only results and errors.")]
+
+
+def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -> None:
+    """Read a folder's campaign, do work on it under a watch, and end with the exit code of the work."""
+    from seatrial.campaign.load import load_campaign
+
+    watched(quiet, lambda watch: work(load_campaign(folder), watch))
+
+
+def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
+    """Do work under a watch, and end with its exit code; an interrupt ends at once."""
+    from seatrial.apps.console import ConsoleWatch
+
+    watch = ConsoleWatch(quiet)
+    signal.signal(signal.SIGINT, lambda *_: _stop(watch))
+    with watch.watching():
+        code = work(watch)
+    if code is not Exit.OK:
+        raise typer.Exit(int(code))
+
+
+def finish(alarms: list[str], cautions: list[str]) -> Exit:
+    """Print what is wrong to standard error, and say by the exit code whether results may be used."""
+    for text in cautions:
+        typer.echo(f"caution: {text}", err=True)
+    for text in alarms:
+        typer.echo(f"alarm: {text}", err=True)
+    return Exit.ALARMS if alarms else Exit.OK
+
+
+def _stop(watch: Any) -> None:
+    """End at once: results are whole or absent and long work has checkpoints, so there is nothing to wait for."""
+    from seatrial.core.files import discard_unfinished
+
+    watch.bars.stop()
+    discard_unfinished()
+    watch.console.print("interrupted; run the same command again to resume")
+    os._exit(Exit.INTERRUPTED)

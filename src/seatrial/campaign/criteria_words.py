@@ -1,0 +1,205 @@
+"""Criteria side by side, in words: each structure's difference to the best, what that tells apart, and nested pairs by Savage-Dickey."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.criteria import FUTURE, Criteria
+from seatrial.campaign.estimate import Estimate
+from seatrial.campaign.problem import build_posterior
+from seatrial.campaign.trials import Trials
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.posterior import Posterior
+from seatrial.selection.criteria import SMALL_DIFFERENCE, compare
+from seatrial.selection.savage_dickey import savage_dickey
+from seatrial.selection.verdict import Selection
+
+METHODS = ("DIC", "BPIC", "AIC", "BIC", "WAIC", "PSIS-LOO", FUTURE)
+WHY = (
+    "DIC and BPIC decide little: an idle term costs them 2 or 3 and earns a chi-square of one degree of freedom, 1 ± 1.4, so that "
+    "a few units are noise, and neither sees what the term's prior claimed; decide by evidence (seatrial select)"
+)
+
+
+class Difference(NamedTuple):
+    """How far a structure is behind the best by one criterion, and the standard error of that; NaN where there is none."""
+
+    delta: float
+    error: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it is beyond what its error and the smallness of such differences leave open."""
+        return bool(self.delta >= max(SMALL_DIFFERENCE, 2 * self.error))
+
+
+class Pair(NamedTuple):
+    """Log Bayes factor of a term between two nested structures by Savage-Dickey, and by their evidences if these are there.
+
+    Attributes:
+        term: the term.
+        larger: label of the structure that has it.
+        smaller: label of the one that has not.
+        value: log Z(larger) - log Z(smaller), nats; NaN where there is none.
+        error: its standard error.
+        evidence: the same from evidences, with its error; None where these have not been computed.
+        status: empty if healthy.
+    """
+
+    term: str
+    larger: str
+    smaller: str
+    value: float
+    error: float
+    evidence: tuple[float, float] | None
+    status: str
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both ways give the same number, as far as their errors tell; true where one is missing."""
+        if self.evidence is None or self.status or not np.isfinite(self.value):
+            return True
+        return abs(self.value - self.evidence[0]) <= max(3 * float(np.hypot(self.error, self.evidence[1])), 0.2)
+
+    @property
+    def line(self) -> str:
+        """The pair in words."""
+        head = f"{self.term}, {self.larger} against {self.smaller}: "
+        value = f"log Bayes factor {self.value:+.2f} ± {self.error:.2f}" if np.isfinite(self.value) else "none"
+        by = "" if self.evidence is None else f"; by evidence {self.evidence[0]:+.2f} ± {self.evidence[1]:.2f}"
+        agreed = "" if self.evidence is None or self.status else ", agreed" if self.agrees else ", NOT agreed"
+        return head + value + by + agreed + (f"; {self.status}" if self.status else "")
+
+
+def differences(found: Sequence[Criteria]) -> dict[str, list[Difference]]:
+    """Of every criterion, how far each structure is behind the best one, which has (0, 0)."""
+    table = {}
+    for name in METHODS:
+        if name in ("DIC", "BPIC"):
+            values = [getattr(one.deviance, name.lower()) for one in found]
+            best = min(values, key=lambda pair: pair.value)
+            table[name] = [
+                Difference(0.0, 0.0)
+                if one is best
+                else Difference(one.value - best.value, float(np.hypot(one.error, best.error)))
+                for one in values
+            ]
+            continue
+        there = [one.predictive.get(name) for one in found]
+        best = min((one for one in there if one is not None), key=lambda one: one.value.value, default=None)
+        table[name] = [
+            Difference(np.nan, np.nan)
+            if one is None or best is None
+            else Difference(0.0, 0.0)
+            if one is best
+            else Difference(*compare(one, best)[:2])
+            for one in there
+        ]
+    return table
+
+
+def criteria_lines(found: Sequence[Criteria]) -> list[str]:
+    """A table of the differences, and what they tell apart."""
+    table = differences(found)
+    heads = ["", *(item for name in METHODS for item in ([name, "k-hat"] if name == "PSIS-LOO" else [name])), "terms"]
+    rows = []
+    for i, one in enumerate(found):
+        row = [one.structure.label]
+        for name in METHODS:
+            row.append(_cell(table[name][i]))
+            if name == "PSIS-LOO":
+                k_hat = one.predictive[name].k_hat if name in one.predictive else np.empty(0)
+                row.append(f"{k_hat.max():.2f}" if k_hat.size else "-")
+        rows.append([*row, " ".join(one.structure.terms)])
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    last = len(heads) - 1
+    lines = [
+        "  ".join(
+            text.ljust(width) if i in (0, last) else text.rjust(width)
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in (heads, *rows)
+    ]
+    return ["differences to the best, lower is better", *lines, *_apart(found, table), WHY]
+
+
+def criteria_cautions(found: Sequence[Criteria]) -> list[str]:
+    """What is missing, or not to be trusted."""
+    said = [text for one in found for text in one.refused]
+    said += [
+        f"{one.structure.label}, {name}: {criterion.status}"
+        for one in found
+        for name, criterion in one.predictive.items()
+        if criterion.status
+    ]
+    return list(dict.fromkeys(said))
+
+
+def nested_pairs(
+    campaign: Campaign, estimates: Sequence[Estimate], trials: Trials, selection: Selection | None
+) -> list[Pair]:
+    """Savage-Dickey ratio of every optional term whose absence is another candidate with the same unknowns otherwise.
+
+    Args:
+        campaign: configuration.
+        estimates: posterior of each structure.
+        trials: records.
+        selection: evidences to compare with; None where they have not been computed.
+    """
+    by_names = {frozenset(estimate.names): estimate for estimate in estimates}
+    said = []
+    for larger in estimates:
+        terms = [term for term in campaign.source.structure.optional if term in larger.names]
+        pairs = [(term, by_names.get(frozenset(larger.names) - {term})) for term in terms]
+        inside = [(term, smaller) for term, smaller in pairs if smaller is not None]
+        if inside:
+            posterior = build_posterior(campaign, larger.structure, trials.fit)
+            z = np.asarray(posterior.unconstrain(jnp.asarray(larger.data["draws"].values)))
+            said += [_pair(posterior, z, term, larger, smaller, selection) for term, smaller in inside]
+    return said
+
+
+def _pair(
+    posterior: Posterior, z: np.ndarray, term: str, larger: Estimate, smaller: Estimate, selection: Selection | None
+) -> Pair:
+    labels = larger.structure.label, smaller.structure.label
+    evidence = None if selection is None else _evidence(selection, *labels)
+    lower, upper = (float(bound) for bound in posterior.parameters[posterior.names.index(term)].prior.bounds)
+    if not lower < 0 < upper:
+        return Pair(
+            term, *labels, np.nan, np.nan, evidence, "0 is not inside the prior, so only evidences compare them"
+        )
+    try:
+        ratio = savage_dickey(posterior, term, z)
+    except InputError as error:
+        return Pair(term, *labels, np.nan, np.nan, evidence, f"{error.found}, needs {error.expected}")
+    except NumericalError as error:
+        return Pair(term, *labels, np.nan, np.nan, evidence, str(error).removeprefix("Savage-Dickey ratio: "))
+    return Pair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)
+
+
+def _evidence(selection: Selection, larger: str, smaller: str) -> tuple[float, float]:
+    at = [[structure.label for structure in selection.structures].index(label) for label in (larger, smaller)]
+    one, other = (selection.evidences[i] for i in at)
+    return one.log_value - other.log_value, float(np.hypot(one.std_error, other.std_error))
+
+
+def _cell(difference: Difference) -> str:
+    if not np.isfinite(difference.delta):
+        return "-"
+    if difference == (0.0, 0.0):
+        return "best"
+    return f"{difference.delta:+.1f} ± {difference.error:.1f}"
+
+
+def _apart(found: Sequence[Criteria], table: dict[str, list[Difference]]) -> list[str]:
+    """Which structures are clearly behind, by which criteria."""
+    if len(found) < 2:
+        return ["only one structure: there is nothing to compare it with"]
+    clear = {one.structure.label: [name for name in METHODS if table[name][i].is_clear] for i, one in enumerate(found)}
+    behind = [f"{label} is behind by {', '.join(names)}" for label, names in clear.items() if names]
+    rest = "no criterion tells the structures apart" if not behind else "the others are not told apart"
+    return [f"beyond {SMALL_DIFFERENCE:g} and two standard errors: {'; '.join([*behind, rest])}"]

@@ -1,0 +1,68 @@
+"""`seatrial estimate --by`, `profile`, `select` and `criteria` as a user meets them."""
+
+from xml.etree import ElementTree
+
+import pytest
+
+from seatrial.apps.cli import Exit
+from tests.apps.test_cli import results, run
+from tests.campaign.small import write_small
+
+MISTAKES = {
+    "an unknown way": (["estimate", "--by", "magic"], ["magic", "equation-error"]),
+    "a window for nothing": (["estimate", "--window", "2 s"], ["--window", "--by chains", "leave --window out"]),
+    "a window without unit": (["estimate", "--by", "equation-error", "--window", "2"], ["--window", "remedy"]),
+    "a block that is no time": (["criteria", "--block", "2 m"], ["--block", "remedy"]),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_said_before_any_work(monkeypatch, capsys, tmp_path, name):
+    (command, *options), words = MISTAKES[name]
+    write_small(tmp_path)
+    code, out, err = run(monkeypatch, capsys, command, tmp_path, *options)
+    assert (code, out) == (Exit.BAD_INPUT, "")
+    for word in words:
+        assert word in err
+    assert results(tmp_path) == ["campaign.toml"]
+
+
+def test_a_regression_is_printed_and_not_kept(monkeypatch, capsys, tmp_path):
+    write_small(tmp_path)
+    code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "--by", "equation-error", "--window", "2 s", "-q")
+    assert (code, err) == (Exit.OK, "")
+    for word in ("M-0", "M-1", "plain", "refined", "X_uabsu", "first answers: a regression"):
+        assert word in out
+    assert not [path for path in results(tmp_path) if "posterior" in path]
+
+
+@pytest.mark.thorough
+def test_everything_the_records_say(monkeypatch, capsys, tmp_path):
+    write_small(tmp_path)
+    code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "--by", "mode", "-q")
+    assert code == Exit.OK, err
+    assert out.count("log evidence by Laplace") == 2
+    code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "-q")
+    assert code == Exit.OK, err
+    assert out.count("strongest correlation") == 2
+    assert "known/M-1.json" in " ".join(results(tmp_path))
+    code, out, err = run(monkeypatch, capsys, "profile", tmp_path, "--parameter", "X_u", "-q")
+    assert code == Exit.OK, err
+    assert out.startswith("X_u")
+    ElementTree.fromstring((tmp_path / "profile.svg").read_text())
+    code, out, err = run(monkeypatch, capsys, "select", tmp_path, "-q")
+    assert code == Exit.OK, err
+    assert out.count("by importance sampling, with which tempered SMC") == 2
+    code, out, err = run(monkeypatch, capsys, "criteria", tmp_path, "--first", "10 s", "--block", "1 s", "-q")
+    assert code == Exit.OK, err
+    for word in (
+        "PSIS-LOO",
+        "leave-future-out",
+        "k-hat",
+        "beyond 8",
+        "X_u, M-0 against M-1: none; by evidence",
+    ):
+        assert word in out
+    before = {path: (tmp_path / path).stat().st_mtime_ns for path in results(tmp_path)}
+    assert run(monkeypatch, capsys, "criteria", tmp_path, "--first", "10 s", "--block", "1 s", "-q")[1] == out
+    assert before == {path: (tmp_path / path).stat().st_mtime_ns for path in results(tmp_path)}

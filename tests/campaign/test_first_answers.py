@@ -1,0 +1,75 @@
+"""First answers: mode and regression of every structure, near the truth, and what they leave out said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.first_answers import _smoothed, posterior_modes, regressions
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.trials import get_trials
+from seatrial.core.errors import InputError
+from tests.campaign.small import NO_X_U, write_small
+
+ACCELERATION = ("[limits.n]", '[sensors.udot]\nnoise = "0.01 m/s^2"\n[limits.n]')
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    campaign = load_campaign(write_small(tmp_path_factory.mktemp("first") / "small", ACCELERATION))
+    return campaign, get_trials(campaign)
+
+
+def apart(campaign, answer, column):
+    """Distance from the truth of each coefficient in standard deviations."""
+    truth = campaign.source.truth
+    return [abs(pairs[column][0] - truth[name]) / pairs[column][1] for name, _, pairs in answer.rows if name in truth]
+
+
+def test_the_mode_and_its_spread(tmp_path):
+    campaign = load_campaign(write_small(tmp_path, *NO_X_U))
+    (answer,) = posterior_modes(campaign, get_trials(campaign))
+    assert answer.structure.label == "M-0"
+    assert max(apart(campaign, answer, 0)) < 4
+    assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]
+    assert "log evidence by Laplace" in answer.lines()[0]
+    assert len(answer.lines()) == 1 + len(answer.rows)
+
+
+def test_a_regression_of_measured_accelerations_is_plain_and_refined(small):
+    full, _ = regressions(*small)
+    assert full.heads == ("plain", "refined")
+    assert max(apart(small[0], full, 1)) < 5
+    assert "measured accelerations" in full.lines()[0]
+    smoothed, _ = regressions(*small, window=2.0)
+    assert "smoothed by cubics over 2 s" in smoothed.lines()[0]
+    assert np.isfinite([pair for _, _, pairs in smoothed.rows for pair in pairs]).all()
+    with pytest.raises(InputError, match="choose another window"):
+        regressions(*small, window=0.1)
+
+
+def test_gaps_are_bridged_and_what_lies_inside_long_ones_is_left_out(small):
+    campaign, trials = small
+    (record,) = trials.fit
+    measurement = record.measurement.copy()
+    measurement[1::2] = np.nan
+    measurement[100:150] = np.nan
+    gappy = replace(trials, fit=(replace(record, measurement=measurement),))
+    full, _ = regressions(campaign, gappy, window=2.0)
+    assert max(apart(campaign, full, 1)) < 5
+    model = campaign.model(campaign.structures[0])
+    found = _smoothed(model, gappy.fit[0], 2.0)
+    left_out = np.flatnonzero(np.isnan(found.acceleration)) + found.memory // 2
+    # Sample 98 is the last one before the gap, 150 the first after it; a quarter of the window is 5 samples.
+    assert left_out.tolist() == list(range(104, 145))
+
+
+def test_what_a_regression_leaves_out_is_said(tmp_path):
+    campaign = load_campaign(
+        write_small(
+            tmp_path,
+            ("[sensors.u]", '[prior.delay]\ndistribution = "uniform"\nlower = 0.0\nupper = 1.0\n[sensors.u]'),
+        )
+    )
+    full, _ = regressions(campaign, get_trials(campaign))
+    assert "taken as absent, which draws the values aside: delay" in full.caution

@@ -1,0 +1,77 @@
+"""What is kept of identifiability: numbers against the closed form of a linear problem, and the same after a round trip."""
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.known import BY_ITSELF, _known, _read
+from seatrial.estimation.identifiability import identify
+from seatrial.estimation.posterior import Parameter
+from seatrial.estimation.priors import Normal
+
+AT = {"u": 1.5}
+NAMES, UNITS = ("X_u", "X_uabsu", "T_nabsn"), ("kg/s", "kg/m", "kg m/rad^2")
+
+
+def judged(design, values=(-3.0, -2.0, 6e-4), prior_sd=(30.0, 20.0, 6e-3)):
+    """Posterior of y = design c + e, e standard normal, and what is kept of it."""
+    parameters = [
+        Parameter(name, unit, name, Normal(0.0, sd)) for name, unit, sd in zip(NAMES, UNITS, prior_sd, strict=True)
+    ]
+    information = design.T @ design
+    cov = np.linalg.inv(np.nan_to_num(information) + np.diag(np.array(prior_sd) ** -2.0))
+    found = identify(parameters, np.array(values), information, cov=cov, at=AT)
+    return _known(found, information, "M-0"), information, cov
+
+
+def regressors():
+    """Drag at speeds in a narrow range: X_u and X_uabsu show almost the same."""
+    u = np.linspace(1.4, 1.6, 400)
+    n = 125.0 + 10.0 * np.cos(np.arange(400))
+    return np.column_stack([20 * u, 20 * u * u, n * n])
+
+
+def test_each_parameter_is_told_with_what_it_is_confused_with():
+    known, _, cov = judged(regressors())
+    sd = np.sqrt(np.diag(cov))
+    for i, item in enumerate(known.parameters):
+        assert item.sd == pytest.approx(sd[i])
+        assert item.relative == pytest.approx(sd[i] / abs((-3.0, -2.0, 6e-4)[i]))
+        assert item.left == pytest.approx(sd[i] / (30.0, 20.0, 6e-3)[i])
+    first, second, _ = known.parameters
+    assert (first.partner, second.partner) == ("X_uabsu", "X_u")
+    assert first.correlation == pytest.approx(cov[0, 1] / sd[0] / sd[1])
+    assert any("the split is not" in text and "X_u" in text for text in known.verdict)
+
+
+def test_a_direction_is_a_change_of_one_standard_error():
+    known, information, _ = judged(regressors())
+    values = dict(zip(NAMES, (-3.0, -2.0, 6e-4), strict=True))
+    assert len(known.directions) == 3
+    assert [item.sd for item in known.directions] == sorted(item.sd for item in known.directions)
+    for direction in known.directions:
+        change = np.array([dict(direction.moves).get(name, 0.0) * values[name] for name in NAMES])
+        # What is left unnamed is under a tenth of the largest change, and of the smallest direction that can be much.
+        if len(direction.moves) == 3:
+            assert change @ information @ change == pytest.approx(1.0)
+    assert dict(known.directions[-1].moves).keys() >= {"X_u", "X_uabsu"}
+    assert "%" in known.directions[-1].words
+
+
+def test_the_table_names_the_verdict_or_says_that_there_is_none():
+    known, _, _ = judged(regressors())
+    said = "\n".join(known.lines())
+    for word in ("known to", "strongest correlation", "with X_uabsu", "the split is not", "at its largest"):
+        assert word in said
+    alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))
+    assert alone.verdict == ()
+    assert alone.lines()[-1].strip() == BY_ITSELF
+
+
+def test_it_survives_the_disk():
+    without_derivatives = judged(np.full((9, 3), np.nan))[0]
+    assert without_derivatives.directions == ()
+    for known in (judged(regressors())[0], without_derivatives):
+        assert _read(json.loads(json.dumps(asdict(known), allow_nan=False))) == known
