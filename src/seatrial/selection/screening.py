@@ -1,0 +1,141 @@
+"""Which terms do the data support? Every structure that the rules allow, in closed form: a screening before anything is simulated.
+
+Rows in weak form, whitened, make the equation of motion a linear regression; its evidence is known in closed form for every subset of
+the terms. Rows whose residuals still follow one another at the widest windows count for as many as they are worth. Noise of the
+sensors is in the regressors too: the bias that is left is estimated, and the shortlist goes to evidence by simulation.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.estimation.axis_equation import AxisEquation
+from seatrial.estimation.regressor_noise import RegressorBias, regressor_noise_bias
+from seatrial.estimation.row_fit import RowFit, independent_rows
+from seatrial.estimation.rows import Rows
+from seatrial.selection.compiled_rules import CompiledRules
+from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.average import SubsetPosterior
+from seatrial.selection.subsets.gram import Gram, gram
+from seatrial.selection.subsets.prior import IndependentPrior, physical_prior
+from seatrial.selection.subsets.rules import Rules
+from seatrial.selection.subsets.sensitivity import Sensitivity, sensitivity
+
+SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
+"""Factors on the prior standard deviations along which the answer is repeated."""
+MOST, COVERED = 8, 0.95
+"""Structures on a shortlist at most, and the probability that is enough for it to be shorter."""
+PAIRS = 8
+"""Pairs of simulated repetitions that estimate the bias."""
+
+
+class Believed(NamedTuple):
+    """Prior of a coefficient where its term is present, SI."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """Posterior over all structures, in closed form.
+
+    Attributes:
+        rules: which terms are optional and how they may stand together.
+        rows: regression rows with every term.
+        fit: their fit with every term; its `status` says whether residuals are independent.
+        posterior: over the structures; its terms are the optional ones, then those always there.
+        sensitivity: the same along prior widths.
+        bias: of the fit with every term, by noise in the regressors.
+    """
+
+    rules: CompiledRules
+    rows: Rows
+    fit: RowFit
+    posterior: SubsetPosterior
+    sensitivity: Sensitivity
+    bias: RegressorBias
+
+    @property
+    def inclusion(self) -> dict[str, float]:
+        """Probability of each optional term."""
+        return {term: float(p) for term, p in zip(self.rules.optional, self.posterior.inclusion, strict=False)}
+
+    def shortlist(self, most: int = MOST, covered: float = COVERED) -> tuple[tuple[str, ...], ...]:
+        """Terms of the most probable structures, until they hold this probability together or are this many."""
+        enough = int(np.searchsorted(np.cumsum(self.posterior.probability), covered)) + 1
+        return tuple(self.posterior.terms(rank) for rank in range(min(enough, most, self.posterior.structures.size)))
+
+
+def screen(
+    equations: Sequence[AxisEquation],
+    rules: CompiledRules,
+    records: Sequence[Record],
+    noise: Mapping[str, float],
+    prior: Mapping[str, Believed],
+    key: jax.Array,
+    narrowest: float = 1.0,
+) -> Screening:
+    """Screen every structure of one or several axes.
+
+    Args:
+        equations: with every candidate term.
+        rules: compiled for exactly these terms.
+        records: trials.
+        noise: standard deviation of each measured channel, SI.
+        prior: of each term.
+        key: random key of the simulated repetitions.
+        narrowest: width of the first windows, s.
+
+    Raises:
+        InputError: rules for other terms, a term without a prior, or rows that cannot tell the terms apart.
+    """
+    names = (*rules.optional, *rules.always)
+    _check(names, rules, equations, prior)
+    rows, fit = independent_rows(equations, records, noise, narrowest)
+    columns = [rows.names.index(name) for name in names]
+    stats = worth(gram(rows.design[:, columns], rows.target), float(fit.effective.sum()))
+    means, sds = np.array([prior[name] for name in names]).T
+    believed: IndependentPrior = physical_prior(sds, 1.0, mean=means)
+    options = {"always": rules.always, "rules": Rules(rules.parents, rules.groups, rules.exclusive)}
+    return Screening(
+        rules,
+        rows,
+        fit,
+        all_subsets(stats, believed, names, **options),
+        sensitivity(stats, believed, names, SCALES, **options),
+        regressor_noise_bias(rows, key, PAIRS),
+    )
+
+
+def worth(stats: Gram, rows: float) -> Gram:
+    """Statistics that say as much as this many independent rows."""
+    share = min(rows / stats.n, 1.0)
+    return Gram(share * stats.matrix, share * stats.moment, share * stats.square, max(round(share * stats.n), 1))
+
+
+def _check(
+    names: Sequence[str], rules: CompiledRules, equations: Sequence[AxisEquation], prior: Mapping[str, Believed]
+) -> None:
+    sought = {term.text for equation in equations for term in equation.terms}
+    if sought != set(names):
+        odd = sorted(sought.symmetric_difference(names))
+        raise InputError(
+            "screening",
+            found=f"terms that only the equations or only the rules have: {', '.join(odd)}",
+            expected="rules compiled for the terms of the equations, those never there left out",
+            remedy="build both from one library",
+        )
+    missing = [name for name in names if name not in prior]
+    if missing:
+        raise InputError(
+            "screening",
+            found=f"no prior of {', '.join(missing)}",
+            expected="a mean and a standard deviation of each term's coefficient",
+            remedy="say what order of magnitude each coefficient may have",
+        )

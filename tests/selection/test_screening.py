@@ -1,0 +1,109 @@
+import jax
+import numpy as np
+import pytest
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.estimation.axis_equation import axis_equation
+from seatrial.selection.compiled_rules import compile_rules
+from seatrial.selection.library import TermLibrary, term_library
+from seatrial.selection.rules import parse_rules
+from seatrial.selection.screening import Believed, screen, worth
+from seatrial.selection.subsets.gram import gram
+from tests.cases import DEDUCTION, MASS
+from tests.estimation.row_cases import SHIP_TRUE, ship_motion, ship_record, surge_record
+from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, SIGMA
+
+KEY = jax.random.key(0)
+TRIM_SPEED = 1.541861549917
+SURGE = ("X_u", "X_uabsu", "T_nabsn", "X_du3")
+PRIOR = {
+    "X_u": Believed(-1.21 / 2, 2.42 / np.sqrt(3)),
+    "X_uabsu": Believed(-2.93 / 2, 5.86 / np.sqrt(3)),
+    "T_nabsn": Believed(0.0, 0.01),
+    "X_du3": Believed(0.0, 50 / np.sqrt(3)),
+}
+
+
+def compiled(library, *lines):
+    return compile_rules(library, parse_rules(lines, library))
+
+
+def library_of(names, signals):
+    return TermLibrary(tuple(map(CoefficientName.parse, names)), signals)
+
+
+@pytest.fixture(scope="module")
+def golden():
+    rules = compiled(library_of(SURGE, ("u", "n")), "always T_nabsn", "always X_u", "always X_uabsu")
+    equations = [axis_equation("X", SURGE, MASS, DEDUCTION, trim={"u": TRIM_SPEED})]
+    return screen(equations, rules, [surge_record(1)], {"u": SIGMA}, PRIOR, KEY)
+
+
+def test_the_papers_pair_is_as_undecided_as_by_simulation(golden):
+    """The golden evidences, the uniform prior of X_du3 at its estimate turned into this normal one.
+
+    The rows' estimate of X_du3 lies within about half an sd of that by simulation, 1.5 sd from zero: 0.5 * 1.5 nats either way.
+    """
+    at = -8.7
+    normal = np.exp(-0.5 * (at / PRIOR["X_du3"].sd) ** 2) / (np.sqrt(2 * np.pi) * PRIOR["X_du3"].sd)
+    simulated = GOLDEN_LOG_EVIDENCE["M-1"] - GOLDEN_LOG_EVIDENCE["M-0 wide"] - np.log(normal / 0.01)
+    by_terms = dict(
+        zip((golden.posterior.terms(i) for i in range(2)), golden.posterior.log_evidence.tolist(), strict=True)
+    )
+    without = next(value for terms, value in by_terms.items() if "X_du3" not in terms)
+    within = next(value for terms, value in by_terms.items() if "X_du3" in terms)
+    assert without - within == pytest.approx(simulated, abs=0.9)
+    assert 0.15 < golden.inclusion["X_du3"] < 0.6
+
+
+def test_shortlist_is_the_most_probable(golden):
+    assert len(golden.shortlist(most=1)) == 1
+    both = golden.shortlist(most=8, covered=1.0 - 1e-9)
+    assert {frozenset(terms) for terms in both} == {frozenset(SURGE), frozenset(SURGE[:3])}
+    assert golden.sensitivity.scales.size == 5
+    assert golden.fit.status == ""
+
+
+def test_the_structure_of_two_axes_is_found_as_records_grow():
+    """A linear ship among quadratic, cubic and cross-flow candidates of both axes, shared noise."""
+    library = term_library("Y", ("v", "r", "delta_r"), ("linear", "quadratic", "surface")) + term_library(
+        "N", ("v", "r", "delta_r"), ("linear", "quadratic", "surface")
+    )
+    true = {"Y_v", "Y_r", "Y_delta_r", "N_v", "N_r", "N_delta_r"}
+    assert true < set(library.names)
+    rules = compiled(library)
+    equations = [axis_equation(axis, [name for name in library.names if name.startswith(axis)]) for axis in ("Y", "N")]
+    prior = {name: Believed(0.0, 1.0) for name in library.names}
+    chances = []
+    for seconds in (20.0, 160.0):
+        time = np.arange(0.0, seconds, 0.05)
+        states = ship_motion(time) + 0.01 * np.random.default_rng(3).normal(size=(time.size, 2))
+        found = screen(equations, rules, [ship_record(time, states)], {"v": 0.01, "r": 0.01}, prior, KEY)
+        of_truth = [set(found.posterior.terms(i)) == true for i in range(found.posterior.structures.size)]
+        chances.append(float(found.posterior.probability[of_truth].sum()))
+    assert chances[0] < chances[1]
+    assert chances[1] > 0.5
+    assert set(found.posterior.median_model()) == true
+    averaged = dict(zip(found.posterior.names, found.posterior.coefficients().mean, strict=True))
+    order = ("Y_v", "Y_r", "Y_delta_r", "N_v", "N_r", "N_delta_r")
+    np.testing.assert_allclose([averaged[name] for name in order], SHIP_TRUE, atol=0.05)
+
+
+def test_dependent_rows_count_for_what_they_are_worth():
+    random = np.random.default_rng(0)
+    stats = gram(random.normal(size=(40, 2)), random.normal(size=40))
+    half = worth(stats, 20.0)
+    assert half.n == 20
+    np.testing.assert_allclose(half.matrix, stats.matrix / 2)
+    np.testing.assert_array_equal(worth(stats, 80.0).matrix, stats.matrix)
+
+
+def test_rules_of_other_terms_and_missing_priors_are_refused():
+    rules = compiled(library_of(SURGE, ("u", "n")), "never X_du3")
+    equations = [axis_equation("X", SURGE, MASS, DEDUCTION, trim={"u": TRIM_SPEED})]
+    with pytest.raises(InputError, match="only the equations or only the rules have: X_du3"):
+        screen(equations, rules, [surge_record(1)], {"u": SIGMA}, PRIOR, KEY)
+    rules = compiled(library_of(SURGE, ("u", "n")))
+    with pytest.raises(InputError, match="no prior of X_du3"):
+        screen(equations, rules, [surge_record(1)], {"u": SIGMA}, {k: PRIOR[k] for k in SURGE[:3]}, KEY)
