@@ -1,7 +1,12 @@
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures
+from seatrial.selection.structures import MAX_STRUCTURES, Structure, structure_rules
+from seatrial.selection.structures import all_structures as of_rules
+
+
+def all_structures(always, optional, lines=()):
+    return of_rules(structure_rules(always, optional, lines))
 
 
 def test_all_subsets_the_full_one_first():
@@ -32,6 +37,15 @@ def test_as_many_structures_as_can_be_simulated():
         all_structures([], [*optional, "T_un"])
     assert "at most 64 structures" in caught.value.expected
     assert "`always`" in caught.value.remedy
+
+
+def test_rules_leave_out_what_they_forbid():
+    structures = all_structures(
+        ["T_nabsn"], ["X_u", "X_uabsu", "X_du3"], ["X_du3 requires X_uabsu", "at most one of X_u X_uabsu"]
+    )
+    assert [set(one.terms) - {"T_nabsn"} for one in structures] == [{"X_uabsu", "X_du3"}, {"X_uabsu"}, {"X_u"}, set()]
+    with pytest.raises(InputError, match="X_u"):
+        all_structures(["X_u"], ["X_uabsu"], ["never X_u"])
 
 
 @pytest.mark.parametrize(

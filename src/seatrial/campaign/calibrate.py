@@ -78,7 +78,7 @@ def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, 
         InputError: no such method.
         NumericalError: a prior of which hardly a draw can be simulated.
     """
-    structure, draw = campaign.structures[0], find_method(method)
+    structure, draw = campaign.full, find_method(method)
     store = Store(campaign.folder)
     path, checkpoint = store.calibration(method), store.checkpoint(f"calibration-{method}")
     stamp = key_of("calibration", estimate_key(campaign, structure, trials), method)

@@ -17,7 +17,9 @@ from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.sensors import Sensor, bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.selection.structures import Structure, all_structures
+from seatrial.selection.compiled_rules import CompiledRules
+from seatrial.selection.structure_count import count_structures
+from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, structure_rules
 from seatrial.vehicles.catalogue import catalogue_vehicle
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
@@ -29,10 +31,14 @@ MOST_SAMPLES = 200_000
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """A campaign's configuration. `source` holds the file as written, in its own units; properties give SI objects."""
+    """A campaign's configuration. `source` holds the file as written, in its own units; properties give SI objects.
+
+    Where there are too many structures to simulate each, `shortlist` is what a screening has left of them.
+    """
 
     folder: Path
     source: CampaignFile
+    shortlist: tuple[Structure, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -48,10 +54,30 @@ class Campaign:
         return quantity(text, unit, self.where(key))
 
     @cached_property
-    def structures(self) -> tuple[Structure, ...]:
-        """Candidate structures, the full one first."""
+    def rules(self) -> CompiledRules:
+        """Which terms may stand together."""
+        table = self.source.structure
         with located(self.where("structure")):
-            return all_structures(self.source.structure.always, self.source.structure.optional)
+            return structure_rules(table.always, table.optional, table.rules)
+
+    @cached_property
+    def full(self) -> Structure:
+        """All terms that any structure may have; its own candidate where the rules allow that."""
+        terms = self.rules.always + self.rules.optional
+        if not self.is_large and set(self.structures[0].terms) == set(terms):
+            return self.structures[0]
+        return Structure("full", terms)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether there are more structures than can be simulated, so that a screening has to come first."""
+        return count_structures(self.rules).structures > MAX_STRUCTURES
+
+    @cached_property
+    def structures(self) -> tuple[Structure, ...]:
+        """Candidate structures, those of most terms first."""
+        with located(self.where("structure")):
+            return self.shortlist or all_structures(self.rules)
 
     @cached_property
     def hull(self) -> SurgeHull:
@@ -94,7 +120,7 @@ class Campaign:
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """Measured channels."""
-        known = self.model(self.structures[0]).channel_units()
+        known = self.model(self.full).channel_units()
         for name in self.source.sensors:
             if name not in known:
                 raise InputError(
@@ -134,7 +160,7 @@ class Campaign:
 
     def process_noise(self) -> np.ndarray:
         """Standard deviation that each state and coefficient of the full structure gains in one second, SI; 0 if not given."""
-        table, model = self.source.filter.process_noise, self.model(self.structures[0])
+        table, model = self.source.filter.process_noise, self.model(self.full)
         units = {state: signal_unit(state) for state in model.states}
         units |= {term.text: model.unit_of(term) for term in model.coefficients}
         values = dict.fromkeys(units, 0.0)
@@ -198,7 +224,7 @@ class Campaign:
     def family(self) -> DoubletFamily:
         """What the designs share."""
         table = self.source.design
-        controls = self.model(self.structures[0]).controls
+        controls = self.model(self.full).controls
         if table.control not in controls:
             raise InputError(
                 self.where("design.control"),

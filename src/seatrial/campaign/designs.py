@@ -39,7 +39,7 @@ def design_first(campaign: Campaign, watch: Watch = SILENT) -> Sweep:
     store, key = Store(campaign.folder), design_key(campaign)
     if is_current(store.design, key):
         return read_sweep(campaign, store.design)
-    model = campaign.model(campaign.structures[0])
+    model = campaign.model(campaign.full)
     priors = [campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients]
     belief = Gaussian(np.array([prior.mean for prior in priors]), np.diag([prior.sd for prior in priors]))
     return _sweep(campaign, model, belief, store.design, key, {"basis": "the priors"}, watch)

@@ -150,7 +150,7 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         ("plain", "refined"),
         _how(found, window),
         caution="; ".join(
-            f"{structure.label}: {text}" for text in (found.status, _left_out(campaign, structure)) if text
+            f"{structure.label}: {text}" for text in (found.status, left_out(campaign, structure)) if text
         ),
     )
 
@@ -177,7 +177,7 @@ def _how(found: Regression, window: float | None) -> str:
     return f"{source}, {found.acceleration_sd:.3g} m/s^2 left over  {' '.join(found.names)}"
 
 
-def _left_out(campaign: Campaign, structure: Structure) -> str:
+def left_out(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
     noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
     names = [nuisance.name for nuisance in nuisances(campaign, campaign.model(structure)) if nuisance.name not in noise]

@@ -150,7 +150,7 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
 
 def known_before(campaign: Campaign, sweep: Sweep) -> Known:
     """Judge the best design for the full structure at its prior means, sensors as rare as they are; a current result is read."""
-    store, structure = Store(campaign.folder), campaign.structures[0]
+    store, structure = Store(campaign.folder), campaign.full
     key = key_of("known", _LAYOUT, design_key(campaign))
     if not is_current(store.known_design, key):
         model, family = campaign.model(structure), campaign.family

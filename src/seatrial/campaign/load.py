@@ -35,7 +35,7 @@ def load_campaign(folder: Path | str) -> Campaign:
 
 def _check(campaign: Campaign) -> None:
     """Resolve everything once, so that mistakes are found before any work is done."""
-    full = campaign.structures[0]
+    full = campaign.full
     model = campaign.model(full)
     names = {term.text for term in model.coefficients}
     for name in names:

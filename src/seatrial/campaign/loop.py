@@ -13,6 +13,7 @@ from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
 from seatrial.campaign.record_checks import record_cautions
+from seatrial.campaign.screen import with_shortlist
 from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
@@ -66,6 +67,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise."""
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
+    campaign = with_shortlist(campaign, trials, watch)
     estimates = estimate_all(campaign, trials, watch)
     selection = select_structure(campaign, trials, watch)
     chosen = estimates[selection.chosen]

@@ -100,7 +100,7 @@ def predict_from_prior(campaign: Campaign, watch: Watch = SILENT) -> PriorPredic
     Raises:
         InputError: logs that cannot be read, or no doublet inside the limits.
     """
-    model = campaign.model(campaign.structures[0])
+    model = campaign.model(campaign.full)
     trial = prior_trial(campaign, watch)
     key = random_key(campaign, "prior predictive")
     drawn = {name: _draw(prior, key, name) for name, prior in trial.priors.items()}

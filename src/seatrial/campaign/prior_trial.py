@@ -55,11 +55,11 @@ def prior_trial(campaign: Campaign, watch: Watch = SILENT) -> PriorTrial:
     Raises:
         InputError: logs that cannot be read, or no doublet inside the limits.
     """
-    model = campaign.model(campaign.structures[0])
+    model = campaign.model(campaign.full)
     record = _record(campaign, watch)
     if record is None:
         return _designed(campaign, model, watch)
-    parameters = build_posterior(campaign, campaign.structures[0], [record]).parameters
+    parameters = build_posterior(campaign, campaign.full, [record]).parameters
     return PriorTrial(
         f"the control of record {record.label}",
         record.label,

@@ -60,7 +60,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), w
         InputError: no such parameter.
         NumericalError: a likelihood of several maxima.
     """
-    structure, store = campaign.structures[0], Store(campaign.folder)
+    structure, store = campaign.full, Store(campaign.folder)
     posterior = build_posterior(campaign, structure, trials.fit)
     chosen = list(dict.fromkeys(names)) or list(posterior.names)
     for name in chosen:
@@ -94,7 +94,7 @@ def _each(campaign: Campaign, posterior: Posterior, structure: Structure, names:
 
 
 def _read(campaign: Campaign, key: str) -> dict[str, Profile]:
-    path = Store(campaign.folder).profiles(campaign.structures[0].label)
+    path = Store(campaign.folder).profiles(campaign.full.label)
     if stamp_of(path) != key:
         return {}
     content = read_json(path, f"seatrial profile {campaign.folder}")

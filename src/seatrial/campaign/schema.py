@@ -32,10 +32,16 @@ class VehicleTable(Table):
 
 
 class StructureTable(Table):
-    """`[structure]`: terms always there, and terms whose presence the data decide."""
+    """`[structure]`: terms always there, terms whose presence the data decide, and which of them may stand together.
+
+    Rules are lines such as "X_uabsu requires X_u", "together X_u X_uabsu", "at most one of X_u3 X_du3", "never X_0", "heredity".
+    Where more than 64 structures are left, a screening in closed form chooses `shortlist` of them at most to be simulated.
+    """
 
     always: list[str] = []
     optional: list[str] = []
+    rules: list[str] = []
+    shortlist: int = Field(default=6, ge=2, le=64)
 
 
 class PriorTable(Table):

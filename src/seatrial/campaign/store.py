@@ -77,6 +77,11 @@ class Store:
         return self.results / "predictions.nc"
 
     @property
+    def screening(self) -> Path:
+        """All structures in closed form."""
+        return self.results / "screening.nc"
+
+    @property
     def selection(self) -> Path:
         """Evidences, probabilities and verdicts."""
         return self.results / "selection.json"

@@ -56,7 +56,7 @@ def simulate_trial(campaign: Campaign, watch: Watch = SILENT) -> Trials:
         sweep = design_first(campaign, watch)
         manoeuvre = sweep.best_manoeuvre()
         time, control = manoeuvre.sample(campaign.family.sample_time)
-        model = campaign.model(campaign.structures[0])
+        model = campaign.model(campaign.full)
         params = {term.text: source.truth.get(term.text, 0.0) for term in model.coefficients}
         start = np.array([campaign.hull.trim.get(state, 0.0) for state in model.states])
         states = np.asarray(
@@ -171,7 +171,7 @@ def _locate(campaign: Campaign, file: FileTable, run: str, index: int) -> Path:
 
 
 def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogSource:
-    model = campaign.model(campaign.structures[0])
+    model = campaign.model(campaign.full)
     known = (*model.controls, *model.channel_units())
     for name in file.channels:
         if name not in known:

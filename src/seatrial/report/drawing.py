@@ -88,4 +88,4 @@ def truth_of(outcome: Outcome) -> Mapping[str, float]:
     source = outcome.campaign.source
     if source.imported is not None or not source.truth:
         return {}
-    return {term: source.truth.get(term, 0.0) for term in outcome.campaign.structures[0].terms}
+    return {term: source.truth.get(term, 0.0) for term in outcome.campaign.full.terms}

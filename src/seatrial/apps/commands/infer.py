@@ -70,9 +70,16 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.choose import agreement_words, select_structure
+        from seatrial.campaign.screen import can_be_screened, screen_terms, with_shortlist
         from seatrial.campaign.trials import get_trials
 
-        selection = select_structure(campaign, get_trials(campaign, watch), watch)
+        trials, cautions = get_trials(campaign, watch), []
+        if can_be_screened(campaign):
+            screened = screen_terms(campaign, trials, watch)
+            typer.echo("\n".join(screened.lines()))
+            cautions = screened.cautions
+        campaign = with_shortlist(campaign, trials, watch)
+        selection = select_structure(campaign, trials, watch)
         for structure, evidence, probability in zip(
             selection.structures, selection.evidences, selection.probability, strict=True
         ):
@@ -81,7 +88,7 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
             typer.echo(verdict)
-        return finish(list(selection.alarms), [])
+        return finish(list(selection.alarms), cautions)
 
     with_campaign(folder, quiet, work)
 
@@ -107,10 +114,12 @@ def criteria(
         from seatrial.campaign.criteria import criteria_all, future_edges
         from seatrial.campaign.criteria_words import criteria_cautions, criteria_lines, nested_pairs
         from seatrial.campaign.estimate import estimate_all
+        from seatrial.campaign.screen import with_shortlist
         from seatrial.campaign.trials import get_trials
 
         lengths = _seconds(first, "--first"), _seconds(block, "--block")
         trials = get_trials(campaign, watch)
+        campaign = with_shortlist(campaign, trials, watch)
         future_edges(trials, *lengths)
         estimates = estimate_all(campaign, trials, watch)
         found = criteria_all(campaign, estimates, trials, *lengths, watch)
@@ -130,9 +139,11 @@ def criteria(
 def _by_chains(campaign: Any, watch: Any) -> Exit:
     from seatrial.campaign.estimate import estimate_all
     from seatrial.campaign.known import known_after
+    from seatrial.campaign.screen import with_shortlist
     from seatrial.campaign.trials import get_trials
 
     trials = get_trials(campaign, watch)
+    campaign = with_shortlist(campaign, trials, watch)
     estimates = estimate_all(campaign, trials, watch)
     told = []
     for item in estimates:
@@ -151,9 +162,11 @@ def _by_chains(campaign: Any, watch: Any) -> Exit:
 
 def _first_answers(campaign: Any, watch: Any, by: By, window: float | None) -> Exit:
     from seatrial.campaign.first_answers import MODE, REGRESSION, posterior_modes, regressions
+    from seatrial.campaign.screen import with_shortlist
     from seatrial.campaign.trials import get_trials
 
     trials = get_trials(campaign, watch)
+    campaign = with_shortlist(campaign, trials, watch)
     answers = posterior_modes(campaign, trials, watch) if by is By.MODE else regressions(campaign, trials, window)
     for answer in answers:
         typer.echo("\n".join(answer.lines()))

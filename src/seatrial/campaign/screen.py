@@ -1,0 +1,172 @@
+"""Screening of a campaign: every structure that the rules allow, in closed form, and the shortlist that is worth simulating."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.first_answers import left_out
+from seatrial.campaign.problem import random_key
+from seatrial.campaign.store import Store, is_current, key_of, write_dataset
+from seatrial.campaign.trials import Trials
+from seatrial.campaign.watch import SILENT, Watch
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError
+from seatrial.estimation.axis_equation import axis_equation
+from seatrial.estimation.row_fit import SCREENING
+from seatrial.selection.screening import Believed, Screening, screen
+from seatrial.selection.structure_count import count_structures
+from seatrial.selection.structures import label_structures
+
+NARROWEST = 1.0
+"""Width of the first windows, s; they are doubled until residuals no longer follow one another."""
+KEPT = 50
+"""Structures that are kept, most probable first."""
+SHOWN = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """Outcome of a screening, as it is stored.
+
+    Attributes:
+        data: `inclusion`, `mean`, `within`, `between`, `bias`, `fit` and `fit_sd` by `term`, the optional ones first; `member`,
+            `probability` and `log_evidence` by `model`; `inclusion_at`, `mean_at` and `log_bayes_factor` along `scale`, the
+            factor on prior standard deviations.
+    """
+
+    data: xr.Dataset
+
+    @property
+    def optional(self) -> list[str]:
+        """Terms whose presence the data decide."""
+        return [
+            str(term)
+            for term, kept in zip(self.data["term"].values, self.data["always"].values, strict=True)
+            if not kept
+        ]
+
+    def terms(self, rank: int) -> tuple[str, ...]:
+        """Terms of one of the best structures."""
+        member = self.data["member"].values[rank]
+        return tuple(str(term) for term, there in zip(self.data["term"].values, member, strict=True) if there)
+
+    @property
+    def cautions(self) -> list[str]:
+        """What keeps the screening from being relied on."""
+        return [text for text in (self.data.attrs[key] for key in ("rows", "noise", "left_out")) if text]
+
+    def lines(self) -> list[str]:
+        """What was found, in words."""
+        data, optional = self.data, self.optional
+        narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
+        said = [
+            f"screening of {data.attrs['count']} structures in closed form (prior three times narrower and wider in brackets):"
+        ]
+        here = data["inclusion"].sel(term=optional).values
+        said += [
+            f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f})"
+            for term, p, low, high in zip(optional, here, narrow, wide, strict=True)
+        ]
+        best = range(min(SHOWN, data.sizes["model"]))
+        said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
+        return [*said, SCREENING]
+
+
+def screen_terms(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> Screened:
+    """Screen every structure on the fitted records; a current result is read.
+
+    Raises:
+        InputError: a vehicle whose added mass is sought, surge speed not measured, or records that cannot tell the terms apart.
+    """
+    path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
+    if not is_current(path, key):
+        progress = watch.progress(f"screen {count_structures(campaign.rules).structures} structures")
+        progress(0, 1)
+        found = _screen(campaign, trials)
+        write_dataset(path, _dataset(campaign, found), key)
+        progress(1, 1)
+    return Screened(open_dataset(path))
+
+
+def can_be_screened(campaign: Campaign) -> bool:
+    """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose speed is measured."""
+    linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
+    return bool(campaign.rules.optional) and linear and "u" in campaign.channels
+
+
+def with_shortlist(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> Campaign:
+    """The campaign with what a screening leaves of its structures, where there are too many to simulate each."""
+    if campaign.shortlist or not campaign.is_large:
+        return campaign
+    found = screen_terms(campaign, trials, watch)
+    best = [found.terms(rank) for rank in range(min(campaign.source.structure.shortlist, found.data.sizes["model"]))]
+    order = campaign.full.terms
+    sets = [tuple(term for term in order if term in terms) for terms in sorted(best, key=len, reverse=True)]
+    return replace(campaign, shortlist=label_structures(sets))
+
+
+def screening_key(campaign: Campaign, trials: Trials) -> str:
+    """Key of the screening."""
+    source = campaign.source
+    tables = (source.structure, source.vehicle, *source.sensors.values(), *source.prior.values())
+    return key_of("screening", trials.key, [table.model_dump() for table in tables], source.campaign.seed)
+
+
+def _screen(campaign: Campaign, trials: Trials) -> Screening:
+    hull = campaign.hull
+    if "u" not in campaign.channels:
+        raise InputError(
+            campaign.where("sensors"),
+            found="no sensor of u",
+            expected="the surge speed, from which the rows of a screening are made",
+            remedy="map the channel u, or leave at most 64 structures, which need no screening",
+        )
+    known = {name: value for name, value in hull.fixed.items() if name != "X_udot"}
+    inertia = None if hull.mass is None else hull.mass - hull.fixed.get("X_udot", 0.0)
+    terms = campaign.full.terms
+    equation = axis_equation("X", terms, inertia, hull.thrust_deduction, known, hull.trim)
+    model = campaign.model(campaign.full)
+    units = {term.text: model.unit_of(term) for term in model.coefficients}
+    priors = {name: campaign.prior(name, units[name]) for name in terms}
+    believed = {name: Believed(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
+    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    return screen([equation], campaign.rules, trials.fit, noise, believed, random_key(campaign, "screening"), NARROWEST)
+
+
+def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:
+    posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
+    names = list(posterior.names)
+    columns = [found.rows.names.index(name) for name in names]
+    member = np.array([[name in posterior.terms(rank) for name in names] for rank in range(best)])
+    averaged = posterior.coefficients()
+    factor = found.sensitivity.log_bayes_factor
+    return xr.Dataset(
+        {
+            "always": ("term", [name in found.rules.always for name in names]),
+            "inclusion": ("term", posterior.inclusion),
+            "mean": ("term", averaged.mean),
+            "within": ("term", averaged.within),
+            "between": ("term", averaged.between),
+            "fit": ("term", found.fit.values[columns]),
+            "fit_sd": ("term", found.fit.sd[columns]),
+            "bias": ("term", found.bias.bias[columns]),
+            "bias_error": ("term", found.bias.error[columns]),
+            "joint": (("term", "other"), posterior.joint),
+            "probability": ("model", posterior.probability[:best]),
+            "log_evidence": ("model", posterior.log_evidence[:best]),
+            "member": (("model", "term"), member),
+            "inclusion_at": (("scale", "term"), found.sensitivity.inclusion),
+            "mean_at": (("scale", "term"), found.sensitivity.mean),
+            "log_bayes_factor": ("scale", factor if factor.size else np.full(found.sensitivity.scales.size, np.nan)),
+        },
+        coords={"term": names, "other": names, "scale": found.sensitivity.scales},
+        attrs={
+            "count": posterior.count,
+            "rows": found.fit.status,
+            "noise": found.bias.status,
+            "left_out": left_out(campaign, campaign.full),
+            "r2": float(found.rows.r2[0]),
+        },
+    )
