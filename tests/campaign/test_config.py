@@ -23,7 +23,7 @@ MISTAKES = {
     "prior nothing uses": (("[prior.X_u]", "[prior.X_w]"), "prior.X_", "prior"),
     "prior upside down": (("lower = -3.6", "lower = 3.6"), "prior.X_u", "lower below upper"),
     "prior incomplete": (("lower = -3.6\n", ""), "lower missing", "lower and upper"),
-    "improper prior": (("lower = -3.6", "lower = -inf"), "finite", "no evidence"),
+    "improper prior": (("lower = -3.6", "lower = -inf"), "finite", "would believe"),
     "unknown vehicle": (('"remus100_surge"', '"remus10_surge"'), "no such vehicle", 'did you mean "remus100_surge"?'),
     "unknown channel": (("[sensors.u]", "[sensors.w]"), 'channel "w"', "udot"),
     "unknown control": (('control = "n"', 'control = "delta_r"'), "design.control", "n"),

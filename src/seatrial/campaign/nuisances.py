@@ -17,6 +17,12 @@ from seatrial.vehicles.model import VehicleModel
 DOF = LogUniform(1.5, 200.0)
 """Prior of degrees of freedom where none is given: from tails without a variance to the normal."""
 
+_ERROR = 'distribution = "normal", mean = 0.0 and sd = 0.2'
+_SIZE = 'distribution = "half-normal", lower = 0.0 and, as scale, how much it may differ between trials'
+_SCALE = 'distribution = "log-uniform", lower = 0.0001 and upper = 0.1'
+_LAG = 'distribution = "half-normal", scale = 1.0 and lower = 0.0'
+_TIME = 'distribution = "log-uniform", lower = 0.05 and upper = 10.0'
+
 
 class Nuisance(NamedTuple):
     """An unknown that no coefficient is: name in the file's `[prior]`, SI unit, label (LaTeX), prior, and whether it has a sign."""
@@ -46,19 +52,21 @@ def nuisances(campaign: Campaign, model: VehicleModel) -> list[Nuisance]:
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     for name in varying(campaign, model):
         label = CoefficientName.parse(name).label
-        prior = campaign.prior(spread_name(name), units[name])
+        prior = _prior(campaign, spread_name(name), units[name], f'estimation.varying has "{name}"', _SIZE)
         found.append(Nuisance(spread_name(name), units[name], rf"s_{{{label}}}", prior))
     if campaign.has_delay:
         found.append(Nuisance("delay", "s", r"t_{\mathrm{delay}}", campaign.prior("delay", "s")))
     if table.current != "none":
-        found.append(Nuisance(CURRENT, "m/s", r"u_{\mathrm{current}}", campaign.prior(CURRENT, "m/s"), signed=True))
+        current = _prior(campaign, CURRENT, "m/s", f'estimation.current = "{table.current}"', _ERROR)
+        found.append(Nuisance(CURRENT, "m/s", r"u_{\mathrm{current}}", current, signed=True))
     for sensor in campaign.sensors:
         found += _of_sensor(campaign, sensor)
     if table.likelihood == "filter-error":
         for state in model.states:
             # Its own unit: what a state gains in one second.
             name, unit = process_name(state), signal_unit(state)
-            found.append(Nuisance(name, unit, rf"q_{{{_label(state)}}}", campaign.prior(name, unit)))
+            prior = _prior(campaign, name, unit, 'estimation.likelihood = "filter-error"', _SCALE)
+            found.append(Nuisance(name, unit, rf"q_{{{_label(state)}}}", prior))
     return found
 
 
@@ -68,7 +76,7 @@ def varying(campaign: Campaign, model: VehicleModel) -> tuple[str, ...]:
     Raises:
         InputError: a name that no structure has.
     """
-    known = [term.text for term in campaign.model(campaign.structures[0]).coefficients]
+    known = [term.text for term in campaign.model(campaign.full).coefficients]
     for name in campaign.source.estimation.varying:
         if name not in known:
             raise InputError(
@@ -97,20 +105,38 @@ def deviations(names: tuple[str, ...], labels: tuple[str, ...]) -> list[Paramete
 def _of_sensor(campaign: Campaign, sensor: Sensor) -> list[Nuisance]:
     channel, label = sensor.channel, _label(sensor.channel)
     unit = signal_unit(channel)
+    key = f"sensors.{channel}"
+    coloured, biased = f'the residuals of {channel} are "coloured"', f"{key}.bias says that there is one"
     known = {
-        noise_name(channel): (unit, rf"\sigma_{{{label}}}", campaign.noise_prior(channel)),
-        correlation_name(channel): ("s", rf"\tau_{{{label}}}", None),
-        dof_name(channel): ("1", rf"\nu_{{{label}}}", DOF),
-        bias_name(channel): (unit, rf"b_{{{label}}}", None),
-        lag_name(channel): ("s", rf"t_{{\mathrm{{lag}},{label}}}", None),
+        noise_name(channel): (unit, rf"\sigma_{{{label}}}", campaign.noise_prior(channel), "", ""),
+        correlation_name(channel): ("s", rf"\tau_{{{label}}}", None, coloured, _TIME),
+        dof_name(channel): ("1", rf"\nu_{{{label}}}", DOF, "", ""),
+        bias_name(channel): (unit, rf"b_{{{label}}}", None, biased, _ERROR),
+        lag_name(channel): ("s", rf"t_{{\mathrm{{lag}},{label}}}", None, f"{key}.lag = true", _LAG),
     }
     found = []
     for name in sensor.parameters:
-        unit, text, default = known[name]
+        unit, text, default, because, example = known[name]
         given = default is None or name in campaign.source.prior
-        prior = campaign.prior(name, unit) if given else default
+        prior = _prior(campaign, name, unit, because, example) if given else default
         found.append(Nuisance(name, unit, text, prior, signed=name == bias_name(channel)))
     return found
+
+
+def _prior(campaign: Campaign, name: str, unit: str, because: str, example: str) -> Prior:
+    """Prior of an unknown that the file asks for elsewhere.
+
+    Raises:
+        InputError: none is given; or as `Campaign.prior`.
+    """
+    if name not in campaign.source.prior:
+        raise InputError(
+            campaign.where(f"prior.{name}"),
+            found=f"nothing, though {because}",
+            expected=f"a prior of {name}, SI unit {unit}",
+            remedy=f"add [prior.{name}] with, for example, {example}",
+        )
+    return campaign.prior(name, unit)
 
 
 def _label(channel: str) -> str:

@@ -75,7 +75,7 @@ def _numbers(table: PriorTable, where: str) -> dict[str, float]:
                 f"{where}.{key}",
                 found=str(value),
                 expected="a finite number",
-                remedy="an improper prior has no evidence: bound it"
+                remedy="give the smallest and the largest value you would believe"
                 + ("; leave the key out for a side without a bound" if bounds else ""),
             )
         numbers[key] = value

@@ -8,7 +8,7 @@ import numpy as np
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.nuisances import deviations, nuisances, varying
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.filter_error import FilterError, filter_error
@@ -18,6 +18,11 @@ from seatrial.estimation.priors import Normal
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
+
+WIDEST = 1e30
+"""Standard deviation of a prior, SI, beyond which squares of it leave double precision."""
+NARROWEST = 1e-9
+"""Standard deviation over value of a prior below which rounding is felt."""
 
 
 def random_key(campaign: Campaign, purpose: str) -> jax.Array:
@@ -29,10 +34,13 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     """Joint posterior of a structure's coefficients and nuisances given several trials.
 
     Raises:
-        InputError: a channel a record lacks, a record whose first samples leave the initial state unknown, or too few measurements.
+        InputError: a channel a record lacks, a record whose first samples leave the initial state unknown, too few measurements, a
+            prior too wide or too narrow to compute with, or what varies between trials of which there is one.
     """
     model = campaign.model(structure)
     parameters = build_parameters(campaign, model, records)
+    _check_widths(campaign, parameters)
+    _check_trials(campaign, records)
     _check_enough(campaign, records, len(parameters))
     return Posterior(parameters, *build_likelihood(campaign, model, records))
 
@@ -57,7 +65,11 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
 def build_likelihood(
     campaign: Campaign, model: VehicleModel, records: Sequence[Record]
 ) -> tuple[OutputError | FilterError, TrialData]:
-    """Likelihood of several trials, and its data."""
+    """Likelihood of several trials, and its data.
+
+    Raises:
+        InputError: records or sensors that this likelihood cannot use, with the campaign's file.
+    """
     table = campaign.source.estimation
     starts = [initial_state(campaign, model, record) for record in records]
     options = {
@@ -67,10 +79,11 @@ def build_likelihood(
         "varying": varying(campaign, model),
         "starts_over_ground": table.initial != "trim",
     }
-    if table.likelihood == "filter-error":
-        spread = [first_sd(campaign, state) for state in model.states]
-        return filter_error(model, records, campaign.sensors, starts, spread, **options)
-    return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
+    with located(str(campaign.path)):
+        if table.likelihood == "filter-error":
+            spread = [first_sd(campaign, state) for state in model.states]
+            return filter_error(model, records, campaign.sensors, starts, spread, **options)
+        return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
 
 
 def first_sd(campaign: Campaign, state: str) -> float:
@@ -97,6 +110,36 @@ def _initial_states(
         for label, start in zip(labels, starts, strict=True)
         for state, value in zip(model.states, start, strict=True)
     ]
+
+
+def _check_widths(campaign: Campaign, parameters: Sequence[Parameter]) -> None:
+    for parameter in parameters:
+        mean, sd = float(parameter.prior.mean), float(parameter.prior.sd)
+        where = campaign.where(f"prior.{parameter.name.split('[')[0]}")
+        if not sd < WIDEST:
+            raise InputError(
+                where,
+                found=f"a standard deviation of {sd:.3g} {parameter.unit}",
+                expected=f"a standard deviation below {WIDEST:g}",
+                remedy="give the smallest and the largest value that you would believe",
+            )
+        if sd < NARROWEST * abs(mean):
+            raise InputError(
+                where,
+                found=f"{mean:.6g} {parameter.unit} with a standard deviation of {sd:.3g}: it leaves nothing to estimate",
+                expected=f"a standard deviation of at least {NARROWEST:g} of the value",
+                remedy="widen it, or fix the coefficient under [vehicle] if it is known",
+            )
+
+
+def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
+    if campaign.source.estimation.varying and len(records) < 2:
+        raise InputError(
+            campaign.where("estimation.varying"),
+            found=f'one trial, "{records[0].label}"',
+            expected="two trials at least: how much a coefficient varies between them is what its spread says",
+            remedy="fit more runs jointly, or remove `varying` and its priors of spread",
+        )
 
 
 def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) -> None:

@@ -1,9 +1,12 @@
-"""Two questions every estimate must answer: does the prior hold the data's answer, and do the data say more than the prior?"""
+"""What every estimate must answer: does the prior hold the data's answer, do the data say more, and where can nothing be said?"""
 
 from collections.abc import Callable, Mapping
+from math import isfinite, sqrt
 
+import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.stats import rankdata
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.identifiability import identifiability_of_fit
@@ -11,17 +14,26 @@ from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform
+from seatrial.estimation.remedies import is_coefficient
+from seatrial.sampling.target import AT_ONCE, evaluate
 
 EDGE = 0.02
 GAIN = 10.0
 LEANING = 0.1
 """Share of the posterior that may lie within `EDGE` of a bound."""
+FAR = 4.0
+"""Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data."""
+SOME = 0.01
+"""Share of the prior without a finite likelihood of which a reader is told."""
+APART = 0.25
+"""Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart."""
 
 
 def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> None:
-    """Refuse a uniform prior against whose edge the data push.
+    """Refuse a prior against whose bound the data push.
 
-    A mode within 2 % of a bound is suspect; if a step of a tenth of the width beyond the bound, the other parameters following
+    A mode within 2 % of a bound is suspect, in shares of the width, or where one side is open of that of a uniform of the same
+    standard deviation; if a step of a tenth of the width beyond the bound, the other parameters following
     along the ridge of the likelihood, makes the data more likely by over 10 nats, the prior excludes them.
 
     Args:
@@ -39,7 +51,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> N
                 raise InputError(
                     f"{where}, key prior.{parameter.name}",
                     found=f"the data push {parameter.name} against its bound {bound:.4g} {parameter.unit}; beyond it, "
-                    f"at {beyond:.4g}, they are {gain:.0f} nats more likely",
+                    f"at {beyond:.4g}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
                     expected="a prior that contains what the data say",
                     remedy=_remedy(parameter, bound),
                 )
@@ -48,7 +60,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str) -> N
 def information_complaints(
     posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"], at: Mapping[str, float] | None = None
 ) -> list[str]:
-    """Say which parameters the data cannot inform, which they inform only together, and which lean on their priors.
+    """Say which parameters the data cannot inform or inform only together, where prior and data disagree, and where there is no model.
 
     Args:
         posterior: posterior.
@@ -56,45 +68,90 @@ def information_complaints(
         draws: posterior draws in the parameters' own units.
         at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
-    return identifiability_of_fit(posterior, mode, draws, at).cautions() + [
+    said = identifiability_of_fit(posterior, mode, draws, at).cautions() + [
         f"the posterior of {parameter.name} leans on the bound {bound:.4g} {parameter.unit} of its prior ({share:.0%} of it within "
         f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or say why it ends there"
         for parameter, column in zip(posterior.parameters, draws.T, strict=True)
         for bound, share in _leaning(parameter, column)
     ]
+    return said + _contradictions(posterior, mode) + _lost_region(posterior)
 
 
 def _remedy(parameter: Parameter, bound: float) -> str:
-    if parameter.unit == "s" and parameter.name.startswith("tau_") and bound == parameter.prior.bounds[0]:
+    kind, _, channel = parameter.name.partition("_")
+    if kind == "tau" and bound == parameter.prior.bounds[0]:
         return 'set estimation.residuals = "white" and remove this prior: what is left over has no memory'
+    if kind == "lag" and bound == parameter.prior.bounds[0]:
+        return f"set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay"
+    if kind == "sigma" and bound == parameter.prior.bounds[1]:
+        return (
+            f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map and {channel} "
+            f'for outliers (residuals = "heavy" bears them), then the other priors; widen this one only if {channel} is that noisy'
+        )
     return "widen the prior, or check units, signs and the channel map"
 
 
-def _scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, np.ndarray]:
-    """Map to the scale on which widths are measured, its inverse, and the bounds on it; scales are logarithmic."""
+def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
+    """Priors without bounds that the data pull far from their middle; z is standard normal under them."""
+    return [
+        f"prior and data contradict each other about {parameter.name}: the data pull it to {value:.4g} {parameter.unit}, where its "
+        "prior has less than one chance in 10 000; the result is a truce: widen the prior, or check units and signs"
+        for parameter, value, z in zip(posterior.parameters, mode.values, mode.z, strict=True)
+        if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
+    ]
+
+
+def _lost_region(posterior: Posterior) -> list[str]:
+    """Where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
+    z = np.asarray(posterior.sample_prior(jax.random.key(0), AT_ONCE))
+    lost = ~np.isfinite(evaluate(posterior, z))
+    if not SOME < lost.mean() < 1.0:
+        return []
+    values = np.asarray(posterior.constrain(z))
+    example = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.names, values[lost][0], strict=True))
+    return [
+        f"the model cannot be simulated in {lost.mean():.0%} of the prior, for example at {example}{_where(posterior, values, lost)}; "
+        "such values count as impossible: narrow the prior if that is not meant"
+    ]
+
+
+def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np.ndarray, " n"]) -> str:
+    """The parameter that best sets apart what is lost, if one does: its chance to be the larger in a pair, one lost, one not."""
+    ranks = rankdata(values, axis=0)
+    apart = (ranks[lost].mean(0) - ranks[~lost].mean(0)) / lost.size
+    worst = int(np.argmax(np.abs(apart)))
+    if abs(apart[worst]) < APART:
+        return ""
+    parameter, column, above = posterior.parameters[worst], values[lost, worst], apart[worst] > 0
+    edge = np.quantile(column, 0.05 if above else 0.95)
+    return f", nearly always with {parameter.name} {'above' if above else 'below'} {edge:.4g} {parameter.unit}"
+
+
+def _scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, np.ndarray, float]:
+    """Map to the scale on which widths are measured, its inverse, the bounds on it and the width; scales are logarithmic."""
     there, back = (np.log, np.exp) if isinstance(parameter.prior, LogUniform) else (np.asarray, np.asarray)
-    return there, back, there(np.asarray(parameter.prior.bounds, float))
+    bounds = there(np.asarray(parameter.prior.bounds, float))
+    width = bounds[1] - bounds[0]
+    return there, back, bounds, float(width if np.isfinite(width) else sqrt(12.0) * parameter.prior.sd)
 
 
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:
-    """Bounds near which the mode lies, each with a point a tenth of the width beyond it."""
-    there, back, bounds = _scaled_bounds(parameter)
-    width = bounds[1] - bounds[0]
-    if not np.isfinite(width):
-        return []
+    """Bounds near which the mode lies, each with a point a tenth of the width beyond it; sizes have no point below 0."""
+    there, back, bounds, width = _scaled_bounds(parameter)
     near = [(at, sign) for at, sign in zip(bounds, (-1.0, 1.0), strict=True) if abs(there(value) - at) <= EDGE * width]
     pairs = [(float(back(at)), float(back(at + sign * 0.1 * width))) for at, sign in near]
-    return [(bound, beyond) for bound, beyond in pairs if not (parameter.prior.bounds[0] >= 0 >= beyond)]
+    size = parameter.prior.bounds[0] >= 0 and not is_coefficient(parameter.name)
+    return [(bound, beyond) for bound, beyond in pairs if not (size and beyond <= 0)]
 
 
 def _leaning(parameter: Parameter, draws: Float[np.ndarray, " n"]) -> list[tuple[float, float]]:
-    """Bounds against which much of the posterior lies, each with that share."""
-    there, back, bounds = _scaled_bounds(parameter)
-    width = bounds[1] - bounds[0]
-    if not np.isfinite(width):
+    """Bounds of a box against which much of the posterior lies, nearer than its own spread, each with that share."""
+    there, back, bounds, width = _scaled_bounds(parameter)
+    if not np.isfinite(bounds).all():
         return []
-    shares = [(float(back(at)), float(np.mean(np.abs(there(draws) - at) <= EDGE * width))) for at in bounds]
-    return [(bound, share) for bound, share in shares if share > LEANING]
+    off = [(float(back(at)), np.abs(there(draws) - at)) for at in bounds]
+    near = min(EDGE * width, float(np.std(there(draws))))
+    return [(bound, float(np.mean(x <= EDGE * width))) for bound, x in off if np.mean(x <= near) > LEANING]
 
 
 def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: int, beyond: float) -> float:

@@ -61,13 +61,19 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     densities = evaluate(posterior, candidates)
     if not np.isfinite(densities).any():
         raise NumericalError(
-            f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges. "
-            "Narrow the prior to damping that dissipates (negative coefficients), or check units."
+            f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
+            f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     found: list[tuple[np.ndarray, float]] = []
+    lost = None
     for i in np.argsort(-densities)[:tries]:
         if np.isfinite(densities[i]) and not any(_rises(posterior, candidates[i], z) for z, _ in found):
-            found.append(_climb(posterior, candidates[i]))
+            try:
+                found.append(_climb(posterior, candidates[i]))
+            except NumericalError as error:
+                lost = error
+    if lost is not None and not found:
+        raise lost
     z, log_density = max(found, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
@@ -90,7 +96,8 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
 def _rises(posterior: Posterior, start: np.ndarray, end: np.ndarray) -> bool:
     """Whether the density never falls on the straight way, looked at in as many places as are computed at once."""
     way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
-    return bool((np.diff(evaluate(posterior, start + way * (end - start))) > 0).all())
+    height = evaluate(posterior, start + way * (end - start))
+    return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())
 
 
 class _Expansion(NamedTuple):
@@ -134,7 +141,7 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
     def derivative(z: np.ndarray, order: str) -> np.ndarray:
         values = -np.asarray(getattr(expand(tuple(z)), order))
         if not np.isfinite(values).all():
-            at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.names, posterior.constrain(z), strict=True))
+            at = _point(posterior, z)
             raise NumericalError(f"the log-likelihood has no finite derivative at {at}; narrow the priors around there")
         return values
 
@@ -147,6 +154,12 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
         options={"gtol": 1e-6, "maxiter": 300},
     )
     return result.x, -float(result.fun)
+
+
+def _point(posterior: Posterior, z: np.ndarray) -> str:
+    """Values of the parameters there, in words."""
+    values = np.asarray(posterior.constrain(jnp.asarray(z)))
+    return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.names, values, strict=True))
 
 
 def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:

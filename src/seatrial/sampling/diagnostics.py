@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 MAX_R_HAT = 1.01
 MIN_ESS = 400.0
@@ -53,24 +53,28 @@ def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float
 
 
 def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
-    """What is wrong, in words, one sentence for each parameter at fault; empty where the chains are healthy."""
+    """What is wrong, in words, one sentence for each kind of fault with the parameters that have it; empty where chains are healthy."""
+    effective = np.minimum(health.ess_bulk, health.ess_tail)
+    still = ~np.isfinite(health.r_hat)
+    apart = ~still & (health.r_hat > MAX_R_HAT)
+    few = ~still & ~apart & (effective < MIN_ESS)
     said = []
-    for i, name in enumerate(names):
-        if not np.isfinite(health.r_hat[i]):
-            said.append(
-                f"the chains of {name} never moved: the proposal is far too wide or the density is flat or broken; "
-                "check the prior and the data"
-            )
-        elif health.r_hat[i] > MAX_R_HAT:
-            said.append(
-                f"the chains disagree about {name} (R-hat {health.r_hat[i]:.3f}, at most {MAX_R_HAT}): run longer, "
-                "or look for two separate explanations of the data"
-            )
-        elif min(health.ess_bulk[i], health.ess_tail[i]) < MIN_ESS:
-            said.append(
-                f"too few independent draws of {name} ({min(health.ess_bulk[i], health.ess_tail[i]):.0f} effective, at least "
-                f"{MIN_ESS:.0f}): ask for more draws"
-            )
+    if still.any():
+        said.append(
+            f"the chains of {_listed(names, still)} never moved: the proposal is far too wide or the density is flat or broken; "
+            "check the prior and the data"
+        )
+    if apart.any():
+        said.append(
+            f"the chains disagree about {_listed(names, apart)} (R-hat {health.r_hat[apart].max():.3f}, at most {MAX_R_HAT}): run "
+            "longer, warm-up and draws twice as many; if they still disagree, look for two separate explanations of the data"
+        )
+    if few.any():
+        least = float(effective[few].min())
+        said.append(
+            f"too few independent draws of {_listed(names, few)} ({least:.0f} effective, at least {MIN_ESS:.0f}): ask for more "
+            f"draws, {_times(MIN_ESS / max(least, 1.0))} as many"
+        )
     return said
 
 
@@ -93,3 +97,13 @@ def variance_of_mean(x: np.ndarray) -> float:
         if criterion < best[0]:
             best = (criterion, variance / (1 - coefficients.sum()) ** 2)
     return float(best[1]) / n
+
+
+def _listed(names: tuple[str, ...], which: Bool[np.ndarray, " d"]) -> str:
+    chosen = [name for name, yes in zip(names, which, strict=True) if yes]
+    return " and ".join([", ".join(chosen[:-1]), chosen[-1]] if len(chosen) > 1 else chosen)
+
+
+def _times(ratio: float) -> str:
+    """A factor in words, rounded up."""
+    return "twice" if ratio <= 2 else f"{int(np.ceil(ratio))} times"

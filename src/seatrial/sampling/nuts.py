@@ -3,7 +3,7 @@
     for each iteration t
         momentum r ~ N(0, M);  z' drawn along the path of z, r under exp(-H), doubled until it turns back
         while warming up
-            log step <- dual averaging of (0.8 - mean acceptance)
+            log step <- dual averaging of (0.8 - harmonic mean of the chains' acceptances)
             in the slow windows: at each one's end, M^-1 <- covariance of the positions of all chains in it
 
 M^-1 begins as the covariance that is given, which whitens the density; step and M^-1 are learnt from all chains together
@@ -29,6 +29,8 @@ from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, begin, keep,
 from seatrial.sampling.target import Target
 
 TARGET_ACCEPTANCE = 0.8
+STUCK = 0.05
+"""Acceptance below which a chain counts as one of this, so that it does not outweigh all others."""
 MAX_DOUBLINGS = 8
 """A path has at most 2^8 - 1 steps."""
 PRIOR_WEIGHT = 20
@@ -141,9 +143,14 @@ def _block(target: Target, state: NutsState, key: jax.Array, start: int, phase: 
             divergences=state.divergences + jnp.where(phase.warming, 0, jnp.sum(info.is_divergent)),
             steps=state.steps + jnp.sum(info.num_integration_steps),
         )
-        return _adapt(state, acceptance, phase), (at.position, at.logdensity, acceptance)
+        return _adapt(state, _least(info.acceptance_rate), phase), (at.position, at.logdensity, acceptance)
 
     return jax.lax.scan(iterate, state, (start + jnp.arange(BLOCK), phase))
+
+
+def _least(acceptance: Float[Array, " chains"]) -> Array:
+    """Harmonic mean over the chains: one that is stuck in a narrow neck asks for shorter steps, however well the others fare."""
+    return 1.0 / jnp.mean(1.0 / jnp.maximum(jnp.nan_to_num(acceptance), STUCK))
 
 
 def _adapt(state: NutsState, acceptance: Array, phase: _Phase) -> NutsState:

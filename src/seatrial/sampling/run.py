@@ -122,7 +122,7 @@ def complaints_of_draws(draws: Draws) -> list[str]:
         which = ", ".join(str(i + 1) for i in still[:5]) + (", ..." if still.size > 5 else "")
         said.append(
             f"{still.size} of {chains} chains never moved in {kept} draws (chain {which}): they started where the density "
-            "is broken or the proposal is far too wide; start them nearer the mode, or warm up longer"
+            "is broken or the proposal is far too wide; warm up longer, or use another sampler"
         )
     if draws.divergences:
         said.append(

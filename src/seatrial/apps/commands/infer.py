@@ -155,7 +155,7 @@ def _by_chains(campaign: Any, watch: Any) -> Exit:
         typer.echo("\n".join(known.lines()))
         told += known.verdict
     return finish(
-        [text for item in estimates for text in item.alarms],
+        [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms],
         [text for text in estimates[0].cautions if text not in told],
     )
 

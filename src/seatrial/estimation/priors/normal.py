@@ -65,12 +65,13 @@ class LogNormal:
     @property
     def mean(self) -> float:
         """See `Prior.mean`."""
-        return self.median * exp(0.5 * log(self.factor) ** 2)
+        return self.median * _exp(0.5 * log(self.factor) ** 2)
 
     @property
     def sd(self) -> float:
         """See `Prior.sd`."""
-        return abs(self.mean) * sqrt(expm1(log(self.factor) ** 2))
+        square = log(self.factor) ** 2
+        return abs(self.median) * _exp(square) * sqrt(-expm1(-square))
 
     def constrain(self, z: Any) -> Any:
         """See `Prior.constrain`."""
@@ -95,3 +96,8 @@ class LogNormal:
     @property
     def _slope(self) -> Any:
         return jnp.sign(self.median) * jnp.log(self.factor)
+
+
+def _exp(x: float) -> float:
+    """Exponential, infinite where double precision ends."""
+    return exp(x) if x < 709.0 else inf

@@ -1,0 +1,200 @@
+"""Inference that cannot be trusted or made: what is said names the place, what was found and what to do."""
+
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.apps.cli import Exit, main
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.problem import build_posterior
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation import mode as mode_module
+from seatrial.estimation.checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.priors import LogNormal, Normal, Uniform, half_normal
+from seatrial.sampling.diagnostics import ChainHealth, complaints
+from tests.campaign.small import write_small
+from tests.campaign.test_nuisances import ESTIMATION, SENSOR, campaign, records
+from tests.estimation_cases import posterior
+
+KEY = jax.random.key(0)
+XU = '[prior.X_u]\ndistribution = "uniform"\nlower = -3.6\nupper = 1.2'
+UNUSABLE = {
+    "lower = -1e308\nupper = 1e308": "a standard deviation of inf kg/s",
+    "lower = -1e200\nupper = 0.0": "a standard deviation of 2.89e+199 kg/s",
+    "lower = -3.0\nupper = -2.9999999999999996": "it leaves nothing to estimate",
+}
+UNGIVEN = {
+    "bias_u": ('bias = "shared"', "", "sensors.u.bias"),
+    "lag_u": ("lag = true", "", "sensors.u.lag"),
+    "tau_u": ('residuals = "coloured"', "", "coloured"),
+    "current": ("", 'current = "own"', "estimation.current"),
+    "process_u": ("", 'likelihood = "filter-error"', "filter-error"),
+    "spread_X_uabsu": ("", 'varying = ["X_uabsu"]', "estimation.varying"),
+}
+
+
+@pytest.mark.parametrize("numbers", UNUSABLE)
+def test_a_prior_that_cannot_be_computed_with_is_refused(tmp_path, numbers):
+    loaded = load_campaign(write_small(tmp_path, (XU, f'[prior.X_u]\ndistribution = "uniform"\n{numbers}')))
+    with pytest.raises(InputError) as caught:
+        build_posterior(loaded, loaded.structures[0], records())
+    assert caught.value.where.endswith("campaign.toml, key prior.X_u")
+    assert UNUSABLE[numbers] in caught.value.found
+
+
+def test_a_factor_beyond_double_precision_is_refused(tmp_path):
+    text = '[prior.X_u]\ndistribution = "log-normal"\nmedian = -3.0\nfactor = 1e20'
+    loaded = load_campaign(write_small(tmp_path, (XU, text)))
+    with pytest.raises(InputError, match="a standard deviation of inf"):
+        build_posterior(loaded, loaded.structures[0], records())
+
+
+@pytest.mark.parametrize("name", UNGIVEN)
+def test_a_prior_that_is_missing_says_why_it_is_needed_and_gives_one(tmp_path, name):
+    sensor, estimation, because = UNGIVEN[name]
+    folder = write_small(tmp_path, (SENSOR, f"{SENSOR}\n{sensor}"), (ESTIMATION, f"{ESTIMATION}{estimation}\n"))
+    with pytest.raises(InputError) as caught:
+        load_campaign(folder)
+    assert caught.value.where.endswith(f"key prior.{name}")
+    assert because in caught.value.found
+    assert f"add [prior.{name}] with, for example, distribution = " in caught.value.remedy
+
+
+def test_a_spread_between_trials_needs_two(tmp_path):
+    loaded = load_campaign(campaign(tmp_path, "", 'varying = ["X_uabsu"]'))
+    with pytest.raises(InputError, match=r"(?s)estimation\.varying.*one trial, \"a\".*remove `varying`"):
+        build_posterior(loaded, loaded.structures[0], records()[:1])
+
+
+def test_a_sensor_that_a_likelihood_cannot_use_is_refused_with_the_file(tmp_path):
+    loaded = load_campaign(campaign(tmp_path, 'residuals = "heavy"', 'likelihood = "filter-error"'))
+    with pytest.raises(InputError, match=r"campaign\.toml: filter error, sensor u"):
+        build_posterior(loaded, loaded.structures[0], records())
+
+
+def quadratic(values, data):
+    """Normal likelihood that is NaN beyond an edge of the first parameter; all tests share what is compiled."""
+    centre, sd, edge = data
+    x = jnp.stack(list(values.values()))
+    return jnp.where(x[0] > edge, jnp.nan, -0.5 * jnp.sum(((x - centre) / sd) ** 2))
+
+
+def fitted(prior, centre, sd=0.1, edge=1e9, name="X_u"):
+    data = tuple(jnp.asarray(x, float) for x in ([centre, 0.2], sd, edge))
+    target = posterior({name: prior, "b": Uniform(-1.0, 1.0)}, quadratic, data)
+    return target, find_mode(target, KEY)
+
+
+def cautions(target, mode):
+    draws = mode.values + mode.sd * np.random.default_rng(0).normal(size=(4000, 2))
+    return information_complaints(target, mode, draws)
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [Uniform(0.0, 1.0), half_normal(1.0, lower=0.0), pytest.param(LogNormal(1.0, 2.0), marks=pytest.mark.thorough)],
+    ids=lambda prior: type(prior).__name__,
+)
+def test_data_on_the_other_side_of_a_bound(prior):
+    """A coefficient may be negative, whatever its prior says."""
+    with pytest.raises(InputError, match="the data push X_u against its bound 0"):
+        check_prior_contains_data(*fitted(prior, -1.0), "trial.toml")
+
+
+def test_a_size_may_be_next_to_nothing_but_not_negative():
+    check_prior_contains_data(*fitted(Uniform(0.0, 1.0), -1.0, name="sigma_u"), "trial.toml")
+
+
+def test_noise_against_its_upper_bound_points_to_the_channel():
+    with pytest.raises(InputError, match=r'the model misses u by more.*residuals = "heavy"'):
+        check_prior_contains_data(*fitted(Uniform(0.0, 1.0), 2.0, name="sigma_u"), "trial.toml")
+
+
+def test_a_lag_against_its_lower_bound_is_none():
+    with pytest.raises(InputError, match=r"set sensors\.u\.lag = false and remove this prior"):
+        check_prior_contains_data(*fitted(Uniform(1.0, 2.0), 0.2, sd=0.05, name="lag_u"), "trial.toml")
+
+
+def test_prior_and_data_that_contradict_each_other():
+    (said,) = cautions(*fitted(Normal(0.0, 1.0), 9.0, sd=0.5))
+    assert said.startswith("prior and data contradict each other about X_u: the data pull it to 7.2 1, where its prior")
+    assert cautions(*fitted(Normal(0.0, 1.0), 2.0)) == []
+
+
+def test_a_sharp_posterior_near_the_end_of_a_wide_box_does_not_lean_on_it():
+    assert cautions(*fitted(Uniform(-20.0, 2000.0), -3.0)) == []
+
+
+def test_where_the_likelihood_is_nan_is_said_with_the_parameters():
+    """A quarter of the prior, beyond 0.5."""
+    target, mode = fitted(Uniform(-1.0, 1.0), -0.3, edge=0.5)
+    assert mode.values == pytest.approx([-0.3, 0.2], abs=0.01)
+    (said,) = cautions(target, mode)
+    share, parameters = said.removeprefix("the model cannot be simulated in ").split(" of the prior, for example at ")
+    assert float(share.rstrip("%")) == pytest.approx(25, abs=4 * 100 * np.sqrt(0.25 * 0.75 / 512))
+    assert 0.5 < float(parameters.split("X_u = ")[1].split(",")[0]) < 1.0
+    assert "nearly always with X_u above 0.5" in said
+
+
+def test_where_the_likelihood_is_nan_everywhere_a_point_is_given():
+    with pytest.raises(
+        NumericalError, match=r"none of 512 draws .* for example at X_u = -?0\.\d+, b = -?0\.\d+\. Narrow"
+    ):
+        fitted(Uniform(-1.0, 1.0), 0.0, edge=-2.0)
+
+
+def test_a_start_without_derivatives_does_not_lose_the_others(monkeypatch):
+    real, ways = mode_module._climb, []
+
+    def first_is_lost(target, start):
+        ways.append(start)
+        if len(ways) == 1:
+            raise NumericalError("no derivative at X_u = 0")
+        return real(target, start)
+
+    monkeypatch.setattr(mode_module, "_climb", first_is_lost)
+    assert fitted(Uniform(-1.0, 1.0), -0.3)[1].values == pytest.approx([-0.3, 0.2], abs=0.01)
+    assert len(ways) > 1
+
+
+def test_one_sentence_for_each_kind_of_fault():
+    column = dict.fromkeys(ChainHealth._fields, np.ones(5))
+    health = ChainHealth(
+        **column
+        | {
+            "r_hat": np.array([np.nan, 1.05, 1.2, 1.0, 1.0]),
+            "ess_bulk": np.array([1.0, 10, 10, 90, 500]),
+            "ess_tail": np.full(5, 150.0),
+        }
+    )
+    still, apart, few = complaints(tuple("abcde"), health)
+    assert still.startswith("the chains of a never moved")
+    assert apart.startswith(
+        "the chains disagree about b and c (R-hat 1.200, at most 1.01): run longer, warm-up and draws twice"
+    )
+    assert few.startswith(
+        "too few independent draws of d and e (90 effective, at least 400): ask for more draws, 5 times as many"
+    )
+
+
+@pytest.mark.thorough
+def test_chains_too_short_are_kept_and_alarm(monkeypatch, capsys, tmp_path):
+    """Two chains of a hundred draws: the result is there, the exit code says that it is not to be trusted."""
+    short = 'sampler = "adaptive-metropolis"\nchains = 2\nwarmup = 100\ndraws = 100'
+    write_small(
+        tmp_path,
+        ("chains = 16\nwarmup = 500\ndraws = 4000", short),
+        ('always = ["X_uabsu", "T_nabsn"]\noptional = ["X_u"]', 'always = ["X_uabsu", "T_nabsn", "X_u"]'),
+    )
+    monkeypatch.setattr(sys, "argv", ["seatrial", "estimate", str(tmp_path), "--quiet"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert ended.value.code == Exit.ALARMS
+    assert "alarm: " in said
+    assert "run longer" in said or "ask for more draws" in said
+    assert (tmp_path / "results" / "posterior" / "M-0.nc").is_file()
