@@ -52,7 +52,7 @@ T_nabsn = 6.28e-4
 [estimation]
 chains = 16
 warmup = 500
-draws = 4000
+draws = 1000
 
 [selection]
 particles = 256

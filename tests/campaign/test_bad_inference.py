@@ -187,7 +187,7 @@ def test_chains_too_short_are_kept_and_alarm(monkeypatch, capsys, tmp_path):
     short = 'sampler = "adaptive-metropolis"\nchains = 2\nwarmup = 100\ndraws = 100'
     write_small(
         tmp_path,
-        ("chains = 16\nwarmup = 500\ndraws = 4000", short),
+        ("chains = 16\nwarmup = 500\ndraws = 1000", short),
         ('always = ["X_uabsu", "T_nabsn"]\noptional = ["X_u"]', 'always = ["X_uabsu", "T_nabsn", "X_u"]'),
     )
     monkeypatch.setattr(sys, "argv", ["seatrial", "estimate", str(tmp_path), "--quiet"])

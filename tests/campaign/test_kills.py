@@ -47,7 +47,7 @@ def write_campaigns(folder: Path) -> Path:
             folder / name,
             ALONE,
             ('sample_time = "0.1 s"', 'sample_time = "0.25 s"'),
-            ("chains = 16\nwarmup = 500\ndraws = 4000", size),
+            ("chains = 16\nwarmup = 500\ndraws = 1000", size),
             ("particles = 256\nrepeats = 2", "particles = 256\nrepeats = 3"),
         )
     return folder

@@ -46,7 +46,7 @@ REFUSED = {
     "empty": ({"distribution": "truncated-normal", "mean": 9.0, "sd": 0.1, "upper": 0.0}, ["empty", "prior.X_u"]),
     "improper": (
         {"distribution": "truncated-normal", "mean": 0.0, "sd": 1.0, "lower": -inf},
-        ["finite", "no evidence", "leave the key out"],
+        ["finite", "would believe", "leave the key out"],
     ),
     "no spread": ({"distribution": "half-normal", "scale": 0.0, "lower": 0.0}, ["prior.X_u.scale", "more than 0"]),
     "no median": ({"distribution": "log-normal", "median": 0.0, "factor": 2.0}, ["prior.X_u.median", "sign"]),
