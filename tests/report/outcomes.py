@@ -7,11 +7,13 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.contenders import NEXT, Contenders, change_words, contending
 from seatrial.campaign.estimate import Estimate
 from seatrial.campaign.known import Direction, Known, KnownParameter
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.loop import Outcome
 from seatrial.campaign.predict import Fit
+from seatrial.campaign.screen import Screened
 from seatrial.campaign.trials import Trials
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
@@ -20,7 +22,7 @@ from seatrial.estimation.judgement import judge
 from seatrial.estimation.validation import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import select
+from seatrial.selection.verdict import Selection, select
 
 EVIL = "<script>alert(1)</script>"
 FITTED, HELD = ("1", '<b>$x_1$ & "y"'), "held_2"
@@ -115,7 +117,69 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         None,
         None,
         next_design,
+        make_screened(),
+        make_contenders(campaign, selection),
         summary,
+    )
+
+
+def make_screened(cautions: str = "") -> Screened:
+    """Two optional terms and one that is always there; one coefficient changes its sign along the prior's width."""
+    names, scale = ["X_u", "X_uabsu", "X_tau_X"], np.array([0.1, 0.3, 1.0, 3.0, 10.0])
+    member = np.array([[1, 1, 1], [1, 0, 1], [0, 1, 1], [0, 0, 1]], bool)
+    inclusion = np.stack([[0.9, 0.4, 1.0]] * scale.size) * np.linspace(1.0, 0.5, scale.size)[:, None]
+    inclusion[:, 2] = 1.0
+    zeros = np.zeros(3)
+    return Screened(
+        xr.Dataset(
+            {
+                "always": ("term", [False, False, True]),
+                "inclusion": ("term", inclusion[2]),
+                **dict.fromkeys(("within", "between", "fit", "fit_sd", "bias", "bias_error"), ("term", zeros)),
+                "mean": ("term", np.array([-0.5, -3.0, 0.015])),
+                "probability": ("model", np.array([0.6, 0.25, 0.1, 0.04])),
+                "member": (("model", "term"), member),
+                "inclusion_at": (("scale", "term"), inclusion),
+                "mean_at": (("scale", "term"), np.array([-0.5, -3.0, 0.015]) * np.linspace(-0.2, 1.0, 5)[:, None]),
+            },
+            coords={"term": names, "scale": scale},
+            attrs={"count": 4, "rows": cautions, "noise": "", "left_out": "", "r2": 0.9},
+        )
+    )
+
+
+def make_contenders(campaign: Campaign, selection: Selection, nats: float = 5.0) -> Contenders:
+    """Two structures whose speeds differ by a sine, and a grid whose last column breaks a limit."""
+    best, runner = contending(selection)
+    time, (amplitude, period) = np.arange(100) * 0.3, campaign.grid()
+    labels = [*FITTED, NEXT]
+    gap = np.concatenate([0.01 * (1 + i) * np.sin(time) for i in range(len(labels))])
+    told = nats * np.linspace(0.1, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
+    told[-1] = np.nan
+    return Contenders(
+        xr.Dataset(
+            {
+                "time": ("sample", np.tile(time, len(labels))),
+                "best": ("sample", 1.0 + gap),
+                "difference": ("sample", gap),
+                "lower": ("sample", gap - 0.004),
+                "upper": ("sample", gap + 0.004),
+                "which": ("sample", np.repeat(np.arange(len(labels)), time.size)),
+                "largest": ("manoeuvre", 0.01 * np.arange(1, 1 + len(labels))),
+                "rms": ("manoeuvre", 0.007 * np.arange(1, 1 + len(labels))),
+                "excitation": ("manoeuvre", [1.0, 2.0, 3.0]),
+                "nats": (("amplitude", "period"), told),
+            },
+            coords={"manoeuvre": labels, "amplitude": amplitude, "period": period},
+            attrs={
+                "best": best.label,
+                "runner_up": runner.label,
+                "change": change_words(best.terms, runner.terms),
+                "noise": 0.02,
+                "control": "tau_X",
+                "trim": 0.0,
+            },
+        )
     )
 
 

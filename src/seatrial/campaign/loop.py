@@ -8,12 +8,13 @@ import xarray as xr
 
 from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.contenders import Contenders, find_contenders
 from seatrial.campaign.designs import design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
 from seatrial.campaign.record_checks import record_cautions
-from seatrial.campaign.screen import with_shortlist
+from seatrial.campaign.screen import Screened, can_be_screened, screen_terms, with_shortlist
 from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
@@ -45,6 +46,8 @@ class Outcome:
         promised: what the best design would tell about those of the full one; None where the trial was imported.
         first: sweep from the priors; None where the trial was imported.
         next: sweep from the posterior of the chosen structure.
+        screened: every structure in closed form; None where that cannot be done.
+        contenders: the chosen structure beside the runner-up; None where there is one structure.
         summary: the machine-readable summary.
     """
 
@@ -60,6 +63,8 @@ class Outcome:
     promised: Known | None
     first: Sweep | None
     next: Sweep
+    screened: Screened | None
+    contenders: Contenders | None
     summary: dict[str, Any]
 
 
@@ -67,6 +72,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise."""
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
+    screened = screen_terms(campaign, trials, watch) if can_be_screened(campaign) else None
     campaign = with_shortlist(campaign, trials, watch)
     estimates = estimate_all(campaign, trials, watch)
     selection = select_structure(campaign, trials, watch)
@@ -92,6 +98,8 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
         promised,
         first,
         following,
+        screened,
+        find_contenders(campaign, selection, trials, watch),
         {},
     )
     summary = summarise(outcome)

@@ -7,12 +7,24 @@ from seatrial.campaign.store import Store
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
-from seatrial.report.sections import coefficients, designs, fits, known, method, models, posteriors, summary, traces
+from seatrial.report.sections import (
+    coefficients,
+    designs,
+    fits,
+    known,
+    method,
+    models,
+    posteriors,
+    summary,
+    terms,
+    traces,
+)
 
 SECTIONS = {
     "summary": summary.section,
     "coefficients": coefficients.section,
     "models": models.section,
+    "terms": terms.section,
     "trial": designs.trial_section,
     "fit": fits.section,
     "traces": traces.section,
@@ -25,7 +37,8 @@ SECTIONS = {
 CONTENTS = {
     "summary": "What the data say",
     "coefficients": "Coefficients",
-    "models": "Which terms",
+    "models": "Models",
+    "terms": "Which terms are real",
     "trial": "The trial",
     "fit": "Fit and residuals",
     "traces": "Filter traces",

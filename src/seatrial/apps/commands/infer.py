@@ -70,10 +70,12 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.choose import agreement_words, select_structure
+        from seatrial.campaign.contenders import find_contenders
         from seatrial.campaign.screen import can_be_screened, screen_terms, with_shortlist
         from seatrial.campaign.trials import get_trials
+        from seatrial.report.select_picture import write_select_picture
 
-        trials, cautions = get_trials(campaign, watch), []
+        trials, cautions, screened = get_trials(campaign, watch), [], None
         if can_be_screened(campaign):
             screened = screen_terms(campaign, trials, watch)
             typer.echo("\n".join(screened.lines()))
@@ -88,6 +90,11 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
             typer.echo(verdict)
+        contenders = find_contenders(campaign, selection, trials, watch)
+        if contenders is not None:
+            typer.echo("\n".join(contenders.lines(selection)))
+        if screened is not None or contenders is not None:
+            typer.echo(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
         return finish(list(selection.alarms), cautions)
 
     with_campaign(folder, quiet, work)

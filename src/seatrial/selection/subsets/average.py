@@ -34,6 +34,32 @@ class Averaged(NamedTuple):
     total: Float[np.ndarray, " n"]
 
 
+class MonteCarlo(NamedTuple):
+    """What is known of the errors of a posterior that was sampled, standard errors from the spread of the chains.
+
+    Attributes:
+        visits: structures that the chains stood at after warm-up, with repetition.
+        evaluated: number of different structures whose evidence was computed.
+        covered: estimated probability of these.
+        inclusion_error: of the inclusion probabilities, shape (d,).
+        renormalised: inclusion probabilities from the evidences of the structures evaluated, as if there were no others, shape (d,).
+        r_hat: of each term's presence, between halves of chains, shape (d,).
+        mean_error: of the averaged coefficients, shape (d,).
+        log_evidence_total_error: nats.
+        status: empty if the chains agree, else what is wrong in words.
+    """
+
+    visits: int
+    evaluated: int
+    covered: float
+    inclusion_error: Float[np.ndarray, " d"]
+    renormalised: Float[np.ndarray, " d"]
+    r_hat: Float[np.ndarray, " d"]
+    mean_error: Float[np.ndarray, " d"]
+    log_evidence_total_error: float
+    status: str
+
+
 @dataclass(frozen=True, eq=False)
 class SubsetPosterior:
     """Posterior over all structures of d terms.
@@ -52,6 +78,7 @@ class SubsetPosterior:
         mean: averaged coefficients, shape (d,).
         within: average of their covariances in each structure, shape (d, d).
         between: covariance of the structures' means, shape (d, d).
+        monte_carlo: errors, if the structures were sampled and not all visited.
     """
 
     names: tuple[str, ...]
@@ -67,6 +94,7 @@ class SubsetPosterior:
     mean: Float[np.ndarray, " d"]
     within: Float[np.ndarray, "d d"]
     between: Float[np.ndarray, "d d"]
+    monte_carlo: MonteCarlo | None = None
 
     @property
     def covered(self) -> float:
@@ -86,7 +114,7 @@ class SubsetPosterior:
         return evidence_of(self.stats, self.prior, self.numbers(rank))
 
     def median_model(self) -> tuple[str, ...]:
-        """Terms more probable than not; they keep any rules."""
+        """Terms more probable than not; they keep any rules, unless sampling errors push one across one half."""
         return tuple(name for name, p in zip(self.names, self.inclusion, strict=True) if p > 0.5)
 
     def coefficients(self) -> Averaged:

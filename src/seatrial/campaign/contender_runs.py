@@ -1,0 +1,253 @@
+"""Motions of two contending structures: by how much their speeds differ, and what evidence a trial is expected to bring.
+
+Where one structure makes the data, the other follows them as well as re-fitting allows. With the difference d of the predicted
+measurements and the sensitivities J of the structure that re-fits, both over the noise, the log Bayes factor is about
+|d - J J+ d|^2 / 2, J+ the pseudo-inverse: what no change of its parameters absorbs. Of nested structures the smaller one re-fits,
+since the larger can always follow it; of others either does, and the smaller number counts.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.estimate import Estimate
+from seatrial.campaign.prior_motion import speeds
+from seatrial.campaign.problem import build_likelihood
+from seatrial.campaign.trials import Trials
+from seatrial.core.errors import NumericalError
+from seatrial.design.sweep import Sweep, in_blocks
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.sensors import correlation_name, noise_name
+from seatrial.estimation.simulation import Simulator
+from seatrial.estimation.trial_data import TrialData
+
+DRAWS, POINTS = 100, 400
+"""Draws of each posterior behind a band, and points of a curve, at most."""
+BAND = (0.05, 0.95)
+DEPENDENT = 1e-9
+"""Share of a sensitivity that has to be its own for it to count beside the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedDifference:
+    """By how much the speed of the best structure exceeds the runner-up's in one manoeuvre, SI.
+
+    Attributes:
+        time: samples that are kept, shape (n,).
+        best: speed through the water of the best, posterior mean, shape (n,).
+        difference: excess at the posterior means, shape (n,).
+        lower: lower end of its 90 % band, both posteriors drawn independently, shape (n,).
+        upper: upper end, shape (n,).
+        largest: largest difference at any sample.
+        rms: its root mean square.
+    """
+
+    CURVES: ClassVar = ("time", "best", "difference", "lower", "upper")
+
+    time: Float[np.ndarray, " n"]
+    best: Float[np.ndarray, " n"]
+    difference: Float[np.ndarray, " n"]
+    lower: Float[np.ndarray, " n"]
+    upper: Float[np.ndarray, " n"]
+    largest: float
+    rms: float
+
+
+def compare_speeds(
+    campaign: Campaign,
+    best: Estimate,
+    runner: Estimate,
+    trials: Trials,
+    doublet: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
+) -> list[SpeedDifference]:
+    """Compare speeds over the inputs of each fitted record, and then over a doublet from trim.
+
+    Args:
+        campaign: configuration.
+        best: posterior of one structure.
+        runner: posterior of the other.
+        trials: records.
+        doublet: times, s, and control, SI.
+
+    Raises:
+        NumericalError: a structure runs away at its posterior mean.
+    """
+    pairs = zip(_speeds(campaign, best, trials, doublet), _speeds(campaign, runner, trials, doublet), strict=True)
+    return [_difference(time, a, b) for time, a, b in ((a[0], a[1], b[1]) for a, b in pairs)]
+
+
+def expected_nats(
+    campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep
+) -> Float[np.ndarray, "A P"]:
+    """Expected log Bayes factor between two structures for every design of a grid, NaN where it breaks a limit."""
+    a, b = set(best.structure.terms), set(runner.structure.terms)
+    pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
+    allowed = np.isfinite(sweep.gain)
+    rows, columns = np.nonzero(allowed)
+    time = sweep.family.time()
+    controls = np.asarray(
+        sweep.family.signal(sweep.amplitude[rows][:, None], sweep.period[columns][:, None], time[None, :])
+    )
+    nats = np.full(sweep.gain.shape, np.nan)
+    nats[allowed] = np.min(
+        [_nats(campaign, best, truth, other, trials, time, controls) for truth, other in pairs], axis=0
+    )
+    return nats
+
+
+def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"]) -> Float[Array, " n"]:
+    """What is left of a difference after least squares on sensitivities, those that say the same counted once.
+
+    By Gram and Schmidt, each column cleared twice of those before it: plain arithmetic, which many threads may run at once.
+    """
+    basis, rest = [], difference
+    for column in sensitivities.T:
+        size = jnp.linalg.norm(column)
+        left = column / jnp.where(size > 0, size, 1.0)
+        for _ in range(2):
+            for q in basis:
+                left = left - (q @ left) * q
+        size = jnp.linalg.norm(left)
+        q = jnp.where(size > DEPENDENT, left / jnp.where(size > 0, size, 1.0), 0.0)
+        rest = rest - (q @ rest) * q
+        basis.append(q)
+    return rest
+
+
+def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
+    """Standard deviation of a sensor's noise, SI: its posterior mean."""
+    return float(estimate.draws([noise_name(channel)]).mean())
+
+
+def _speeds(
+    campaign: Campaign, estimate: Estimate, trials: Trials, doublet: tuple[np.ndarray, np.ndarray]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
+    model, table = campaign.model(estimate.structure), estimate.draws()
+    draws = table[:: max(1, len(table) // DRAWS)][:DRAWS]
+    values = dict(zip(estimate.names, np.vstack([table.mean(axis=0), draws]).T, strict=True))
+    output, data = _output(campaign, estimate, trials)
+    apart, starts = jax.vmap(lambda one: (output.apart(one), output.starts(one, data)))(values)
+    here = [{**values, **{name: np.asarray(c)[:, i] for name, c in apart.items()}} for i in range(len(trials.fit))]
+    trim = np.tile(_trim(campaign, model.states), (1 + len(draws), 1))
+    runs = [
+        (one, np.asarray(starts)[:, i], record.time, np.column_stack([record.channel(name) for name in model.controls]))
+        for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
+    ]
+    found = []
+    for one, start, time, control in [*runs, (values, trim, doublet[0], doublet[1][:, None])]:
+        coefficients = {term.text: np.asarray(one[term.text]) for term in model.coefficients}
+        delay = np.asarray(one["delay"]) if campaign.has_delay else None
+        step = np.append(np.diff(time), 0.0)
+        speed, lost = speeds(model, coefficients, delay, start, control, step, range(time.size))
+        if lost[0]:
+            raise NumericalError(
+                f"{estimate.structure.label} runs away at its posterior mean, so that its speed cannot be compared: "
+                "look at its posterior in the report"
+            )
+        found.append((time, np.where(lost[:, None], np.nan, speed)))
+    return found
+
+
+def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> SpeedDifference:
+    excess, keep = best - runner, np.unique(np.linspace(0, time.size - 1, min(time.size, POINTS)).round().astype(int))
+    lower, upper = np.nanquantile(excess[1:, keep], BAND, axis=0)
+    mean = excess[0]
+    return SpeedDifference(
+        time[keep],
+        best[0, keep],
+        mean[keep],
+        lower,
+        upper,
+        float(np.abs(mean).max()),
+        float(np.sqrt((mean**2).mean())),
+    )
+
+
+def _nats(
+    campaign: Campaign,
+    best: Estimate,
+    truth: Estimate,
+    other: Estimate,
+    trials: Trials,
+    time: np.ndarray,
+    controls: np.ndarray,
+) -> np.ndarray:
+    """What each control, one a row, is expected to tell where `truth` makes the data and `other` re-fits."""
+    simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
+    step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
+    samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
+    noise = np.array([noise_of(campaign, best, channel) for channel in campaign.channels])
+    memory = [
+        _memory(best, channel, step * (at[1] - at[0])) for channel, at in zip(campaign.channels, samples, strict=True)
+    ]
+    start = _trim(campaign, campaign.model(best.structure).states)
+    run = _follow(*simulators, campaign.source.estimation.initial != "trim")
+    values = _of_new_trial(campaign, truth), _of_new_trial(campaign, other)
+    fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
+    return in_blocks(lambda control: (run(control, *fixed),), controls)[0]
+
+
+@lru_cache(maxsize=16)
+def _follow(truth: Simulator, other: Simulator, free_start: bool):
+    """Half the squared residual that is left when `other` follows `truth`, over a batch of controls."""
+
+    def one(
+        control, made_by: dict, known: dict, start: Array, step: Array, samples: tuple, noise: Array, memory: Array
+    ):
+        def white(outputs: Array) -> Array:
+            columns = [outputs[at, c] / noise[c] for c, at in enumerate(samples)]
+            later = [
+                (column[1:] - rho * column[:-1]) / jnp.sqrt(1.0 - rho * rho)
+                for column, rho in zip(columns, memory, strict=True)
+            ]
+            return jnp.concatenate(
+                [piece for column, rest in zip(columns, later, strict=True) for piece in (column[:1], rest)]
+            )
+
+        vector, back = ravel_pytree((known, start))
+
+        def follow(vector: Array) -> tuple[Array, Array]:
+            values, begin = back(vector)
+            shown = white(other.outputs(values, begin, (control,), step))
+            return shown, shown
+
+        sensitivities, shown = jax.jacfwd(follow, has_aux=True)(vector)
+        free = sensitivities if free_start else sensitivities[:, : vector.size - start.size]
+        rest = absorbed(white(truth.outputs(made_by, start, (control,), step)) - shown, free)
+        return 0.5 * (rest @ rest)
+
+    return jax.jit(jax.vmap(one, in_axes=(0, *(None,) * 7)))
+
+
+def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[OutputError, TrialData]:
+    likelihood, data = build_likelihood(campaign, campaign.model(estimate.structure), trials.fit)
+    return (likelihood.output if isinstance(likelihood, FilterError) else likelihood), data
+
+
+def _of_new_trial(campaign: Campaign, estimate: Estimate) -> Mapping[str, Array]:
+    """Posterior means of what all trials share; of what each has its own, the mean over the fitted ones."""
+    means = dict(zip(estimate.names, estimate.draws().mean(axis=0), strict=True))
+    shared = {name: value for name, value in means.items() if "[" not in name}
+    for name in campaign.own:
+        shared[name] = np.mean([value for own, value in means.items() if own.split("[")[0] == name])
+    return {name: jnp.asarray(value) for name, value in shared.items()}
+
+
+def _memory(estimate: Estimate, channel: str, gap: float) -> float:
+    """Correlation of one sample's noise with the next one's."""
+    name = correlation_name(channel)
+    return float(np.exp(-gap / estimate.draws([name]).mean())) if name in estimate.names else 0.0
+
+
+def _trim(campaign: Campaign, states: Sequence[str]) -> np.ndarray:
+    return np.array([campaign.hull.trim.get(state, 0.0) for state in states])

@@ -1,0 +1,273 @@
+"""Markov chains over structures, all in step, each with its matrix swept on the terms that are there.
+
+    sweep on p:  W_ij -= W_ip W_pj / W_pp,  W_pj /= |W_pp|,  W_pp <- -1 / W_pp     a second sweep undoes the first
+
+After sweeps on S the corner of W is 2 b_S, its last column the posterior means and its block S minus the inverse of A_S, and the
+product of pivots is |A_S| (Goodnight, The American Statistician 33, 1979). The settings of a few terms, the others as they are, need
+those rows only. One move draws from all 2^3 settings of three units at once (units: terms that rules keep together), which has
+adding, deleting and swapping in it and is never refused: Gibbs sampling in blocks. Which three is drawn without a look at the state,
+half the time among partners: alike regressors, or terms that share a rule.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt64
+
+from seatrial.selection.subsets.prior_mass import closure, rivals_of, wanted_by
+from seatrial.selection.subsets.problem import Problem
+from seatrial.selection.subsets.rules import Rules
+
+BLOCK = 3
+"""Units in a move."""
+REFRESH = 200
+"""Moves after which the matrices are made anew, so that rounding does not add up."""
+_ONE = np.uint64(1)
+
+
+class Units(NamedTuple):
+    """What moves: terms that rules keep together, or single terms. The last unit is nobody, for moves of fewer.
+
+    Attributes:
+        members: columns of each, -1 where there are no more, shape (u+1, m).
+        mask: structure of its terms, shape (u+1,).
+        partner: cumulative probabilities of a partner for each of the u units, shape (u, u+1).
+        with_wanted: structure of each and all that it wants, shape (u,).
+    """
+
+    members: Int[np.ndarray, "u1 m"]
+    mask: UInt64[np.ndarray, " u1"]
+    partner: Float[np.ndarray, "u u1"]
+    with_wanted: UInt64[np.ndarray, " u"]
+
+
+class Move(NamedTuple):
+    """What one move of all chains saw.
+
+    Attributes:
+        units: drawn, shape (chains, 3).
+        chance: probability that each is there given the rest, shape (chains, 3).
+        codes: structures it chose from, shape (8, chains).
+        scores: their log P(S) p(y | S), -inf where the rules forbid them, shape (8, chains).
+    """
+
+    units: Int[np.ndarray, "chains 3"]
+    chance: Float[np.ndarray, "chains 3"]
+    codes: UInt64[np.ndarray, "8 chains"]
+    scores: Float[np.ndarray, "8 chains"]
+
+
+class Chains:
+    """The state of the chains.
+
+    Attributes:
+        codes: where they are, bit i for term i, terms always there included, shape (chains,).
+        matrix: swept on the optional terms that are there, shape (chains, k+1, k+1).
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        units: Units,
+        free: list[int],
+        rules: "RuleArrays",
+        codes: UInt64[np.ndarray, " chains"],
+        random: np.random.Generator,
+    ):
+        """Start at allowed structures."""
+        self._problem, self._units, self._rules, self._random = problem, units, rules, random
+        self._free = np.asarray(free, np.uint64)
+        k = len(free)
+        self._log_pivots = None if problem.pivots is None else np.log(problem.pivots)
+        self._squares = np.zeros(k) if problem.squares is None else problem.squares
+        self._at = np.arange(codes.size)
+        self._first = units.mask & (~units.mask + _ONE)
+        self.codes = codes
+        self.refresh()
+
+    def present(self) -> Bool[np.ndarray, "chains k"]:
+        """Which optional terms are there."""
+        return (self.codes[:, None] >> self._free & _ONE).astype(bool)
+
+    def refresh(self) -> None:
+        """Make the matrices from scratch."""
+        base, there = self._problem.matrix, self.present()
+        self.matrix = np.repeat(base[None], self.codes.size, 0)
+        self._log_determinant = np.full(self.codes.size, np.log(self._problem.start))
+        for column in range(there.shape[1]):
+            self._sweep(np.flatnonzero(there[:, column]), column)
+
+    def move(self) -> Move:
+        """Let every chain make one move."""
+        units = self._pick()
+        columns = self._units.members[units].reshape(self.codes.size, -1)
+        codes, scores = self._settings(units, columns)
+        highest = scores.max(0)
+        weight = np.exp(scores - highest)
+        weight /= weight.sum(0)
+        chosen = (np.cumsum(weight, 0) < self._random.random(self.codes.size)).sum(0).clip(max=len(weight) - 1)
+        chance = ((codes[:, :, None] & self._first[units] != 0) * weight[:, :, None]).sum(0)
+        changed = self.codes ^ codes[chosen, self._at]
+        for slot in range(columns.shape[1]):
+            column = columns[:, slot]
+            flips = (column >= 0) & (changed >> self._free[column] & _ONE == _ONE)
+            # units drawn twice were made nobody, so that no column is swept twice
+            self._sweep(np.flatnonzero(flips), column[flips])
+        self.codes = self.codes ^ changed
+        return Move(units, chance, codes, scores)
+
+    def _pick(self) -> Int[np.ndarray, "chains 3"]:
+        """Three different units for each chain, or fewer and nobody."""
+        nobody = self._units.mask.size - 1
+        units = np.empty((self.codes.size, BLOCK), int)
+        units[:, 0] = self._random.integers(nobody, size=self.codes.size)
+        cumulative = self._units.partner[units[:, 0]]
+        for slot in range(1, BLOCK):
+            drawn = (cumulative < self._random.random((self.codes.size, 1))).sum(1).clip(max=nobody)
+            again = (units[:, :slot] == drawn[:, None]).any(1)
+            units[:, slot] = np.where(again, nobody, drawn)
+        return units
+
+    def _settings(self, units: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Structures and scores of all settings of some units, by sweeps on their own rows in the order of a Gray code."""
+        problem, n_members = self._problem, self._units.members.shape[1]
+        inner = np.concatenate([columns, np.full((columns.shape[0], 1), problem.matrix.shape[0] - 1)], 1).T
+        small = self.matrix[self._at, inner[:, None], inner[None, :]]  # chains last, so that arithmetic runs along them
+        if columns.min() < 0:
+            real = inner >= 0
+            small = np.where(real[:, None] & real[None, :], small, np.eye(len(inner))[:, :, None])
+        squares = np.where(columns >= 0, self._squares[columns], 0.0).T
+        pivots = None if self._log_pivots is None else np.where(columns >= 0, self._log_pivots[columns], 0.0).T
+        masks = self._units.mask[units]
+        codes, corners, determinants = [self.codes], [small[-1, -1].copy()], [self._log_determinant]
+        for setting in range(1, 2**BLOCK):
+            unit = (setting & -setting).bit_length() - 1
+            determinant = determinants[-1]
+            for slot in range(unit * n_members, (unit + 1) * n_members):
+                determinant = determinant + _sweep_all(small, slot, None if pivots is None else pivots[slot])
+                small[-1, -1] += np.where(small[slot, slot] < 0, squares[slot], -squares[slot])
+            codes.append(codes[-1] ^ masks[:, unit])
+            corners.append(small[-1, -1].copy())
+            determinants.append(determinant)
+        scores = problem.constant - problem.shape * np.log(np.array(corners)) - 0.5 * np.array(determinants)
+        found = np.array(codes)
+        return found, np.where(self._rules.allowed(found), scores, -np.inf)
+
+    def _sweep(self, which: np.ndarray, columns: np.ndarray | int) -> None:
+        """Sweep the matrices of some chains on one column each."""
+        if which.size:
+            part, columns = self.matrix[which], np.broadcast_to(columns, which.shape)
+            pivots = None if self._log_pivots is None else self._log_pivots[columns]
+            self._log_determinant[which] += _sweep(part, columns, pivots, self._squares[columns])
+            self.matrix[which] = part
+
+
+class RuleArrays:
+    """Rules as arrays, for many structures at once."""
+
+    def __init__(self, rules: Rules, n_terms: int):
+        """Keep the terms that want others, and the sets of rivals."""
+        wants = wanted_by(rules, n_terms)
+        self._term = np.array([i for i in range(n_terms) if wants[i]], np.uint64)
+        self._wanted = np.array([mask for mask in wants if mask], np.uint64)
+        self._rivals = np.array(rules.exclusive, np.uint64)
+
+    def allowed(self, codes: UInt64[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+        """Whether each structure keeps the rules."""
+        if not self._term.size and not self._rivals.size:
+            return np.ones(codes.shape, bool)
+        codes = codes[..., None]
+        kept = ((codes >> self._term & _ONE == 0) | (~codes & self._wanted == 0)).all(-1)
+        return kept & (np.bitwise_count(codes & self._rivals) <= 1).all(-1)
+
+
+def make_units(rules: Rules, free: list[int], problem: Problem, n_terms: int) -> Units:
+    """Put together what the rules keep together, and say who is whose partner."""
+    wants, rivals = wanted_by(rules, n_terms), rivals_of(rules, n_terms)
+    closed = [closure(wants, 1 << i) for i in range(n_terms)]
+    together = {i: tuple(j for j in free if closed[i] >> j & 1 and closed[j] >> i & 1) for i in free}
+    groups = list(dict.fromkeys(together.values()))
+    longest = max(map(len, groups))
+    place = {term: column for column, term in enumerate(free)}
+    members = np.full((len(groups) + 1, longest), -1)
+    for u, group in enumerate(groups):
+        members[u, : len(group)] = [place[term] for term in group]
+    mask = [sum(1 << i for i in group) for group in groups]
+    whole = [closure(wants, one) for one in mask]
+    shared = np.array(
+        [[bool(whole[u] & mask[v] or whole[v] & mask[u]) for v in range(len(mask))] for u in range(len(mask))]
+    )
+    shared |= np.array([[any(rivals[i] & other for i in group) for other in mask] for group in groups])
+    return Units(
+        members,
+        np.array([*mask, 0], np.uint64),
+        _partners(_alike(problem, members[:-1]), shared),
+        np.array(whole, np.uint64),
+    )
+
+
+def some_starts(
+    units: Units, certain: int, rules: RuleArrays, chains: int, random: np.random.Generator
+) -> UInt64[np.ndarray, " chains"]:
+    """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between."""
+    starts = np.full(chains, certain, np.uint64)
+    share = np.linspace(0.0, 1.0, chains)
+    for u in random.permutation(units.with_wanted.size):
+        bigger = starts | units.with_wanted[u]
+        take = rules.allowed(bigger) & (random.random(chains) < share)
+        starts = np.where(take, bigger, starts)
+    return starts
+
+
+def _alike(problem: Problem, members: np.ndarray) -> Float[np.ndarray, "u u"]:
+    """Squared cosines between regressors, the largest between the members of each two units."""
+    diagonal = np.diag(problem.matrix)[:-1]
+    square = problem.matrix[:-1, :-1] ** 2 / np.outer(diagonal, diagonal)
+    padded = np.pad(square, ((0, 1), (0, 1)))[members[:, None, :, None], members[None, :, None, :]]
+    return padded.max((2, 3))
+
+
+def _partners(alike: Float[np.ndarray, "u u"], shared: Bool[np.ndarray, "u u"]) -> Float[np.ndarray, "u u1"]:
+    """Cumulative probabilities: half of the draws any unit alike, half by resemblance and rules."""
+    count = alike.shape[0]
+    if count == 1:
+        return np.array([[0.0, 1.0]])
+    others = 1.0 - np.eye(count)
+    kinship = np.maximum(alike, shared) * others + 1e-9 * others
+    chance = 0.5 * others / (count - 1) + 0.5 * kinship / kinship.sum(1, keepdims=True)
+    return np.cumsum(np.pad(chance, ((0, 0), (0, 1))), 1)
+
+
+def _sweep(
+    matrix: Float[np.ndarray, "n q q"],
+    columns: np.ndarray | int,
+    log_pivots: Float[np.ndarray, " n"] | None,
+    squares: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Sweep each matrix in place on its column, and say what that adds to the log determinant."""
+    at = np.arange(matrix.shape[0])
+    row = matrix[at, columns]
+    pivot = row[at, columns]
+    matrix -= row[:, :, None] * (row / pivot[:, None])[:, None, :]
+    row = row / np.abs(pivot)[:, None]
+    row[at, columns] = -1 / pivot
+    matrix[at, columns] = row
+    matrix[at, :, columns] = row
+    sign = np.sign(pivot)
+    matrix[:, -1, -1] += sign * squares
+    return np.log(np.abs(pivot)) if log_pivots is None else sign * log_pivots
+
+
+def _sweep_all(
+    matrix: Float[np.ndarray, "q q n"], column: int, log_pivots: Float[np.ndarray, " n"] | None
+) -> Float[np.ndarray, " n"]:
+    """The same for one column of all matrices, which come last here; what terms add to the corner is left to the caller."""
+    row = matrix[column].copy()
+    pivot = row[column].copy()
+    size = np.abs(pivot)
+    matrix -= row[:, None] * (row / pivot)
+    row /= size
+    row[column] = -1 / pivot
+    matrix[column] = row
+    matrix[:, column] = row
+    return np.log(size) if log_pivots is None else np.where(pivot > 0, log_pivots, -log_pivots)

@@ -1,0 +1,86 @@
+"""The figures of a selection: bars beside each other, widths that are probabilities, names that do not meet, and their picture."""
+
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from seatrial.report.figures.contenders import Gap, speed_gaps
+from seatrial.report.figures.inclusion import inclusion_bars
+from seatrial.report.figures.model_space import model_space
+from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
+from seatrial.report.sections.terms import section
+from seatrial.report.select_picture import write_select_picture
+from seatrial.report.svg import draw_svg
+from seatrial.report.term_figures import term_figures
+from tests.report.outcomes import EVIL, make_outcome, make_screened
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    return make_outcome(tmp_path_factory.mktemp("terms"))
+
+
+def labels_of(axes) -> list[str]:
+    artists = (*axes.patches, *axes.lines, *axes.collections, *axes.containers)
+    return [str(artist.get_label()) for artist in artists]
+
+
+def test_closed_form_stands_beside_simulation_where_both_exist():
+    (axes,) = inclusion_bars(["$a$", "$b$"], [0.9, 0.2], [0.97, np.nan], [0.01, np.nan]).axes
+    assert {"closed form", "simulation"} <= set(labels_of(axes))
+    assert [text.get_text() for text in axes.texts] == ["0.90", "0.20", "0.97", "0.05", "0.95"]
+    (axes,) = inclusion_bars(["$a$"], [0.9], [np.nan]).axes
+    assert "simulation" not in labels_of(axes)
+
+
+def test_columns_are_as_wide_as_their_structures_are_probable():
+    member = np.array([[True, True], [True, False]])
+    (axes,) = model_space(["$a$", "$b$"], member, np.array([0.6, 0.3]), np.array([1.0, -1.0])).axes
+    boxes = {item.get_label(): [path.vertices for path in item.get_paths()] for item in axes.collections[:2]}
+    assert [np.ptp(box[:, 0]) for box in boxes["positive"]] == pytest.approx([0.6, 0.3])
+    assert [np.ptp(box[:, 0]) for box in boxes["negative"]] == pytest.approx([0.6])
+    assert "not shown" in labels_of(axes)
+
+
+def test_names_at_the_edge_do_not_meet_and_paths_have_their_units():
+    scale, inclusion = np.array([0.1, 1.0, 10.0]), np.full((3, 9), 0.99)
+    (axes,) = inclusion_paths([f"$x_{i}$" for i in range(9)], scale, inclusion).axes
+    places = sorted(text.xyann[1] for text in axes.texts)
+    assert np.diff(places).min() > 0.07
+    assert places[-1] <= 1.0
+    figure = coefficient_paths(scale, [CoefficientPath("$a$", "kg/m", np.array([0.0, 1e-5, 2e-5]))] * 2)
+    assert figure.axes[0].get_ylabel() == "$a$\n[10⁻⁵ kg/m]"
+    assert draw_svg(coefficient_paths(scale, [CoefficientPath("$a$", "1", np.zeros(3))]))
+
+
+def test_a_gap_is_shown_with_its_band_and_with_noise_that_is_near():
+    time = np.arange(9.0)
+    gap = Gap("Run $1", time, 0.01 * time, 0.01 * time - 0.01, 0.01 * time + 0.01)
+    figure = speed_gaps([gap, gap], 0.05)
+    assert {"90 % band of both posteriors", "posterior means", "noise of the sensor"} <= set(labels_of(figure.axes[0]))
+    assert "Run $1" in draw_svg(figure)
+    assert "noise of the sensor" not in labels_of(speed_gaps([gap], float("nan")).axes[0])
+
+
+def test_the_picture_is_one_file_that_stands_alone(outcome):
+    path = write_select_picture(outcome.campaign, outcome.selection, outcome.screened, outcome.contenders)
+    text = path.read_text()
+    root = ElementTree.fromstring(text)
+    assert path.name == "select.svg"
+    assert len(root.findall("{http://www.w3.org/2000/svg}svg")) == 5
+    assert EVIL not in text
+    assert "var(--" not in text
+    ids = [item.attrib["id"] for item in root.iter() if "id" in item.attrib]
+    assert len(ids) == len(set(ids))
+
+
+def test_the_section_says_what_was_left_out(outcome):
+    names = [item.name for item in term_figures(outcome.campaign, outcome.selection, None, outcome.contenders)]
+    assert names == ["contenders"]
+    without = section(replace(outcome, screened=None, contenders=None))
+    assert (without["findings"], without["screened"], without["figures"]) == ([], False, [])
+    cautious = section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))
+    assert cautious["findings"][-1]["kind"] == "caution"
+    assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in cautious["findings"][-1]["text"]

@@ -1,0 +1,162 @@
+"""Sampled posteriors over structures against the exact ones."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError
+from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.gram import gram
+from seatrial.selection.subsets.prior import GPrior, physical_prior
+from seatrial.selection.subsets.prior_mass import allowed_mass
+from seatrial.selection.subsets.rules import Rules
+from seatrial.selection.subsets.sampler import sample_subsets, subset_posterior
+from tests.selection.subsets.naive import NAMES, problem, some_prior
+
+RULES = Rules(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
+SHORT = {"chains": 32, "moves": 500}
+MANY = [f"t{i}" for i in range(64)]
+
+
+def agrees(found, exact, share_of_covered=1.0):
+    """Everything within 4.5 standard errors; what chains of this length hardly ever see shifts a mean by less than 0.02 sd."""
+    errors = found.monte_carlo
+    assert errors.status == ""
+    assert errors.covered > share_of_covered - 1e-3
+    off = np.abs(found.inclusion - exact.inclusion)
+    assert (off < 4.5 * errors.inclusion_error + 1e-5).all()
+    assert (np.abs(errors.renormalised - exact.inclusion) < 1 - errors.covered + 1e-3).all()
+    sd = exact.coefficients().total
+    assert (np.abs(found.mean - exact.mean) < 4.5 * errors.mean_error + 0.02 * sd).all()
+    often = exact.inclusion > 0.03
+    np.testing.assert_allclose(found.coefficients().total[often], sd[often], rtol=0.3)
+    assert np.abs(found.joint - exact.joint).max() < 0.04
+    off = found.log_evidence_total - exact.log_evidence_total
+    assert abs(off) < 4.5 * errors.log_evidence_total_error + 1e-3
+    assert found.count == exact.count
+    np.testing.assert_array_equal(found.structures[:10], exact.structures[:10])
+    np.testing.assert_allclose(found.log_evidence[:10], exact.log_evidence[:10], atol=1e-8)
+    np.testing.assert_allclose(
+        found.probability[:10], exact.probability[:10], rtol=4.5 * errors.log_evidence_total_error + 1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("prior", "options"),
+    [
+        (some_prior(10), {}),
+        (GPrior(40.0, 2.0, 0.7), {"always": ["c", "e"], "inclusion": 0.3}),
+        (some_prior(10, 0.3 / np.geomspace(0.1, 10, 10)), {"rules": RULES}),
+        (some_prior(10), {"rules": RULES, "always": ["f"], "inclusion": np.linspace(0.1, 0.8, 10)}),
+    ],
+    ids=["free", "g-prior", "rules", "rules, certain term, unequal odds"],
+)
+def test_against_all_structures(prior, options):
+    stats = problem(10)[2]
+    exact = all_subsets(stats, prior, NAMES[:10], **options)
+    found = sample_subsets(stats, prior, NAMES[:10], **options, **SHORT)
+    agrees(found, exact)
+    assert options.get("rules", Rules()).allowed(found.structures).all()
+
+
+def test_a_collinear_pair_is_swapped():
+    """One of two regressors of correlation 0.9998 is needed, and either does."""
+    random = np.random.default_rng(4)
+    phi = random.normal(size=(80, 11))
+    phi[:, 7] = phi[:, 2] + 0.02 * random.normal(size=80)
+    stats, prior = gram(phi, phi[:, 2] + random.normal(size=80)), physical_prior(np.ones(11), 1.0)
+    exact = all_subsets(stats, prior, NAMES[:11])
+    assert 0.2 < exact.inclusion[2] < 0.8
+    assert 0.2 < exact.inclusion[7] < 0.8
+    agrees(sample_subsets(stats, prior, NAMES[:11], **SHORT), exact)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("rules", [None, RULES])
+def test_twenty_terms_against_all_structures(rules):
+    stats = problem(20, n=60, strength=1.0)[2]
+    exact = all_subsets(stats, some_prior(20), NAMES[:20], rules=rules)
+    agrees(sample_subsets(stats, some_prior(20), NAMES[:20], rules=rules), exact, 0.95)
+
+
+@pytest.mark.thorough
+def test_stated_errors_are_the_spread_of_repeats():
+    """With all covered, the stated variance is s^2 of the chains plus the error e^2 itself: e^2 / (s^2 + e^2), e normal, has mean 0.344."""
+    stats, prior = problem(11)[2], some_prior(11)
+    exact = all_subsets(stats, prior, NAMES[:11]).inclusion
+    runs = [sample_subsets(stats, prior, NAMES[:11], seed=seed, chains=16, moves=400) for seed in range(8)]
+    score = np.array([(run.inclusion - exact) / run.monte_carlo.inclusion_error for run in runs])
+    assert 0.22 < np.mean(score**2) < 0.47
+
+
+def test_the_same_seed_gives_the_same_numbers():
+    stats, prior = problem(6)[2], some_prior(6)
+    one, two, other = (sample_subsets(stats, prior, NAMES[:6], seed=seed, chains=8, moves=400) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.joint, two.joint)
+    assert (one.joint != other.joint).any()
+
+
+def test_one_entry_point_counts_or_samples():
+    names, random = MANY[:28], np.random.default_rng(0)
+    phi = random.normal(size=(200, 28))
+    stats = gram(phi, phi[:, 3] - phi[:, 20] + random.normal(size=200))
+    prior = physical_prior(np.ones(28), 1.0)
+    options = {"seed": 3, "chains": 16, "moves": 600, "threads": 1, "inclusion": 0.02}
+    sampled = subset_posterior(stats, prior, names, **options)
+    assert sampled.monte_carlo is not None
+    assert sampled.count == 2**28
+    assert sampled.median_model() == sampled.terms(0) == ("t3", "t20")
+    exact = subset_posterior(stats, prior, names, always=names[:16], **options)
+    assert exact.monte_carlo is None
+    assert exact.count == 2**12
+
+
+def test_chains_that_stay_apart_are_reported():
+    """Two triples of terms make nearly the same response, and no move of three terms leads over without a valley."""
+    random = np.random.default_rng(1)
+    phi = random.normal(size=(400, 8))
+    mix = np.array([[1.0, 2.0, 1.0, -1.0], [2.0, -1.0, 1.0, 1.0], [1.0, 1.0, -2.0, 1.0], [-1.0, 1.0, 1.0, 2.0]])
+    phi[:, 4:] = phi[:, :4] @ mix + 0.001 * random.normal(size=(400, 4))
+    stats = gram(phi, phi[:, :4] @ np.ones(4) + 0.01 * random.normal(size=400))
+    rules = Rules(groups=(0b1111,), exclusive=tuple(1 << i | 1 << j for i, j in product(range(4), range(4, 8))))
+    found = sample_subsets(stats, physical_prior(np.ones(8), 0.01), NAMES[:8], rules=rules, chains=16, moves=400)
+    assert "the chains disagree about" in found.monte_carlo.status
+    assert found.monte_carlo.r_hat.max() > 1.4
+
+
+@pytest.mark.parametrize("sure", [[], [3], [4], [0, 6]])
+def test_mass_of_the_rules_against_enumeration(sure):
+    chance = np.linspace(0.1, 0.8, 9)
+    count, mass = allowed_mass(RULES, sure, chance.tolist())
+    there = np.array(list(product([0, 1], repeat=9)), bool)
+    kept = RULES.allowed(there @ (1 << np.arange(9))) & there[:, sure].all(1)
+    weight = np.where(there, chance, 1 - chance)
+    weight[:, sure] = 1.0
+    assert count == kept.sum()
+    assert mass == pytest.approx(weight[kept].prod(1).sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"always": ["z"]}, "terms of the library"),
+        ({"always": NAMES[:4]}, "no optional term"),
+        ({"inclusion": 1.0}, "between 0 and 1"),
+        ({"top": 0}, "best structures"),
+        ({"chains": 2}, "2 chains of"),
+        ({"moves": 100}, "100 moves"),
+        ({"rules": Rules(parents=(0b10000,))}, "term number 5"),
+        ({"rules": Rules(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
+        ({"rules": Rules(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
+    ],
+)
+def test_bad_question(options, said):
+    with pytest.raises(InputError, match=said):
+        sample_subsets(problem(4)[2], some_prior(4), NAMES[:4], **options)
+
+
+def test_too_many_terms():
+    phi = np.random.default_rng(0).normal(size=(100, 64))
+    with pytest.raises(InputError, match=r"64 terms(.|\n)*at most 63"):
+        subset_posterior(gram(phi, phi[:, 0]), physical_prior(np.ones(64), 1.0), MANY)
