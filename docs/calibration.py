@@ -141,7 +141,7 @@ def write_trials(folder: Path) -> None:
     time = np.arange(0.0, 30.0, 0.1)
     for label, period in (("1", 6.0), ("2", 10.0), ("3", 14.0)):
         n = 1194.0 + 200.0 * np.where(time % period < period / 2, 1.0, -1.0)
-        rows = [f"{t:.1f},1.54,{x:.0f}" for t, x in zip(time, n, strict=True)]
+        rows = [f"{t:.1f},{1.29 * x / 1000:.2f},{x:.0f}" for t, x in zip(time, n, strict=True)]
         write_text(folder / f"trial_{label}.csv", "\n".join(["t,u,n", *rows]) + "\n")
 
 

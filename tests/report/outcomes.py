@@ -143,7 +143,7 @@ def make_screened(cautions: str = "") -> Screened:
                 "mean_at": (("scale", "term"), np.array([-0.5, -3.0, 0.015]) * np.linspace(-0.2, 1.0, 5)[:, None]),
             },
             coords={"term": names, "scale": scale},
-            attrs={"count": 4, "rows": cautions, "noise": "", "left_out": "", "r2": 0.9},
+            attrs={"count": 4, "rows": cautions, "noise": "", "sampling": "", "left_out": "", "r2": 0.9},
         )
     )
 

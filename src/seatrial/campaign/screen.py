@@ -55,7 +55,7 @@ class Screened:
     @property
     def cautions(self) -> list[str]:
         """What keeps the screening from being relied on."""
-        return [text for text in (self.data.attrs[key] for key in ("rows", "noise", "left_out")) if text]
+        return [text for text in (self.data.attrs[key] for key in ("rows", "noise", "sampling", "left_out")) if text]
 
     def lines(self) -> list[str]:
         """What was found, in words."""
@@ -166,6 +166,7 @@ def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:
             "count": posterior.count,
             "rows": found.fit.status,
             "noise": found.bias.status,
+            "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,
             "left_out": left_out(campaign, campaign.full),
             "r2": float(found.rows.r2[0]),
         },

@@ -71,8 +71,8 @@ def sample_nested(
         NumericalError: hardly any prior draw simulates, or the end is not reached in `max_steps` steps of live / 8 points.
     """
     start_key, key = jax.random.split(key)
-    batch = max(1, live // 8)
-    start, advance = _compiled(live, batch, max(5, 2 * target.dim) if moves is None else moves)
+    batch = batch_of(live)
+    start, advance = _compiled(live, batch, moves_for(target.dim) if moves is None else moves)
     points, alive = _living(target, start_key, live)
     state = start(target, points)
     dead, left, rejected = [], [], []
@@ -90,6 +90,16 @@ def sample_nested(
     raise NumericalError(
         f"nested sampling did not end within {max_steps * batch} points: the likelihood still rises, use tempered SMC"
     )
+
+
+def batch_of(live: int) -> int:
+    """Points that are replaced at once."""
+    return max(1, live // 8)
+
+
+def moves_for(dim: int) -> int:
+    """Slice moves of each new point: in many parameters a slice along one of them changes little."""
+    return max(5, 2 * dim, dim * dim // 4)
 
 
 def _living(target: Target, key: jax.Array, live: int) -> tuple[Array, float]:

@@ -1,6 +1,7 @@
-"""Evidence by nested slice sampling: see `seatrial.sampling.nested`; the standard error of log Z is sqrt(H / n).
+"""Evidence by nested slice sampling: see `seatrial.sampling.nested`; the standard error of log Z is about sqrt(H / n).
 
-H is the information, nats, from prior to posterior, and n the number of live points.
+H is the information, nats, from prior to posterior, and n the number of live points. Where a batch leaves at once, from n, n - 1, ...
+points, log X falls by sum 1 / n_i and scatters by sum 1 / n_i^2, whose ratio takes the place of 1 / n.
 """
 
 import jax
@@ -8,7 +9,7 @@ import numpy as np
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.nested import sample_nested
+from seatrial.sampling.nested import batch_of, sample_nested
 from seatrial.sampling.target import Progress, no_progress
 from seatrial.selection.evidence import Evidence
 
@@ -27,14 +28,14 @@ def nested_evidence(
 ) -> Evidence:
     """Evidence by independent repeats of nested slice sampling, averaged in log Z.
 
-    The error is the larger of that expected, sqrt(H / live / repeats), and that from the spread of the repeats.
+    The error is the larger of that expected, about sqrt(H / live / repeats), and that from the spread of the repeats.
 
     Args:
         posterior: density to integrate.
         key: random key.
         repeats: independent runs, at least two, since one cannot show that its points were moved too little.
         live: live points.
-        moves: slice moves of each new point; None for max(5, 2 d).
+        moves: slice moves of each new point; None for max(5, 2 d, d^2 / 4).
         progress: called with the repeats done and in all.
 
     Raises:
@@ -51,7 +52,9 @@ def nested_evidence(
     logs = np.array([run.log_evidence for run in runs])
     information = float(np.mean([run.information for run in runs]))
     alive = float(np.mean([run.alive for run in runs]))
-    expected = np.sqrt((information + 1.0 / alive - 1.0) / live)
+    left = live - np.arange(batch_of(live))
+    scatter = (1.0 / left**2).sum() / (1.0 / left).sum()
+    expected = np.sqrt(information * scatter + (1.0 / alive - 1.0) / live)
     spread = float(logs.std(ddof=1))
     stuck = float(max(run.stuck for run in runs))
     complaints = []

@@ -19,11 +19,11 @@ from seatrial.estimation.regressor_noise import RegressorBias, regressor_noise_b
 from seatrial.estimation.row_fit import RowFit, independent_rows
 from seatrial.estimation.rows import Rows
 from seatrial.selection.compiled_rules import CompiledRules
-from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.gram import Gram, gram
 from seatrial.selection.subsets.prior import IndependentPrior, physical_prior
 from seatrial.selection.subsets.rules import Rules
+from seatrial.selection.subsets.sampler import subset_posterior
 from seatrial.selection.subsets.sensitivity import Sensitivity, sensitivity
 
 SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -107,7 +107,7 @@ def screen(
         rules,
         rows,
         fit,
-        all_subsets(stats, believed, names, **options),
+        subset_posterior(stats, believed, names, **options),
         sensitivity(stats, believed, names, SCALES, **options),
         regressor_noise_bias(rows, key, PAIRS),
     )

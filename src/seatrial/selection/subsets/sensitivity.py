@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, UInt64
 
-from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.conjugate import evidence_of
 from seatrial.selection.subsets.gram import Gram
 from seatrial.selection.subsets.prior import Prior
+from seatrial.selection.subsets.sampler import subset_posterior
 
 SCALES = tuple(float(x) for x in np.geomspace(0.01, 100.0, 9))
 
@@ -41,18 +41,18 @@ class Sensitivity(NamedTuple):
 def sensitivity(
     stats: Gram, prior: Prior, names: Sequence[str], scales: Sequence[float] = SCALES, **options: Any
 ) -> Sensitivity:
-    """Repeat `all_subsets` along prior scales, with its options.
+    """Repeat `subset_posterior` along prior scales, with its options.
 
     Raises:
-        InputError, NumericalError: as `all_subsets`.
+        InputError, NumericalError: as `subset_posterior`.
     """
     options = {**options, "top": 2}
-    base = all_subsets(stats, prior, names, **options)
+    base = subset_posterior(stats, prior, names, **options)
     pair = [base.numbers(rank) for rank in range(base.structures.size)]
     found, factors = [], []
     for scale in scales:
         scaled = prior.scaled(scale)
-        found.append(all_subsets(stats, scaled, names, **options))
+        found.append(subset_posterior(stats, scaled, names, **options))
         logs = [evidence_of(stats, scaled, structure).log_evidence for structure in pair]
         factors += [logs[0] - logs[1]] if len(logs) == 2 else []
     return Sensitivity(
