@@ -7,6 +7,7 @@ of an iteration and nothing else: each sampler makes its draws in the fast mode,
 import json
 import logging
 import sys
+import time
 
 import numpy as np
 import pymc as pm  # pyright: ignore[reportMissingImports]
@@ -17,6 +18,8 @@ MODES = {"Numba": "NUMBA", "default": None}
 """The scan as one compiled loop, and what PyTensor does unasked: a compiled step that is called for each sample."""
 TIMED = (20, 80)
 """Tuning steps and draws that time the default mode."""
+GRADIENTS = 10
+"""Gradients that are timed."""
 
 
 def surge_model(problem: dict) -> pm.Model:
@@ -57,6 +60,20 @@ def log_densities(problem: dict, mode: str | None) -> list[float]:
     return [float(density(dict(zip(names, point, strict=True)))) for point in points]
 
 
+def gradient_seconds(problem: dict, mode: str | None) -> float:
+    """Seconds of one log density with its gradient, as NUTS takes them: the median of several."""
+    model = surge_model(problem)
+    function = model.logp_dlogp_function(ravel_inputs=True, mode=mode)
+    function.set_extra_values({})
+    lower, upper, x = (np.array(problem[name]) for name in ("lower", "upper", "start"))
+    z, seconds = np.log((x - lower) / (upper - x)), []
+    for _ in range(GRADIENTS + 1):
+        start = time.perf_counter()
+        function(z)
+        seconds.append(time.perf_counter() - start)
+    return float(np.median(seconds[1:]))
+
+
 def sample(problem: dict, method: str, mode: str | None, tune: int, draws: int) -> tuple[np.ndarray, float]:
     """Draws of one chain, shape (draws, d), and seconds per iteration."""
     names, compiled = problem["names"], {"mode": mode}
@@ -85,12 +102,13 @@ def measure(problem: dict, method: str, tune: int, draws: int) -> dict:
 
 
 def main() -> None:
-    """Evaluate the density in each mode and measure each sampler asked for."""
+    """Evaluate the density and time its gradient in each mode, and measure each sampler asked for."""
     problem = json.load(sys.stdin)
     logging.disable(logging.INFO)
     found = {
         "version": pm.__version__,
         "log_densities": {name: log_densities(problem, mode) for name, mode in MODES.items()},
+        "gradient_seconds": {name: gradient_seconds(problem, mode) for name, mode in MODES.items()},
         "methods": {method: measure(problem, method, *sizes) for method, sizes in problem["methods"].items()},
     }
     print(json.dumps(found))

@@ -1,5 +1,7 @@
 """Speed against C and against what people use today: `python benchmarks/run.py` prints one table.
 
+Names choose measurements, or all of a module: `python benchmarks/run.py memory kernels.surge`.
+
 Every measurement runs in a process of its own that is confined to one or two cores before JAX starts, and checks that
 all competitors computed the same numbers. Everything is written to outputs/benchmarks.json too.
 """
@@ -23,21 +25,28 @@ MEASUREMENTS = {
     "peers.simulation": (1,),
     "samplers.sampling": (1, 2),
     "chains.speed": (1,),
+    "first_answer.seconds": (1,),
     "peer_chains.effective": (1,),
+    "memory.gradients": (1,),
+    "sampler_growth.parameters": (1,),
+    "sampler_growth.steps": (1,),
+    "sampler_growth.chains": (1,),
     "kernels.growth": (1,),
+    "subsets.speed": (1, 2),
 }
 NEEDS = {
     "kernels.surge": ("gcc",),
     "kernels.sweep": ("gcc",),
     "chains.speed": ("gcc",),
-    "peer_chains.effective": ("g++", "pymc"),
+    "peer_chains.effective": ("g++", "peers"),
+    "subsets.speed": ("gcc",),
 }
 OUTPUT = Path(__file__).parents[1] / "outputs" / "benchmarks.json"
 
 
 def main() -> None:
     """Run all measurements, or those named on the command line, and print the table."""
-    chosen = sys.argv[1:] or list(MEASUREMENTS)
+    chosen = _chosen(sys.argv[1:])
     check(tool for name in chosen for tool in NEEDS.get(name, ()))
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0
     if not available:
@@ -65,6 +74,18 @@ def main() -> None:
     }
     OUTPUT.write_text(json.dumps(content, indent=1))
     print(f"\n{machine['processor']}; Python {machine['python']}, JAX {machine['jax']}; written to {OUTPUT}")
+
+
+def _chosen(names: list[str]) -> list[str]:
+    """Measurements by name or by module, all of them where none is named.
+
+    Raises:
+        SystemExit: a name that is neither.
+    """
+    unknown = [name for name in names if not any(name in (known, known.split(".")[0]) for known in MEASUREMENTS)]
+    if unknown:
+        raise SystemExit(f"benchmarks: no {', '.join(unknown)}; there are {', '.join(MEASUREMENTS)}")
+    return [known for known in MEASUREMENTS if not names or known in names or known.split(".")[0] in names]
 
 
 def _in_process(name: str, cores: int) -> list[Row | Ratio]:

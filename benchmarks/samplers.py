@@ -5,13 +5,10 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
-from problems import ENTRY, SIGMA, TRIM, trial, vehicle
+from joint_problem import joint_posterior
 from timing import Ratio, Row
 
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter, Posterior
-from seatrial.estimation.priors import Uniform
 from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
@@ -22,7 +19,7 @@ GROUP = "surge posterior, 1 500 steps of 0.04 s, 4 parameters"
 
 def sampling(cores: int) -> list[Row | Ratio]:
     """Adaptive Metropolis from the posterior mode, warm-up counted, and tempered SMC evidence; compiled beforehand."""
-    posterior = _posterior()
+    posterior = joint_posterior(0, 1_500)
     mode, settings = find_mode(posterior, jax.random.key(0)), ChainSettings()
     spread = jax.random.multivariate_normal(jax.random.key(1), mode.z, mode.cov, (settings.chains,))
     rates = []
@@ -42,10 +39,3 @@ def sampling(cores: int) -> list[Row | Ratio]:
         Row(GROUP, what, cores, "effective samples/s", float(np.median(rates[1:])), min(rates[1:])),
         Row(GROUP, name, cores, "s", float(np.median(smc[1:])), min(smc[1:])),
     ]
-
-
-def _posterior() -> Posterior:
-    function, data = output_error(vehicle(), [trial(1_500, step=0.04)], ["u"], [[TRIM["u"]]])
-    priors = {name: Uniform(min(0.0, 3 * x), max(0.0, 3 * x)) for name, x in ENTRY.coefficients.items()}
-    priors["sigma_u"] = Uniform(0.0, 3 * SIGMA)
-    return Posterior(tuple(Parameter(name, "", name, prior) for name, prior in priors.items()), function, data)

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 PEERS = Path(__file__).parents[1] / ".venv-peers" / "bin" / "python"
-"""Python of the environment that holds PyMC."""
+"""Python of the environment that holds PyMC and NumPyro."""
 REMEDIES = {
     "gcc": "install it (apt install gcc)",
     "g++": "install it (apt install g++)",
-    "pymc": f"`make bench` sets it up in {PEERS.parents[1].name}",
+    "peers": f"`make bench` sets it up in {PEERS.parents[1].name}",
 }
 
 
@@ -19,6 +19,6 @@ def check(needs: Iterable[str]) -> None:
     Raises:
         SystemExit: some are missing; says how to get them.
     """
-    missing = [name for name in dict.fromkeys(needs) if shutil.which(PEERS if name == "pymc" else name) is None]
+    missing = [name for name in dict.fromkeys(needs) if shutil.which(PEERS if name == "peers" else name) is None]
     if missing:
         raise SystemExit("\n".join(f"benchmarks: {name} is missing; {REMEDIES[name]}" for name in missing))

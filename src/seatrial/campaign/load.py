@@ -41,7 +41,7 @@ def _check(campaign: Campaign) -> None:
     for name in names:
         campaign.prior(name, model.unit_of(CoefficientName.parse(name)))
     unknown = nuisances(campaign, model)
-    allowed = names | {nuisance.name for nuisance in unknown} | {"delay"}
+    allowed = names | set(campaign.rules.never) | {nuisance.name for nuisance in unknown} | {"delay"}
     for name in campaign.source.prior:
         if name not in allowed:
             raise InputError(

@@ -1,0 +1,119 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.screen import can_be_screened, screen_terms, with_shortlist
+from seatrial.campaign.trials import get_trials
+from seatrial.core.errors import InputError
+from seatrial.vehicles.catalogue import catalogue_vehicle
+from seatrial.vehicles.simulate import simulate
+from seatrial.vehicles.surge import surge_vehicle
+from tests.campaign.small import write_small
+
+EXTRA = {"X_0": 3.0, "X_u3": 1.0, "T_n": 0.05, "T_un": 0.05, "T_uun": 0.05, "T_unn": 0.001}
+"""Further terms, and half the width of their priors."""
+PRIORS = "".join(
+    f'[prior.{name}]\ndistribution = "uniform"\nlower = {-half}\nupper = {half}\n\n' for name, half in EXTRA.items()
+)
+IMPORT = """
+[import]
+fit = ["1"]
+
+[[import.files]]
+path = "log.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "u", unit = "m/s" }
+channels.n = { column = "n", unit = "rad/s" }
+"""
+NAMES = ", ".join(f'"{name}"' for name in ("X_u", *EXTRA))
+
+
+def write_log(folder):
+    """Thirty seconds of doublets, simulated with the catalogue's coefficients."""
+    time = np.arange(0.0, 30.0, 0.1)
+    entry = catalogue_vehicle("remus100_surge")
+    model = surge_vehicle(entry.hull, list(entry.coefficients))
+    control = entry.hull.trim["n"] + 20.0 * np.where(time % 10 < 5, 1.0, -1.0) + 30.0 * np.sin(0.3 * time**1.3)
+    start = jnp.array([entry.hull.trim["u"]])
+    states = simulate(model, entry.coefficients, jnp.asarray(control[:, None]), jnp.full(time.size, 0.1), start)
+    speed = np.asarray(states)[:, 0] + 0.05 * np.random.default_rng(1).normal(size=time.size)
+    np.savetxt(
+        folder / "log.csv",
+        np.column_stack([time, speed, control]),
+        delimiter=",",
+        header="t,u,n",
+        comments="",
+        fmt="%.9g",
+    )
+
+
+def many(folder, rules=()):
+    lines = ", ".join(f'"{rule}"' for rule in rules)
+    write_log(folder)
+    return load_campaign(
+        write_small(
+            folder,
+            ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4\n", IMPORT),
+            ('optional = ["X_u"]', f"optional = [{NAMES}]\nrules = [{lines}]\nshortlist = 4"),
+            ("[sensors.u]", PRIORS + "[sensors.u]"),
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    return many(tmp_path_factory.mktemp("many"))
+
+
+@pytest.fixture(scope="module")
+def trials(campaign):
+    return get_trials(campaign)
+
+
+def test_a_large_campaign_gets_a_shortlist(campaign, trials):
+    assert campaign.is_large
+    assert set(campaign.full.terms) == {"X_uabsu", "T_nabsn", "X_u", *EXTRA}
+    chosen = with_shortlist(campaign, trials)
+    assert [one.label for one in chosen.structures] == ["M-0", "M-1", "M-2", "M-3"]
+    sizes = [len(one.terms) for one in chosen.structures]
+    assert sizes == sorted(sizes, reverse=True)
+    assert all({"X_uabsu", "T_nabsn"} <= set(one.terms) for one in chosen.structures)
+    with pytest.raises(InputError, match="128 structures"):
+        _ = campaign.structures
+
+
+def test_a_screening_is_kept_and_read_again(campaign, trials):
+    first, again = screen_terms(campaign, trials), screen_terms(campaign, trials)
+    assert first.data.attrs["count"] == 128
+    assert set(first.optional) == {"X_u", *EXTRA}
+    np.testing.assert_array_equal(first.data["inclusion"], again.data["inclusion"])
+    assert first.data["probability"].values.sum() <= 1.0 + 1e-9
+    said = "\n".join(first.lines())
+    assert "screening of 128 structures in closed form" in said
+    assert said.endswith("output-error or filter-error likelihood")
+
+
+def test_rules_shrink_it_until_all_can_be_simulated(tmp_path):
+    ruled = many(tmp_path, ["never T_unn", "never T_uun", "T_un requires T_n"])
+    assert not ruled.is_large
+    assert len(ruled.structures) == 24
+    assert not any({"T_unn", "T_uun"} & set(one.terms) for one in ruled.structures)
+
+
+def test_rules_that_contradict_each_other_name_both_and_the_file(tmp_path):
+    with pytest.raises(InputError, match=r"campaign.toml, key structure") as refused:
+        many(tmp_path, ["never X_uabsu"])
+    assert "never X_uabsu" in str(refused.value)
+    assert "always X_uabsu" in str(refused.value)
+
+
+def test_what_cannot_be_screened(tmp_path):
+    alone = load_campaign(
+        write_small(
+            tmp_path / "alone",
+            ('always = ["X_uabsu", "T_nabsn"]\noptional = ["X_u"]', 'always = ["X_uabsu", "T_nabsn", "X_u"]'),
+        )
+    )
+    assert not can_be_screened(alone)
+    assert with_shortlist(alone, get_trials(alone)) is alone
