@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.core.record import make_record
+from seatrial.core.record import Channel, make_record
 from seatrial.estimation.axis_equation import axis_equation
-from seatrial.estimation.weak_form import pointwise_trials, raw_rows, weak_trials
+from seatrial.estimation.weak_form import pointwise_trials, raw_rows, weak_trials, where_measured
 from tests.cases import PROVENANCE
 from tests.estimation.row_cases import SHIP, SHIP_CHANNELS, SHIP_EQUATIONS, SHIP_TRUE, ship_motion, ship_record
 from tests.estimation_cases import make_trial
@@ -139,3 +139,18 @@ def test_windows_that_cannot_be_had():
 def test_equations_that_cannot_be(arguments, words):
     with pytest.raises(InputError, match=words):
         axis_equation(*arguments)
+
+
+def test_slow_sensors_are_taken_where_they_measured_and_controls_averaged_between():
+    time = np.arange(0.0, 10.0, 0.1)
+    speed = np.where(np.arange(time.size) % 3 == 0, np.sin(time), np.nan)
+    record = make_record(
+        time,
+        {"n": np.arange(time.size) * 1.0, "u": speed},
+        (Channel("n", "rad/s", "control"), Channel("u", "m/s", "measurement")),
+        PROVENANCE,
+    )
+    slow = where_measured(record, ["u"])
+    np.testing.assert_allclose(slow.time, time[::3])
+    np.testing.assert_allclose(slow.channel("n")[:-1], np.arange(time.size)[1::3][: slow.time.size - 1])
+    assert np.isfinite(slow.channel("u")).all()

@@ -14,7 +14,7 @@ from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
 from seatrial.campaign.record_checks import record_cautions
-from seatrial.campaign.screen import Screened, can_be_screened, screen_terms, with_shortlist
+from seatrial.campaign.screen import Screened, screening_of, with_shortlist
 from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
@@ -72,7 +72,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise."""
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
-    screened = screen_terms(campaign, trials, watch) if can_be_screened(campaign) else None
+    screened, _ = screening_of(campaign, trials, watch)
     campaign = with_shortlist(campaign, trials, watch)
     estimates = estimate_all(campaign, trials, watch)
     selection = select_structure(campaign, trials, watch)
@@ -116,6 +116,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     alarms += selection.alarms
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [text for record in records for text in record_cautions(record)]
+    cautions += screening_of(campaign, outcome.trials)[1] if outcome.screened is None else []
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
     return {
         "name": campaign.source.campaign.name,

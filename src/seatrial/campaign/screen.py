@@ -15,6 +15,8 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.estimation.axis_equation import axis_equation
 from seatrial.estimation.row_fit import SCREENING
+from seatrial.estimation.weak_form import where_measured
+from seatrial.estimation.windows import FEWEST
 from seatrial.selection.screening import Believed, Screening, screen
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import label_structures
@@ -96,6 +98,23 @@ def can_be_screened(campaign: Campaign) -> bool:
     return bool(campaign.rules.optional) and linear and "u" in campaign.channels
 
 
+def screening_of(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> tuple[Screened | None, list[str]]:
+    """The screening, and what it cautions of; where it cannot be had and is not needed, only why.
+
+    Raises:
+        InputError: as `screen_terms`, where there are too many structures to do without.
+    """
+    if not can_be_screened(campaign):
+        return None, []
+    try:
+        found = screen_terms(campaign, trials, watch)
+    except InputError as error:
+        if campaign.is_large:
+            raise
+        return None, [f"the structures are simulated without a screening in closed form, which failed: {error}"]
+    return found, found.cautions
+
+
 def with_shortlist(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> Campaign:
     """The campaign with what a screening leaves of its structures, where there are too many to simulate each."""
     if campaign.shortlist or not campaign.is_large:
@@ -132,7 +151,11 @@ def _screen(campaign: Campaign, trials: Trials) -> Screening:
     priors = {name: campaign.prior(name, units[name]) for name in terms}
     believed = {name: Believed(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
     noise = {channel: campaign.noise(channel) for channel in campaign.channels}
-    return screen([equation], campaign.rules, trials.fit, noise, believed, random_key(campaign, "screening"), NARROWEST)
+    used = [name for name in equation.signals if name in campaign.channels]
+    records = [where_measured(record, list(dict.fromkeys(["u", *used]))) for record in trials.fit]
+    slowest = max(float(np.median(record.step)) for record in records)
+    narrowest = max(NARROWEST, FEWEST * slowest)
+    return screen([equation], campaign.rules, records, noise, believed, random_key(campaign, "screening"), narrowest)
 
 
 def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:

@@ -10,7 +10,7 @@ the width (regressor_noise.py estimates it). Where the acceleration was measured
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -75,6 +75,27 @@ def weak_trials(
         return bump_windows(time, present, width, overlap, label)
 
     return tuple(_trial(record, equations, "", windows_of) for record in records)
+
+
+def where_measured(record: Record, channels: Sequence[str]) -> Record:
+    """The record at the samples where all of these channels were measured, controls averaged from each to the next.
+
+    For sensors slower than the record. A gap becomes one long step, which no window spans.
+
+    Raises:
+        InputError: fewer than two such samples, or a channel that the record lacks.
+    """
+    there = np.flatnonzero(np.isfinite(np.column_stack([record.channel(name) for name in channels])).all(1))
+    if there.size < 2:
+        raise InputError(
+            f'record "{record.label}"',
+            found=f"{there.size} samples at which {', '.join(channels)} were all measured",
+            expected="two at least",
+            remedy="import the record at the step of its slowest sensor, or leave a channel out",
+        )
+    held = record.step[:, None]
+    control = np.add.reduceat(record.control * held, there) / np.add.reduceat(held, there)
+    return replace(record, time=record.time[there], control=control, measurement=record.measurement[there])
 
 
 def pointwise_trials(records: Sequence[Record], equations: Sequence[AxisEquation]) -> tuple[TrialRows, ...]:

@@ -71,15 +71,14 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.choose import agreement_words, select_structure
         from seatrial.campaign.contenders import find_contenders
-        from seatrial.campaign.screen import can_be_screened, screen_terms, with_shortlist
+        from seatrial.campaign.screen import screening_of, with_shortlist
         from seatrial.campaign.trials import get_trials
         from seatrial.report.select_picture import write_select_picture
 
-        trials, cautions, screened = get_trials(campaign, watch), [], None
-        if can_be_screened(campaign):
-            screened = screen_terms(campaign, trials, watch)
+        trials = get_trials(campaign, watch)
+        screened, cautions = screening_of(campaign, trials, watch)
+        if screened is not None:
             typer.echo("\n".join(screened.lines()))
-            cautions = screened.cautions
         campaign = with_shortlist(campaign, trials, watch)
         selection = select_structure(campaign, trials, watch)
         for structure, evidence, probability in zip(
