@@ -3,11 +3,11 @@ import pytest
 from scipy.special import softmax
 
 from seatrial.selection.evidence import Evidence
-from seatrial.selection.structures import all_structures
+from seatrial.selection.structures import all_structures, structure_rules
 from seatrial.selection.verdict import pair_verdicts, select, term_verdict
 
 OPTIONAL = ("X_u", "X_uabsu")
-STRUCTURES = all_structures(["T_nabsn"], OPTIONAL)
+STRUCTURES = all_structures(structure_rules(["T_nabsn"], OPTIONAL))
 """Full, without X_u, without X_uabsu, neither."""
 
 
@@ -41,7 +41,7 @@ def test_errors_against_brute_force():
 
 
 def test_one_structure_is_certain_whatever_its_error():
-    found = select(all_structures(["X_u"], []), [Evidence(3.0, 0.5, "given")], ())
+    found = select(all_structures(structure_rules(["X_u"], [])), [Evidence(3.0, 0.5, "given")], ())
     assert (found.probability.tolist(), found.probability_error.tolist(), found.verdicts) == ([1.0], [0.0], ())
 
 
