@@ -25,7 +25,7 @@ def sample(target, settings, spread=1.0, cov=0.1, key=KEY):
 def test_correlated_normal(d):
     problem = linear_gaussian(d)
     mean, cov = problem.moments
-    draws, values = sample(problem.posterior, ChainSettings(draws=3000))
+    draws, values = sample(problem.posterior, ChainSettings(warmup=1000, draws=3000))
     assert draws.z.shape == (32, 3000, d)
     assert_moments(values, mean, np.sqrt(np.diag(cov)))
     assert np.abs(np.corrcoef(values.reshape(-1, d).T) - cov / np.sqrt(np.outer(*[np.diag(cov)] * 2))).max() < 0.05
@@ -38,7 +38,7 @@ def test_banana_against_quadrature():
         return -0.5 * ((b - a**2) / 0.4) ** 2
 
     target = posterior({"a": Normal(0.0, 1.0), "b": Normal(0.0, 2.0)}, lambda v, data: bent(v["a"], v["b"]))
-    _, values = sample(target, ChainSettings(draws=4000))
+    _, values = sample(target, ChainSettings(warmup=1000, draws=4000))
     axis = np.linspace(-8, 8, 801)
     assert_moments(values, *grid_moments(lambda a, b: bent(a, b) - 0.5 * (a**2 + b**2 / 4), axis, axis))
 
@@ -54,7 +54,7 @@ def test_posterior_cut_by_the_box_against_quadrature():
 
     target = posterior({"a": Uniform(0.0, 1.0), "b": Uniform(-4.0, 1.0)}, cut)
     starts = target.unconstrain(jnp.column_stack([jnp.linspace(0.5, 0.95, 32), jnp.linspace(-3.5, -2.6, 32)]))
-    draws = sample_adaptive_metropolis(target, starts, 0.1 * jnp.eye(2), KEY, ChainSettings(draws=4000))
+    draws = sample_adaptive_metropolis(target, starts, 0.1 * jnp.eye(2), KEY, ChainSettings(warmup=1000, draws=4000))
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))
     a, b = np.linspace(0, 1, 801), np.linspace(-4, -2.5, 801)
     assert_moments(values, *grid_moments(inside, a, b))
