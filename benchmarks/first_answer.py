@@ -10,7 +10,7 @@ from timing import Ratio, Row, alternate, row
 
 from seatrial.estimation.mode import find_mode
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS, diagnose
-from seatrial.sampling.sampler import DEFAULT
+from seatrial.sampling.names import DEFAULT
 
 GROUP = "first answer, paper's posterior, 6 000 steps"
 REPEATS = 5

@@ -11,9 +11,9 @@ from seatrial.campaign.paper.compute.trial import STEP, paper_posterior, paper_t
 from seatrial.campaign.paper.reading import paper_reading
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 
 
 class Problem(NamedTuple):
@@ -44,7 +44,7 @@ class Problem(NamedTuple):
         """Draws of adaptive Metropolis in SI, shape (chains, draws, d); all chains start at the mode."""
         starts = jnp.tile(jnp.asarray(mode.z), (settings.chains, 1))
         key = jax.random.key(seed)
-        draws = sample_adaptive_metropolis(self.posterior, starts, jnp.asarray(mode.cov), key, settings)
+        draws = sample(SAMPLERS["adaptive-metropolis"], self.posterior, starts, jnp.asarray(mode.cov), key, settings)
         return np.asarray(self.posterior.constrain(jnp.asarray(draws.z)))
 
 

@@ -18,8 +18,9 @@ from timing import Ratio, Row, agree
 from tools import PEERS
 
 from seatrial.estimation.mode import Mode, find_mode
+from seatrial.sampling.names import DEFAULT
 from seatrial.sampling.run import ChainSettings
-from seatrial.sampling.sampler import DEFAULT, SAMPLERS
+from seatrial.sampling.sampler import SAMPLERS
 
 GROUP, RATE = "paper's posterior, worst of 4 parameters", "effective samples/s"
 LONGEST = 15.0

@@ -9,7 +9,7 @@ from timing import Row, alternate, row
 
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.sampler import DEFAULT
+from seatrial.sampling.names import DEFAULT
 
 STEPS = 6_000
 CHAINS = {"nuts": 8, DEFAULT: 32}

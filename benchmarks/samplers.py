@@ -9,9 +9,9 @@ from joint_problem import joint_posterior
 from timing import Ratio, Row
 
 from seatrial.estimation.mode import find_mode
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.selection.evidence import EvidenceSettings, smc_evidence
 
 GROUP = "surge posterior, 1 500 steps of 0.04 s, 4 parameters"
@@ -25,7 +25,9 @@ def sampling(cores: int) -> list[Row | Ratio]:
     rates = []
     for seed in range(6):
         start = time.perf_counter()
-        draws = sample_adaptive_metropolis(posterior, spread, jnp.asarray(mode.cov), jax.random.key(seed), settings)
+        draws = sample(
+            SAMPLERS["adaptive-metropolis"], posterior, spread, jnp.asarray(mode.cov), jax.random.key(seed), settings
+        )
         seconds = time.perf_counter() - start
         rates.append(diagnose(draws.z).ess_bulk.min() / seconds)
     evidence, smc = EvidenceSettings(), []

@@ -16,11 +16,10 @@ from seatrial.campaign.load import load_campaign
 from seatrial.campaign.trials import get_trials
 from seatrial.core.files import write_text
 from seatrial.estimation.calibration import Calibration
-from seatrial.estimation.draw_posterior import METHODS
 from seatrial.report.figures.calibration import distance_figure
 from seatrial.report.figures.style import own_settings
 from seatrial.report.svg import draw_svg
-from seatrial.sampling.sampler import DEFAULT
+from seatrial.sampling.names import DEFAULT, METHODS
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "calibration"

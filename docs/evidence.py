@@ -26,8 +26,8 @@ from seatrial.core.files import write_json, write_text
 from seatrial.estimation.posterior import Posterior
 from seatrial.report.figures.style import own_settings
 from seatrial.report.svg import draw_svg
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import no_progress
 from seatrial.sampling.tempered_ladder import sample_ladder
 from seatrial.selection.agreement import agreed_evidence
@@ -163,7 +163,7 @@ def bayes_factor(posterior: Posterior, key: jax.Array) -> Any:
     """Savage-Dickey ratio of the middle coefficient, from chains that start at the prior."""
     start_key, key = jax.random.split(key)
     starts = posterior.sample_prior(start_key, TERM_CHAINS.chains)
-    draws = sample_adaptive_metropolis(posterior, starts, jnp.eye(posterior.dim), key, TERM_CHAINS)
+    draws = sample(SAMPLERS["adaptive-metropolis"], posterior, starts, jnp.eye(posterior.dim), key, TERM_CHAINS)
     return savage_dickey(posterior, "c1", draws.z)
 
 

@@ -118,6 +118,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         None,
         next_design,
         make_screened(),
+        (),
         make_contenders(campaign, selection),
         summary,
     )

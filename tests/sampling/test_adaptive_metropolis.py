@@ -5,19 +5,20 @@ import pytest
 
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE, sample_adaptive_metropolis
+from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from tests.estimation_cases import THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 from tests.sampling.moments import assert_moments, grid_moments
 
 KEY = jax.random.key(3)
 
 
-def sample(target, settings, spread=1.0, cov=0.1, key=KEY):
+def chains_of(target, settings, spread=1.0, cov=0.1, key=KEY):
     """Chains from dispersed starts and an isotropic first covariance; values in the parameters' own units."""
     starts = spread * jax.random.normal(jax.random.key(9), (settings.chains, target.dim))
-    draws = sample_adaptive_metropolis(target, starts, cov * jnp.eye(target.dim), key, settings)
+    draws = sample(SAMPLERS["adaptive-metropolis"], target, starts, cov * jnp.eye(target.dim), key, settings)
     return draws, np.asarray(target.constrain(jnp.asarray(draws.z)))
 
 
@@ -25,7 +26,7 @@ def sample(target, settings, spread=1.0, cov=0.1, key=KEY):
 def test_correlated_normal(d):
     problem = linear_gaussian(d)
     mean, cov = problem.moments
-    draws, values = sample(problem.posterior, ChainSettings(warmup=1000, draws=3000))
+    draws, values = chains_of(problem.posterior, ChainSettings(warmup=1000, draws=3000))
     assert draws.z.shape == (32, 3000, d)
     assert_moments(values, mean, np.sqrt(np.diag(cov)))
     assert np.abs(np.corrcoef(values.reshape(-1, d).T) - cov / np.sqrt(np.outer(*[np.diag(cov)] * 2))).max() < 0.05
@@ -38,7 +39,7 @@ def test_banana_against_quadrature():
         return -0.5 * ((b - a**2) / 0.4) ** 2
 
     target = posterior({"a": Normal(0.0, 1.0), "b": Normal(0.0, 2.0)}, lambda v, data: bent(v["a"], v["b"]))
-    _, values = sample(target, ChainSettings(warmup=1000, draws=4000))
+    _, values = chains_of(target, ChainSettings(warmup=1000, draws=4000))
     axis = np.linspace(-8, 8, 801)
     assert_moments(values, *grid_moments(lambda a, b: bent(a, b) - 0.5 * (a**2 + b**2 / 4), axis, axis))
 
@@ -54,7 +55,9 @@ def test_posterior_cut_by_the_box_against_quadrature():
 
     target = posterior({"a": Uniform(0.0, 1.0), "b": Uniform(-4.0, 1.0)}, cut)
     starts = target.unconstrain(jnp.column_stack([jnp.linspace(0.5, 0.95, 32), jnp.linspace(-3.5, -2.6, 32)]))
-    draws = sample_adaptive_metropolis(target, starts, 0.1 * jnp.eye(2), KEY, ChainSettings(warmup=1000, draws=4000))
+    draws = sample(
+        SAMPLERS["adaptive-metropolis"], target, starts, 0.1 * jnp.eye(2), KEY, ChainSettings(warmup=1000, draws=4000)
+    )
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))
     a, b = np.linspace(0, 1, 801), np.linspace(-4, -2.5, 801)
     assert_moments(values, *grid_moments(inside, a, b))
@@ -73,8 +76,13 @@ def test_golden_posterior(model, means, sds):
     target = golden_posterior(model)
     mode = find_mode(target, KEY)
     starts = jnp.asarray(mode.z) + 1.5 * jax.random.normal(KEY, (32, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
-    draws = sample_adaptive_metropolis(
-        target, starts, jnp.asarray(mode.cov), KEY, ChainSettings(warmup=1000, draws=4000)
+    draws = sample(
+        SAMPLERS["adaptive-metropolis"],
+        target,
+        starts,
+        jnp.asarray(mode.cov),
+        KEY,
+        ChainSettings(warmup=1000, draws=4000),
     )
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))
     k = len(means)

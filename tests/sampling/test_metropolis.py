@@ -5,24 +5,25 @@ import pytest
 
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.diagnostics import complaints, diagnose
-from seatrial.sampling.metropolis import TARGET_ACCEPTANCE, advance_chains, sample_metropolis, start_chains
+from seatrial.sampling.metropolis import TARGET_ACCEPTANCE, advance_chains, start_chains
 from seatrial.sampling.run import ChainSettings, is_finished
+from seatrial.sampling.sampler import SAMPLERS, sample
 from tests.estimation_cases import linear_gaussian, posterior
 from tests.sampling.moments import assert_moments
 
 KEY = jax.random.key(3)
 
 
-def sample(target, settings, key=KEY, cov=0.1):
+def chains_of(target, settings, key=KEY, cov=0.1):
     starts = jax.random.normal(jax.random.key(9), (settings.chains, target.dim))
-    return sample_metropolis(target, starts, cov * jnp.eye(target.dim), key, settings)
+    return sample(SAMPLERS["metropolis"], target, starts, cov * jnp.eye(target.dim), key, settings)
 
 
 @pytest.mark.parametrize("d", [1, 3, pytest.param(6, marks=pytest.mark.thorough)])
 def test_correlated_normal(d):
     problem = linear_gaussian(d)
     mean, cov = problem.moments
-    draws = sample(problem.posterior, ChainSettings(draws=3000))
+    draws = chains_of(problem.posterior, ChainSettings(draws=3000))
     values = np.asarray(problem.posterior.constrain(jnp.asarray(draws.z)))
     assert draws.z.shape == (32, 3000, d)
     assert_moments(values, mean, np.sqrt(np.diag(cov)))
@@ -34,7 +35,7 @@ def test_correlated_normal(d):
 def test_posterior_cut_by_the_box_against_closed_form():
     """A triangular density 2a on the unit interval: mean 2/3, variance 1/18; b is free."""
     target = posterior({"a": Uniform(0.0, 1.0), "b": Normal(2.0, 0.5)}, lambda values, data: jnp.log(values["a"]))
-    values = np.asarray(target.constrain(jnp.asarray(sample(target, ChainSettings(draws=3000)).z)))
+    values = np.asarray(target.constrain(jnp.asarray(chains_of(target, ChainSettings(draws=3000)).z)))
     assert_moments(values, np.array([2 / 3, 2.0]), np.array([np.sqrt(1 / 18), 0.5]))
 
 

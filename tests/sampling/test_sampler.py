@@ -10,6 +10,7 @@ import pytest
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.sampling.names import DEFAULT
 from seatrial.sampling.run import (
     ChainSettings,
     Draws,
@@ -18,7 +19,7 @@ from seatrial.sampling.run import (
     is_finished,
     run_from_arrays,
 )
-from seatrial.sampling.sampler import DEFAULT, SAMPLERS, sample
+from seatrial.sampling.sampler import SAMPLERS, sample
 from tests.estimation_cases import linear_gaussian, posterior
 from tests.sampling.moments import assert_moments, grid_moments
 
@@ -175,20 +176,17 @@ def test_dead_starts_are_refused(name):
 
 
 @each
-def test_chain_that_never_moves_is_told(name):
-    """One chain starts on a spike that no step finds again."""
+def test_chain_on_a_spike_is_told(name):
+    """One chain starts on a spike that no step finds again; NUTS, which may fall off it, knows the edge by its energy."""
 
     def spike(values, data):
         return jnp.where(jnp.abs(values["a"] - 0.5) < 1e-9, 1e5, 0.0)
 
     target = posterior({"a": Normal(0.0, 1.0)}, spike, ())
     starts = jnp.linspace(-1.0, 1.0, 32)[:, None].at[2].set(0.5)
-    draws = sample(SAMPLERS[name], target, starts, jnp.eye(1), KEY, SHORT)
-    said = complaints_of_draws(draws)
-    assert any(
-        text.startswith("1 of 32 chains never moved in 200 draws (chain 3): ") or "transitions diverged" in text
-        for text in said
-    )
+    said = complaints_of_draws(sample(SAMPLERS[name], target, starts, jnp.eye(1), KEY, SHORT))
+    expected = "transitions diverged" if name == "nuts" else "1 of 32 chains never moved in 200 draws (chain 3): "
+    assert any(expected in text for text in said)
 
 
 def test_divergences_are_told():

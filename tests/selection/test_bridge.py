@@ -5,8 +5,8 @@ import pytest
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import find_mode
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.selection.bridge import _complaints, bridge_evidence
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian
 from tests.selection.test_evidence import box
@@ -28,8 +28,13 @@ def metropolis(target, draws):
     values, vectors = np.linalg.eigh(mode.precision)
     cov = (vectors / np.maximum(values, 1.0)) @ vectors.T
     starts = mode.z + 0.3 * np.random.default_rng(0).multivariate_normal(np.zeros(target.dim), cov, 32)
-    return sample_adaptive_metropolis(
-        target, jnp.asarray(starts), jnp.asarray(cov), KEY, ChainSettings(warmup=1000, draws=draws)
+    return sample(
+        SAMPLERS["adaptive-metropolis"],
+        target,
+        jnp.asarray(starts),
+        jnp.asarray(cov),
+        KEY,
+        ChainSettings(warmup=1000, draws=draws),
     ).z
 
 

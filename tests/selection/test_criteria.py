@@ -10,8 +10,8 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.priors import Uniform
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.selection.criteria import (
     Estimated,
     PredictiveCriterion,
@@ -202,7 +202,9 @@ def golden():
             + jax.random.normal(jax.random.key(1), (32, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
         )
         settings = ChainSettings(draws=4000)
-        z = sample_adaptive_metropolis(target, starts, jnp.asarray(mode.cov), jax.random.key(3), settings).z
+        z = sample(
+            SAMPLERS["adaptive-metropolis"], target, starts, jnp.asarray(mode.cov), jax.random.key(3), settings
+        ).z
         draws = np.asarray(target.constrain(jnp.asarray(z)))
         table = pointwise_log_likelihood(target, thin_draws(draws, 2000))
         found[model] = deviance_criteria(target, draws), waic(table), psis_loo(table)

@@ -152,7 +152,7 @@ def compare_contenders(
         sweep: designs of the next trial: their grid, which of them break a limit, and the best.
         watch: who is told.
     """
-    path = Store(campaign.folder).results / "contenders.nc"
+    path = Store(campaign.folder).contenders
     key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
     if not is_current(path, key):
         progress = watch.progress("compare the best structure with the runner-up")

@@ -20,6 +20,7 @@ from seatrial.estimation.checks import check_prior_contains_data, information_co
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.uncoupled import in_posterior, uncouple
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,
@@ -32,7 +33,7 @@ from seatrial.sampling.run import (
     run_from_arrays,
 )
 from seatrial.sampling.sampler import SAMPLERS
-from seatrial.sampling.target import Progress
+from seatrial.sampling.target import Progress, Target
 from seatrial.selection.structures import Structure
 
 CHECKPOINT_EVERY = 5
@@ -114,16 +115,15 @@ def _estimate(campaign: Campaign, structure: Structure, trials: Trials, progress
         posterior = build_posterior(campaign, structure, trials.fit)
         mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
         check_prior_contains_data(posterior, mode, str(campaign.path))
-        run = _sample(campaign, structure, posterior, mode, key, progress)
-        draws = SAMPLERS[campaign.source.estimation.sampler].finish(run)
+        target, there = uncouple(posterior, mode)
+        run = _sample(campaign, structure, target, there, key, progress)
+        draws = in_posterior(target, SAMPLERS[campaign.source.estimation.sampler].finish(run))
         write_dataset(path, _dataset(posterior, mode, draws, campaign.hull.trim), key)
         store.checkpoint(f"posterior-{structure.label}").unlink(missing_ok=True)
     return Estimate(structure, open_dataset(path))
 
 
-def _sample(
-    campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode, key: str, progress: Progress
-) -> Run:
+def _sample(campaign: Campaign, structure: Structure, target: Target, mode: Mode, key: str, progress: Progress) -> Run:
     table = campaign.source.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
@@ -131,13 +131,13 @@ def _sample(
     checkpoint = Store(campaign.folder).checkpoint(f"posterior-{structure.label}")
     stored = load_checkpoint(checkpoint, key)
     if stored is None:
-        starts = spread_starts(posterior, mode, settings.chains, jax.random.fold_in(draw_key, 2**31))
-        run = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
+        starts = spread_starts(target, mode, settings.chains, jax.random.fold_in(draw_key, 2**31))
+        run = sampler.start_chains(target, starts, jnp.asarray(mode.cov))
     else:
         run = run_from_arrays(sampler.State, stored)
     total = settings.warmup + settings.draws
     while not is_finished(run, settings):
-        run = sampler.advance_chains(posterior, run, draw_key, settings)
+        run = sampler.advance_chains(target, run, draw_key, settings)
         progress(run.iteration, total)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
             save_checkpoint(checkpoint, key, arrays_of_run(run))

@@ -47,6 +47,7 @@ class Outcome:
         first: sweep from the priors; None where the trial was imported.
         next: sweep from the posterior of the chosen structure.
         screened: every structure in closed form; None where that cannot be done.
+        screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure.
         summary: the machine-readable summary.
     """
@@ -64,6 +65,7 @@ class Outcome:
     first: Sweep | None
     next: Sweep
     screened: Screened | None
+    screening_cautions: tuple[str, ...]
     contenders: Contenders | None
     summary: dict[str, Any]
 
@@ -72,7 +74,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise."""
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
-    screened, _ = screening_of(campaign, trials, watch)
+    screened, screening_cautions = screening_of(campaign, trials, watch)
     campaign = with_shortlist(campaign, trials, watch)
     estimates = estimate_all(campaign, trials, watch)
     selection = select_structure(campaign, trials, watch)
@@ -99,6 +101,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
         first,
         following,
         screened,
+        tuple(screening_cautions),
         find_contenders(campaign, selection, trials, watch),
         {},
     )
@@ -116,7 +119,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     alarms += selection.alarms
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [text for record in records for text in record_cautions(record)]
-    cautions += screening_of(campaign, outcome.trials)[1] if outcome.screened is None else []
+    cautions += outcome.screening_cautions
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
     return {
         "name": campaign.source.campaign.name,

@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from seatrial.sampling.names import DEFAULT, SamplerName
+
 Quantity = str
 
 
@@ -178,9 +180,7 @@ class EstimationTable(Table):
     residuals: Residuals = "white"
     current: Scope = "none"
     varying: list[str] = []
-    sampler: Literal["independence-metropolis", "adaptive-metropolis", "metropolis", "de-metropolis", "nuts"] = (
-        "independence-metropolis"
-    )
+    sampler: SamplerName = DEFAULT
     chains: int = Field(default=32, ge=2, le=1024)
     warmup: int = Field(default=500, ge=100, multiple_of=100)
     draws: int = Field(default=1500, ge=100, multiple_of=100)

@@ -82,6 +82,11 @@ class Store:
         return self.results / "screening.nc"
 
     @property
+    def contenders(self) -> Path:
+        """The best structure beside the runner-up."""
+        return self.results / "contenders.nc"
+
+    @property
     def selection(self) -> Path:
         """Evidences, probabilities and verdicts."""
         return self.results / "selection.json"

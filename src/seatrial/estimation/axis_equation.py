@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.core.term_checks import check_each_once, check_trim
 
 RATE_OF = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
 """The velocity whose rate each axis governs."""
@@ -108,17 +109,10 @@ def axis_equation(
         raise InputError(
             place, found="no term whose coefficient is sought", expected="at least one", remedy="name terms"
         )
-    seen: dict[CoefficientName, str] = {}
-    for name in [*free, *(name for name, _ in fixed)]:
+    named = [*free, *(name for name, _ in fixed)]
+    for name in named:
         _check_term(name, axis, trim, place)
-        if name in seen:
-            raise InputError(
-                f"{place}, term {name}",
-                found=f"the same regressor as {seen[name]}",
-                expected="each regressor once",
-                remedy="leave one of the two out",
-            )
-        seen[name] = name.text
+    check_each_once(named, place)
     return AxisEquation(axis, free, 1.0 if inertia is None else inertia, 1.0 - thrust_deduction, fixed, trim)
 
 
@@ -140,11 +134,4 @@ def _check_term(name: CoefficientName, axis: str, trim: Mapping[str, float], pla
             expected="an acceleration of another axis, alone, as in Y_rdot",
             remedy="count the added inertia in the inertia of the axis",
         )
-    for signal in name.trim_signals:
-        if signal not in trim:
-            raise InputError(
-                f"{place}, term {name}",
-                found=f'no trim value of "{signal}"',
-                expected=f"trim.{signal}",
-                remedy="give the trim point, since the term is a change from it",
-            )
+    check_trim(name, trim, place)

@@ -11,10 +11,12 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.uncoupled import coupled, uncouple
+from seatrial.sampling.names import METHODS
 from seatrial.sampling.nested import sample_nested
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, Sampler, sample
-from seatrial.sampling.target import log_densities
+from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
 PosteriorDraws = Float[np.ndarray, "n d"]
@@ -27,7 +29,6 @@ SIZES = {
     "nuts": ChainSettings(8, 300, 200),
 }
 """Size of each sampler's run; enough for a hundred independent draws of a posterior that is not too far from normal."""
-METHODS = (*SAMPLERS, "tempered-smc", "nested")
 PARTICLES, LIVE = 512, 200
 SPREAD = 1.5
 """Standard deviations of the normal approximation from which chains start."""
@@ -45,20 +46,21 @@ def find_method(name: str) -> Draw:
     return whole[name] if name in whole else partial(_by_chains, SAMPLERS[name], SIZES[name])
 
 
-def spread_starts(posterior: Posterior, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
+def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
     """Positions spread wider than the normal approximation, so that R-hat can see chains that do not meet, shape (chains, d)."""
-    noise = jax.random.normal(key, (chains, posterior.dim))
+    noise = jax.random.normal(key, (chains, target.dim))
     starts = jnp.asarray(mode.z) + SPREAD * noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
-    finite = jnp.isfinite(log_densities(posterior, starts))
+    finite = jnp.isfinite(log_densities(target, starts))
     return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
 
 
 def _by_chains(sampler: Sampler, settings: ChainSettings, posterior: Posterior, key: jax.Array) -> PosteriorDraws:
     mode_key, start_key, key = jax.random.split(key, 3)
-    mode = find_mode(posterior, mode_key)
-    starts = spread_starts(posterior, mode, settings.chains, start_key)
+    target, mode = uncouple(posterior, find_mode(posterior, mode_key))
+    starts = spread_starts(target, mode, settings.chains, start_key)
+    draws = sample(sampler, target, starts, jnp.asarray(mode.cov), key, settings).z
     # Chain after chain: draws taken at even distances are then as far apart as can be.
-    return sample(sampler, posterior, starts, jnp.asarray(mode.cov), key, settings).z.reshape(-1, posterior.dim)
+    return np.asarray(coupled(target, draws)).reshape(-1, posterior.dim)
 
 
 def _by_smc(posterior: Posterior, key: jax.Array) -> PosteriorDraws:

@@ -15,23 +15,22 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.sampling.run import (
-    BLOCK,
-    ChainSettings,
-    Draws,
-    Run,
-    begin,
-    finish,
-    is_finished,
-    keep,
-    refuse_dead_starts,
+from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
+from seatrial.sampling.run import finish as finish
+from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.walk import (
+    TARGET_ACCEPTANCE,
+    first_log_scale,
+    gain_at,
+    learn_moments,
+    live_densities,
+    log_ratio_of,
+    mean_acceptance,
+    step_factor,
 )
-from seatrial.sampling.target import Progress, Target, log_densities, no_progress
 
-TARGET_ACCEPTANCE = 0.234
 PRIOR_WEIGHT = 100
 """Iterations' worth of trust in the first covariance."""
 
@@ -68,10 +67,8 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     Raises:
         NumericalError: a start of zero density.
     """
-    log_density = log_densities(target, starts)
-    refuse_dead_starts(log_density)
-    log_scale = jnp.asarray(np.log(2.38 / np.sqrt(target.dim)))
-    return begin(ChainState(starts, log_density, starts.mean(0), cov, log_scale))
+    log_density = live_densities(target, starts)
+    return begin(ChainState(starts, log_density, starts.mean(0), cov, first_log_scale(target.dim)))
 
 
 def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
@@ -80,41 +77,22 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSett
     return keep(run, state, drawn, settings)
 
 
-def sample_adaptive_metropolis(
-    target: Target,
-    starts: Float[Array, "chains d"],
-    cov: Float[Array, "d d"],
-    key: jax.Array,
-    settings: ChainSettings,
-    progress: Progress = no_progress,
-) -> Draws:
-    """Sample without checkpoints: `start_chains`, then `advance_chains` until `is_finished`."""
-    run = start_chains(target, starts, cov)
-    while not is_finished(run, settings):
-        run = advance_chains(target, run, key, settings)
-        progress(run.iteration, settings.warmup + settings.draws)
-    return finish(run)
-
-
 @jax.jit
 def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup: int):
     def iterate(state: ChainState, t: Array):
         chains, d = state.z.shape
         step_key, accept_key = jax.random.split(jax.random.fold_in(key, t))
-        factor = jnp.linalg.cholesky(state.cov + 1e-12 * jnp.diag(jnp.diag(state.cov)))
-        proposal = state.z + jnp.exp(state.log_scale) * jax.random.normal(step_key, (chains, d)) @ factor.T
+        step = jax.random.normal(step_key, (chains, d)) @ step_factor(state.cov).T
+        proposal = state.z + jnp.exp(state.log_scale) * step
         log_density = log_densities(target, proposal)
-        log_ratio = jnp.where(jnp.isfinite(log_density), log_density, -jnp.inf) - state.log_density
+        log_ratio = log_ratio_of(log_density, state.log_density)
         accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
         z = jnp.where(accepted[:, None], proposal, state.z)
         kept = jnp.where(accepted, log_density, state.log_density)
-        acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
-        gain = jnp.where(t < warmup, (t + 1.0) ** -0.6, 0.0)
+        acceptance = mean_acceptance(log_ratio)
         weight = jnp.where(t < warmup, 2.0 / (t + PRIOR_WEIGHT), 0.0)
-        mean = state.mean + weight * (z.mean(0) - state.mean)
-        spread = z - mean
-        cov = state.cov + weight * (spread.T @ spread / chains - state.cov)
-        log_scale = state.log_scale + gain * (acceptance - TARGET_ACCEPTANCE)
+        mean, cov = learn_moments(state.mean, state.cov, z, weight)
+        log_scale = state.log_scale + gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE)
         return ChainState(z, kept, mean, cov, log_scale), (z, kept, acceptance)
 
     return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))

@@ -16,9 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep, refuse_dead_starts
+from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.walk import live_densities, mean_acceptance
 
 ROWS = 1024
 """Rows of the archive, at least; and at least 32 for each chain."""
@@ -60,8 +61,7 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     Raises:
         NumericalError: a start of zero density.
     """
-    log_density = log_densities(target, starts)
-    refuse_dead_starts(log_density)
+    log_density = live_densities(target, starts)
     chains, d = starts.shape
     rows = chains * max(32, -(-ROWS // chains))
     noise = jax.random.normal(jax.random.key(0), (rows, d))
@@ -98,8 +98,7 @@ def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warm
         oldest = (t // EVERY * chains) % rows
         entered = jax.lax.dynamic_update_slice(state.archive, z, (oldest, 0))
         archive = jnp.where((t < warmup) & (t % EVERY == EVERY - 1), entered, state.archive)
-        acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
-        return state._replace(z=z, log_density=kept, archive=archive), (z, kept, acceptance)
+        return state._replace(z=z, log_density=kept, archive=archive), (z, kept, mean_acceptance(log_ratio))
 
     return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))
 

@@ -18,14 +18,22 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep, refuse_dead_starts
+from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.walk import (
+    TARGET_ACCEPTANCE,
+    first_log_scale,
+    gain_at,
+    learn_moments,
+    live_densities,
+    log_ratio_of,
+    mean_acceptance,
+    step_factor,
+)
 
-TARGET_ACCEPTANCE = 0.234
 PRIOR_WEIGHT, PACE = 100, 6.0
 """Iterations' worth of trust in what was given, and the pace at which it is forgotten: after t of them, (100 / (t + 100))^6."""
 FREEDOM = 5.0
@@ -68,10 +76,8 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     Raises:
         NumericalError: a start of zero density.
     """
-    log_density = log_densities(target, starts)
-    refuse_dead_starts(log_density)
-    log_scale = jnp.asarray(np.log(2.38 / np.sqrt(target.dim)))
-    return begin(IndependenceState(starts, log_density, starts.mean(0), cov, jnp.asarray(FIRST), log_scale))
+    log_density, fresh = live_densities(target, starts), jnp.asarray(FIRST)
+    return begin(IndependenceState(starts, log_density, starts.mean(0), cov, fresh, first_log_scale(target.dim)))
 
 
 def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
@@ -86,25 +92,21 @@ def _block(target: Target, state: IndependenceState, key: jax.Array, start: int,
         chains, d = state.z.shape
         move_key, step_key, tail_key, accept_key = jax.random.split(jax.random.fold_in(key, t), 4)
         fresh = jax.random.uniform(move_key) < state.fresh
-        factor = jnp.linalg.cholesky(state.cov + 1e-12 * jnp.diag(jnp.diag(state.cov)))
+        factor = step_factor(state.cov)
         step = jax.random.normal(step_key, (chains, d)) @ factor.T
         widened = jnp.sqrt(0.5 * FREEDOM / jax.random.gamma(tail_key, 0.5 * FREEDOM, (chains, 1)))
         proposal = jnp.where(fresh, state.mean + widened * step, state.z + jnp.exp(state.log_scale) * step)
         log_density = log_densities(target, proposal)
         correction = _log_fresh(state.z, state.mean, factor) - _log_fresh(proposal, state.mean, factor)
-        log_ratio = jnp.where(jnp.isfinite(log_density), log_density, -jnp.inf) - state.log_density
-        log_ratio = log_ratio + jnp.where(fresh, correction, 0.0)
+        log_ratio = log_ratio_of(log_density, state.log_density) + jnp.where(fresh, correction, 0.0)
         accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
         z = jnp.where(accepted[:, None], proposal, state.z)
         kept = jnp.where(accepted, log_density, state.log_density)
-        acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
+        acceptance = mean_acceptance(log_ratio)
         weight = jnp.where(t < warmup, PACE / (t + PRIOR_WEIGHT), 0.0)
-        mean = state.mean + weight * (z.mean(0) - state.mean)
-        spread = z - mean
-        cov = state.cov + weight * (spread.T @ spread / chains - state.cov)
+        mean, cov = learn_moments(state.mean, state.cov, z, weight)
         share = jnp.clip(state.fresh + weight * (acceptance - state.fresh), LEAST, MOST)
-        gain = jnp.where(t < warmup, (t + 1.0) ** -0.6, 0.0)
-        log_scale = state.log_scale + gain * (acceptance - TARGET_ACCEPTANCE)
+        log_scale = state.log_scale + gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE)
         learnt = jnp.where(fresh, share, state.fresh), jnp.where(fresh, state.log_scale, log_scale)
         return IndependenceState(z, kept, mean, cov, *learnt), (z, kept, acceptance)
 

@@ -21,8 +21,10 @@ from jaxtyping import Array, Float
 
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.adaptive_metropolis import ChainState
-from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, finish, is_finished, keep
-from seatrial.sampling.target import Progress, Target, log_densities, no_progress
+from seatrial.sampling.run import BLOCK, ChainSettings, Run, keep
+from seatrial.sampling.run import finish as finish
+from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.walk import gain_at, log_ratio_of, mean_acceptance
 
 TARGET_ACCEPTANCE = 0.44
 """Of a proposal in one dimension (Gelman, Roberts and Gilks, Bayesian Statistics 5, 1996)."""
@@ -50,22 +52,6 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSett
     return keep(run, state, drawn, settings)
 
 
-def sample_metropolis(
-    target: Target,
-    starts: Float[Array, "chains d"],
-    cov: Float[Array, "d d"],
-    key: jax.Array,
-    settings: ChainSettings,
-    progress: Progress = no_progress,
-) -> Draws:
-    """Sample without checkpoints: `start_chains`, then `advance_chains` until all draws are made."""
-    run = start_chains(target, starts, cov)
-    while not is_finished(run, settings):
-        run = advance_chains(target, run, key, settings)
-        progress(run.iteration, settings.warmup + settings.draws)
-    return finish(run)
-
-
 class _Place(NamedTuple):
     """Positions, shape (chains, d), their log densities, and the mean acceptance of each component; what lies beyond d is dropped."""
 
@@ -80,12 +66,11 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
     even = d + d % 2
 
     def decide(at: _Place, i: Array, proposal: Array, proposed: Array, threshold: Array) -> tuple[_Place, Array]:
-        log_ratio = jnp.where(jnp.isfinite(proposed), proposed, -jnp.inf) - at.log_density
+        log_ratio = log_ratio_of(proposed, at.log_density)
         accepted = threshold[:, i] < log_ratio
-        mean_acceptance = jnp.mean(jnp.exp(jnp.minimum(log_ratio, 0.0)))
         z = jnp.where(accepted[:, None], proposal, at.z)
         log_density = jnp.where(accepted, proposed, at.log_density)
-        return _Place(z, log_density, at.acceptance.at[i].set(mean_acceptance)), accepted
+        return _Place(z, log_density, at.acceptance.at[i].set(mean_acceptance(log_ratio))), accepted
 
     def move_two(pair: Array, at: _Place, step: Array, threshold: Array) -> _Place:
         """The second component is tried after both outcomes of the first: three lanes a chain cost little more than one."""
@@ -106,8 +91,8 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         move = partial(move_two, step=jnp.pad(step * jnp.sqrt(variances), filled), threshold=jnp.pad(threshold, filled))
         begin = _Place(state.z, state.log_density, jnp.zeros(d))
         z, log_density, acceptance = jax.lax.fori_loop(0, even // 2, move, begin)
-        gain = jnp.where(t < warmup, (t + 1.0) ** -0.6, 0.0)
-        cov = jnp.diag(variances * jnp.exp(2 * gain * (acceptance - TARGET_ACCEPTANCE)))
+        learnt = jnp.exp(2 * gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE))
+        cov = jnp.diag(variances * learnt)
         return state._replace(z=z, log_density=log_density, cov=cov), (z, log_density, acceptance.mean())
 
     return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))

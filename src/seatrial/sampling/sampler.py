@@ -42,7 +42,6 @@ SAMPLERS: dict[str, Sampler] = {
     "de-metropolis": de_metropolis,
     "nuts": nuts,
 }
-DEFAULT = "independence-metropolis"
 
 
 def sample(

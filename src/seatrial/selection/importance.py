@@ -17,7 +17,8 @@ from scipy.special import gammaln, logsumexp
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.target import evaluate
+from seatrial.estimation.uncoupled import coupled, uncouple
+from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import Evidence
 
 FREEDOM = 8.0
@@ -84,14 +85,16 @@ def importance_sample(
         NumericalError: no mode, or no draw of finite density.
     """
     mode_key, pilot_key, key = jax.random.split(key, 3)
-    proposal = laplace_proposal(find_mode(posterior, mode_key) if mode is None else mode)
+    target, there = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
+    proposal = laplace_proposal(there)
     done = 0
     for done in range(settings.refits + 1):
-        weights = weigh(posterior, proposal, jax.random.fold_in(pilot_key, done), settings.pilot)
+        weights = weigh(target, proposal, jax.random.fold_in(pilot_key, done), settings.pilot)
         if done == settings.refits or (weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
             break
         proposal = refit(proposal, weights)
-    return weigh(posterior, proposal, key, settings.draws)._replace(refits=done)
+    weights = weigh(target, proposal, key, settings.draws)
+    return weights._replace(z=np.asarray(coupled(target, weights.z)), refits=done)
 
 
 def evidence_of(weights: Weights) -> Evidence:
@@ -129,7 +132,7 @@ def laplace_proposal(mode: Mode) -> Proposal:
     return Proposal(mode.z, np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T))
 
 
-def weigh(posterior: Posterior, proposal: Proposal, key: jax.Array, n: int) -> Weights:
+def weigh(target: Target, proposal: Proposal, key: jax.Array, n: int) -> Weights:
     """Draw from the proposal and weigh the draws.
 
     Raises:
@@ -138,7 +141,7 @@ def weigh(posterior: Posterior, proposal: Proposal, key: jax.Array, n: int) -> W
     from arviz_stats.base.array import array_stats
 
     z, log_q = _draw(proposal, np.random.default_rng(np.asarray(jax.random.key_data(key))), n)
-    log_weight = evaluate(posterior, z) - log_q
+    log_weight = evaluate(target, z) - log_q
     top = log_weight.max()
     if not np.isfinite(top):
         raise NumericalError(

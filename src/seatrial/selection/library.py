@@ -26,6 +26,7 @@ from itertools import combinations_with_replacement, permutations
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import SIGNALS
+from seatrial.core.term_checks import check_trim
 
 LATERAL_AXES = ("Y", "K", "N")
 LATERAL_SIGNALS = frozenset(("v", "p", "r", "phi", "psi", "delta_r", "tau_Y", "tau_K", "tau_N"))
@@ -255,14 +256,7 @@ def _check_extra(
             remedy="add the term to the library of its own axis",
         )
     check_measured(term, signals, place)
-    for signal in term.trim_signals:
-        if signal not in trim:
-            raise InputError(
-                f"{place}, term {term}",
-                found=f'no trim value of "{signal}"',
-                expected=f"trim.{signal}",
-                remedy="give the trim point, since the term is a change from it",
-            )
+    check_trim(term, trim, place)
     if symmetric and breaks_symmetry(term):
         parity = "even" if axis in LATERAL_AXES else "odd"
         raise InputError(

@@ -10,10 +10,10 @@ import numpy as np
 from scipy import stats
 
 from seatrial.estimation.mode import find_mode
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.diagnostics import complaints as chain_complaints
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import Progress, evaluate
 from seatrial.sampling.tempered_ladder import Ladder, LadderSettings, sample_ladder
 from seatrial.sampling.tempered_smc import sample_tempered_smc
@@ -93,8 +93,14 @@ def _bridge(posterior: Any, key: jax.Array, settings: AgreementSettings, progres
     chains = settings.metropolis.chains
     drawn = np.asarray(posterior.sample_prior(start_key, 16 * chains))
     starts = drawn[np.argsort(-evaluate(posterior, drawn))[:chains]]
-    draws = sample_adaptive_metropolis(
-        posterior, jnp.asarray(starts), jnp.eye(posterior.dim), chain_key, settings.metropolis, progress
+    draws = sample(
+        SAMPLERS["adaptive-metropolis"],
+        posterior,
+        jnp.asarray(starts),
+        jnp.eye(posterior.dim),
+        chain_key,
+        settings.metropolis,
+        progress,
     )
     names = getattr(posterior, "names", tuple(f"z{i}" for i in range(posterior.dim)))
     said = chain_complaints(names, diagnose(draws.z))

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import SIGNALS
+from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.model import Params, VehicleModel
 
 
@@ -131,7 +132,7 @@ def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
             remedy="added mass X_udot is negative in SNAME notation: check its sign",
         )
     available = {"u", "n", "tau_X", *hull.trim}
-    seen: dict[CoefficientName, str] = {}
+    check_each_once(terms, where)
     for term in terms:
         if term.axis not in ("X", "T"):
             raise InputError(
@@ -155,19 +156,4 @@ def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
                     expected="one of " + ", ".join(sorted(available)),
                     remedy="the surge model knows the surge speed, the propeller speed and a commanded surge force",
                 )
-        for signal in term.trim_signals:
-            if signal not in hull.trim:
-                raise InputError(
-                    f"{where}, term {term.text}",
-                    found=f'no trim value of "{signal}"',
-                    expected=f"trim.{signal}",
-                    remedy="give the trim point, since the term is a change from it",
-                )
-        if term in seen:
-            raise InputError(
-                f"{where}, term {term.text}",
-                found=f"the same regressor as {seen[term]}",
-                expected="each regressor once",
-                remedy="leave one of the two out",
-            )
-        seen[term] = term.text
+        check_trim(term, hull.trim, where)

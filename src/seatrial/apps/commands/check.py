@@ -5,6 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
+from seatrial.sampling.names import DEFAULT, METHODS
 
 
 def tuning(folder: Folder, quiet: Quiet = False) -> None:
@@ -33,10 +34,8 @@ def calibrate(
     ] = 400,
     method: Annotated[
         str,
-        typer.Option(
-            help="independence-metropolis, adaptive-metropolis, metropolis, de-metropolis, nuts, tempered-smc or nested."
-        ),
-    ] = "independence-metropolis",
+        typer.Option(help=f"{', '.join(METHODS[:-1])} or {METHODS[-1]}."),
+    ] = DEFAULT,
     quiet: Quiet = False,
 ) -> None:
     """Check that stated uncertainty is right: truths from the priors, data from them, and their ranks in the posteriors."""

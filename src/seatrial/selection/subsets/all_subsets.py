@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import InputError
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.best import Best
 from seatrial.selection.subsets.conjugate import evidence_of
 from seatrial.selection.subsets.doubling import Doubling
 from seatrial.selection.subsets.gram import Gram
-from seatrial.selection.subsets.library import Library, check_library
 from seatrial.selection.subsets.prior import Prior
 from seatrial.selection.subsets.problem import Averages, Problem, averages, make_problem
-from seatrial.selection.subsets.rules import Rules, bits, conditions, spread
+from seatrial.selection.subsets.question import Question, check_question
+from seatrial.selection.subsets.rules import Rules, bits, conditions, no_structure, spread
 from seatrial.selection.subsets.sums import Block, Sums, add_block, no_sums
 
 LEVELS, LANES = 10, 64
@@ -59,16 +58,16 @@ def all_subsets(
         InputError: terms that the data cannot tell apart, too few data, too many optional terms, or rules that no structure keeps.
         NumericalError: a structure that leaves no noise, or numbers out of range.
     """
-    library = check_library(stats, names, always, rules, inclusion, top)
-    free, chance = library.free, library.chance
-    evidence_of(stats, prior, range(len(library.names)))  # of all structures this one leaves the least noise
-    problem, best = make_problem(stats, prior, library.sure, free, chance), Best(top)
+    question = check_question(stats, names, always, rules, inclusion, top)
+    free, chance = question.free, question.chance
+    evidence_of(stats, prior, range(len(question.names)))  # of all structures this one leaves the least noise
+    problem, best = make_problem(stats, prior, question.sure, free, chance), Best(top)
     fixed = max(len(free) - LEVELS, 0)
     outer = Doubling(len(free) + 1, fixed, 1)
     matrix, determinant = outer.eliminate(
         problem.matrix[..., None], np.array([problem.start]), *_parts(problem, slice(fixed))
     )
-    lane_terms = spread(np.arange(2**fixed), free[:fixed]) | library.certain
+    lane_terms = spread(np.arange(2**fixed), free[:fixed]) | question.certain
     block = Block(
         problem.shape,
         *_parts(problem, slice(fixed, None)),
@@ -89,33 +88,28 @@ def all_subsets(
     floor = float(sums.peak[last]) - NEGLIGIBLE - len(free) * np.log(2)
     _share(lambda firsts: add(firsts, floor), others, threads)
     if not sums.allowed.any():
-        raise InputError(
-            "rules of the structures",
-            found="no structure that keeps them all",
-            expected="at least one",
-            remedy="look for an exclusion between a term and one that it wants, or between terms that are always there",
-        )
+        raise no_structure()
     lane_chance = np.exp(_log_chance(np.arange(2**fixed), chance[:fixed]))
     log_mass = float(np.log(lane_chance @ sums.chance))
-    found = _collect(library, problem, outer, sums.rescaled(), best, log_mass)
+    found = _collect(question, problem, outer, sums.rescaled(), best, log_mass)
     return SubsetPosterior(stats=stats, prior=prior, **found)
 
 
 def _collect(
-    library: Library, problem: Problem, outer: Doubling, sums: Sums, best: Best, log_mass: float
+    question: Question, problem: Problem, outer: Doubling, sums: Sums, best: Best, log_mass: float
 ) -> dict[str, Any]:
     """Put the sums of all lanes together; `log_mass` is of the prior probability of the allowed structures."""
-    sure, free = library.sure, library.free
+    sure, free = question.sure, question.free
     log_total = problem.constant + float(sums.peak[0] + np.log(sums.weight.sum()))
     scores, codes = best.ranked()
-    joint = np.ones((len(library.names),) * 2)
+    joint = np.ones((len(question.names),) * 2)
     joint[np.ix_(free, free)] = together = sums.joint()
     joint[np.ix_(sure, free)] = np.diag(together)
     joint[np.ix_(free, sure)] = np.diag(together)[:, None]
     return dict(
-        names=library.names,
-        structures=spread(codes, free) | library.certain,
-        log_evidence=problem.constant + scores - _log_chance(codes, library.chance),
+        names=question.names,
+        structures=spread(codes, free) | question.certain,
+        log_evidence=problem.constant + scores - _log_chance(codes, question.chance),
         probability=np.exp(problem.constant + scores - log_total),
         count=int(sums.allowed.sum()),
         log_evidence_total=log_total - log_mass,

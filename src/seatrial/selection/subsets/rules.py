@@ -90,6 +90,16 @@ def conditions(rules: Rules, fixed: UInt64[np.ndarray, " lanes"], free: Sequence
     return Conditions(values, among, need | forbid, np.where(valid, need, impossible))
 
 
+def no_structure() -> InputError:
+    """What to raise where no structure keeps all rules."""
+    return InputError(
+        "rules of the structures",
+        found="no structure that keeps them all",
+        expected="at least one",
+        remedy="look for an exclusion between a term and one that it wants, or between terms that are always there",
+    )
+
+
 def check_rules(rules: Rules, n_terms: int) -> None:
     """Check that the rules speak of terms that exist.
 

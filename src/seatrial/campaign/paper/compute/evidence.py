@@ -14,8 +14,8 @@ from seatrial.campaign.paper.study import Study
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.priors import Uniform
-from seatrial.sampling.adaptive_metropolis import sample_adaptive_metropolis
 from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.tempered_smc import SMCSettings
 from seatrial.selection.bridge import bridge_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
@@ -151,5 +151,5 @@ def _bridge(posterior: Posterior, key: jax.Array, draws: int) -> Evidence:
     settings = ChainSettings(warmup=max(200, draws // 4), draws=draws)
     noise = jax.random.normal(start_key, (settings.chains, posterior.dim))
     starts = jnp.asarray(mode.z) + noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
-    sampled = sample_adaptive_metropolis(posterior, starts, jnp.asarray(mode.cov), chain_key, settings)
+    sampled = sample(SAMPLERS["adaptive-metropolis"], posterior, starts, jnp.asarray(mode.cov), chain_key, settings)
     return bridge_evidence(posterior, sampled.z, key)

@@ -13,7 +13,7 @@ from seatrial.selection.subsets.rules import MOST_TERMS, Rules, check_rules
 MOST_OPTIONAL = 25
 
 
-class Library(NamedTuple):
+class Question(NamedTuple):
     """Terms by number.
 
     Attributes:
@@ -31,14 +31,14 @@ class Library(NamedTuple):
     chance: Float[np.ndarray, " k"]
 
 
-def check_library(
+def check_question(
     stats: Gram,
     names: Sequence[str],
     always: Sequence[str],
     rules: Rules | None,
     inclusion: float | Sequence[float],
     top: int,
-) -> Library:
+) -> Question:
     """Check the arguments of `all_subsets`.
 
     Raises:
@@ -75,4 +75,4 @@ def check_library(
             remedy="put terms that are certain in `always`, and leave out those that are impossible",
         )
     certain = np.uint64(sum(1 << i for i in sure))
-    return Library(names, sure, free, certain, np.broadcast_to(chance, (len(names),))[free])
+    return Question(names, sure, free, certain, np.broadcast_to(chance, (len(names),))[free])

@@ -1,0 +1,40 @@
+"""Checks of terms that every model and library of them needs."""
+
+from collections.abc import Iterable, Mapping
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+
+
+def check_trim(term: CoefficientName, trim: Mapping[str, float], place: str) -> None:
+    """Check that the trim of every signal is known that the term is a change of.
+
+    Raises:
+        InputError: one is not; the message names the term and the key.
+    """
+    for signal in term.trim_signals:
+        if signal not in trim:
+            raise InputError(
+                f"{place}, term {term}",
+                found=f'no trim value of "{signal}"',
+                expected=f"trim.{signal}",
+                remedy="give the trim point, since the term is a change from it",
+            )
+
+
+def check_each_once(terms: Iterable[CoefficientName], place: str) -> None:
+    """Check that no two terms are the same regressor, in whatever order their factors are written.
+
+    Raises:
+        InputError: two are; the message names both.
+    """
+    seen: dict[CoefficientName, CoefficientName] = {}
+    for term in terms:
+        if term in seen:
+            raise InputError(
+                f"{place}, term {term}",
+                found=f"the same regressor as {seen[term]}",
+                expected="each regressor once",
+                remedy="leave one of the two out",
+            )
+        seen[term] = term

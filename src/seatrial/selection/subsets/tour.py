@@ -1,0 +1,124 @@
+"""What Markov chains over structures see on their way: visits, probabilities, coefficients, and every structure evaluated."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, UInt64
+
+from seatrial.selection.subsets.structure_chains import REFRESH, Chains
+
+EVERY = 5
+"""Moves between two looks at the coefficients."""
+
+
+class Seen(NamedTuple):
+    """What the chains saw after warm-up, of k optional terms in u units.
+
+    Attributes:
+        presence: visits with each term, for each half of each chain, shape (2, chains, k).
+        chance: sum of each unit's probability of being there given the rest, shape (chains, u+1).
+        draws: moves that drew each unit, shape (chains, u+1).
+        pairs: visits with both of each two terms, shape (k, k).
+        mean: sum of posterior means, scaled, shape (chains, k).
+        moment: sum of z z^T as `averages` wants it, shape (k+1, k+1).
+        spread: sum of corner A_S^-1, shape (k, k).
+        corner: sum of corners, shape (1,).
+        inside: visits in the second half to structures evaluated before it, shape (chains,).
+    """
+
+    presence: np.ndarray
+    chance: np.ndarray
+    draws: np.ndarray
+    pairs: np.ndarray
+    mean: np.ndarray
+    moment: np.ndarray
+    spread: np.ndarray
+    corner: np.ndarray
+    inside: np.ndarray
+
+
+class Evaluated(NamedTuple):
+    """Different structures, in order of number, and their log P(S) p(y | S)."""
+
+    codes: UInt64[np.ndarray, " n"]
+    scores: Float[np.ndarray, " n"]
+
+
+def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Seen, Evaluated, Evaluated]:
+    """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all."""
+    chains, k = walkers.codes.size, walkers.matrix.shape[1] - 1
+    warmup = moves // 4
+    half = half_of(moves)
+    seen = Seen(
+        *(np.zeros(shape) for shape in ((2, chains, k), (chains, n_units), (chains, n_units), (k, k), (chains, k))),
+        *(np.zeros(shape) for shape in ((k + 1, k + 1), (k, k), (1,), (chains,))),
+    )
+    found, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
+    before, at = found, np.arange(chains)[:, None]
+    visits = []
+    for now in range(moves):
+        move = walkers.move()
+        fresh.append((move.codes, move.scores))
+        if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH == 0:
+            walkers.refresh()
+            found, fresh = _merge(found, fresh), []
+        if now == half - 1:
+            before = found
+        if now < warmup:
+            continue
+        there = walkers.present().astype(float)
+        seen.presence[int(now >= half)] += there
+        seen.chance[at, move.units] += move.chance
+        seen.draws[at, move.units] += 1
+        if now >= half:
+            visits.append(walkers.codes)
+        if now % EVERY == 0:
+            _look(walkers, there, seen)
+    seen.inside[:] = np.isin(np.array(visits), before.codes).sum(0)
+    return seen, before, found
+
+
+def _look(walkers: Chains, there: np.ndarray, seen: Seen) -> None:
+    """Add the coefficients where the chains are."""
+    mean = walkers.matrix[:, :-1, -1] * there
+    z = np.column_stack([mean, np.full(mean.shape[0], -1.0)])
+    corner = walkers.matrix[:, -1, -1]
+    seen.pairs[:] += there.T @ there
+    seen.mean[:] += mean
+    seen.moment[:] += z.T @ z
+    weighted = walkers.matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
+    seen.spread[:] -= np.tensordot(corner, weighted, 1)
+    seen.corner[:] += corner.sum()
+
+
+def _merge(found: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
+    """Add structures, each once and only if it is allowed."""
+    codes = np.concatenate([found.codes, *(codes.ravel() for codes, _ in fresh)])
+    scores = np.concatenate([found.scores, *(scores.ravel() for _, scores in fresh)])
+    kept = scores > -np.inf
+    codes, first = np.unique(codes[kept], return_index=True)
+    return Evaluated(codes, scores[kept][first])
+
+
+def share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> tuple[float, float]:
+    """Log of the share of visits in the structures known before, and its standard error."""
+    visits = moves - half_of(moves)
+    share = inside / visits
+    # no visit outside says only that there are fewer than about one in all visits
+    least = 1.0 / (visits * inside.size)
+    value = max(float(share.mean()), least)
+    return float(np.log(value)), float(np.hypot(share.std(ddof=1) / np.sqrt(inside.size), least) / value)
+
+
+def half_of(moves: int) -> int:
+    """Move at which the second half after warm-up begins."""
+    return (moves + moves // 4) // 2
+
+
+def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Float[np.ndarray, " k"]:
+    """R-hat of numbers that are 0 or 1, between the halves of all chains; 1 where nothing ever changed."""
+    length = np.array([half_of(moves) - moves // 4, moves - half_of(moves)])[:, None, None]
+    means = (presence / length).reshape(-1, presence.shape[2])
+    within, between = (means * (1 - means)).mean(0), means.var(0, ddof=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(between > 0, np.sqrt(1 + between / within), 1.0)
