@@ -32,6 +32,7 @@ MEASUREMENTS = {
     "sampler_growth.steps": (1,),
     "sampler_growth.chains": (1,),
     "kernels.growth": (1,),
+    "filter_growth.seconds": (1,),
     "subsets.speed": (1, 2),
 }
 NEEDS = {

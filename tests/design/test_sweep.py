@@ -7,6 +7,7 @@ from seatrial.core.gaussian import Gaussian, independent
 from seatrial.core.state_space import StateSpace
 from seatrial.design.sweep import DoubletFamily, sweep_doublets
 from seatrial.filters.extended import ExtendedKalmanFilter
+from seatrial.filters.large import LargeUnscentedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.numerics.integrate import euler_step
@@ -58,11 +59,12 @@ def textbook_gain(method, amplitude, period, family=SHORT, prior_sd=PRIOR_SD, me
 BELIEF_SD = np.array([0.1, 1.0, 1.0, 0.02])
 FILTERS = {
     "extended": (ExtendedKalmanFilter(), extended),
+    "on arrays": (LargeUnscentedKalmanFilter(), unscented),
     "square root": (SquareRootUnscentedKalmanFilter(), unscented),
 }
 each_filter = pytest.mark.parametrize(
     ("method", "naive"),
-    [FILTERS["extended"], pytest.param(*FILTERS["square root"], marks=pytest.mark.thorough)],
+    [FILTERS["extended"], FILTERS["on arrays"], pytest.param(*FILTERS["square root"], marks=pytest.mark.thorough)],
     ids=FILTERS,
 )
 
@@ -141,7 +143,11 @@ GOLDEN = DoubletFamily("n", N0, duration=60.0, active=40.0, sample_time=0.01)
 
 @pytest.mark.parametrize(
     ("method", "tolerance"),
-    [(ExtendedKalmanFilter(), 0.05), pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.thorough)],
+    [
+        (ExtendedKalmanFilter(), 0.05),
+        (LargeUnscentedKalmanFilter(), 1e-3),
+        pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.thorough),
+    ],
     ids=FILTERS,
 )
 def test_golden_entropies(method, tolerance):

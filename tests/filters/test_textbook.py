@@ -9,6 +9,7 @@ from filterpy.kalman import MerweScaledSigmaPoints
 from filterpy.kalman import UnscentedKalmanFilter as PeerFilter
 
 from seatrial.filters.extended import ExtendedKalmanFilter
+from seatrial.filters.large import LargeUnscentedKalmanFilter
 from seatrial.filters.run import run_filter, summarise_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
@@ -29,6 +30,7 @@ def methods():
         if name != "small kappa":
             square_root = SquareRootUnscentedKalmanFilter(UnscentedRule(*rule))
             yield f"square root, {name}", square_root, textbook.unscented, settings
+            yield f"on arrays, {name}", LargeUnscentedKalmanFilter(UnscentedRule(*rule)), textbook.unscented, settings
     yield "constrained", SquareRootUnscentedKalmanFilter(bounds=BOUNDS), textbook.unscented, {"bounds": (LOWER, UPPER)}
 
 

@@ -16,8 +16,8 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.estimation.simulation import delay_control
+from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import FilterTrace, run_filter
-from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 
@@ -89,7 +89,7 @@ def filter_record(
         [np.asarray(delay_control(record.channel(name), delay / record.step[0])) for name in model.controls]
     )
     measured = np.column_stack([record.channel(channel) for channel in campaign.channels])
-    return space, run_filter(SquareRootUnscentedKalmanFilter(), space, control, measured, record.step)
+    return space, run_filter(unscented_filter(len(space.states)), space, control, measured, record.step)
 
 
 def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:

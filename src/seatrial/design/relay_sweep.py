@@ -13,8 +13,8 @@ from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.design.sweep import in_blocks
 from seatrial.filters.belief import Filter
+from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import summarise_filter
-from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.relay import RelayFamily, check_family, run_relay
 
@@ -75,7 +75,7 @@ def sweep_relay(
     amplitude: Float[np.ndarray, " A"],
     threshold: Float[np.ndarray, " T"],
     limits: Limits = Limits(),
-    method: Filter = SquareRootUnscentedKalmanFilter(),
+    method: Filter | None = None,
     measured: Float[np.ndarray, "n m"] | None = None,
     truth: Float[np.ndarray, " d"] | None = None,
     noise: Float[np.ndarray, " n"] | None = None,
@@ -88,7 +88,7 @@ def sweep_relay(
         amplitude: changes of control from trim, SI.
         threshold: changes of output from trim, SI.
         limits: bounds of the control.
-        method: filter.
+        method: filter; the square-root unscented one, if not given.
         measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
         noise: error of the output as the relay sees it, the same for all designs; None for a perfect sensor.
@@ -105,7 +105,7 @@ def sweep_relay(
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
     error = jnp.zeros(n) if noise is None else jnp.asarray(noise, float)
-    predict = _predict(method, family)
+    predict = _predict(method or unscented_filter(len(space.states)), family)
     gain, peak, sd, switches, reached, failures = in_blocks(
         lambda a, y: predict(space, start, a, y, gaps, error), amplitudes, thresholds
     )

@@ -15,8 +15,8 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
+from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import summarise_filter
-from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 from seatrial.manoeuvres.signals import repeated_doublet, repeated_doublet_signal
 
@@ -98,7 +98,7 @@ def sweep_doublets(
     amplitude: Float[np.ndarray, " A"],
     period: Float[np.ndarray, " P"],
     limits: Limits = Limits(),
-    method: Filter = SquareRootUnscentedKalmanFilter(),
+    method: Filter | None = None,
     measured: Float[np.ndarray, "n m"] | None = None,
     truth: Float[np.ndarray, " d"] | None = None,
 ) -> Sweep:
@@ -110,7 +110,7 @@ def sweep_doublets(
         amplitude: changes from trim, SI.
         period: s.
         limits: bounds of the control.
-        method: filter.
+        method: filter; the square-root unscented one, if not given.
         measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
 
@@ -124,7 +124,7 @@ def sweep_doublets(
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
-    predict = _predict(method)
+    predict = _predict(method or unscented_filter(len(space.states)))
     step = jnp.asarray(family.sample_time)
     gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), controls)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))

@@ -1,7 +1,7 @@
 """What every filter shares: its belief, what one measurement update reports, and how missing channels are left out."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import jax.numpy as jnp
 
@@ -12,13 +12,10 @@ LOG_2PI = 1.8378770664093453
 
 
 class Belief(NamedTuple):
-    """Mean and spread of the state, as scalars.
+    """Mean and spread of the state, held as the filter's form says: covariance or its Cholesky factor, scalars or arrays."""
 
-    The spread is the lower triangle of the covariance, or its Cholesky factor for a filter with `square_root`.
-    """
-
-    mean: Vector
-    spread: Triangle
+    mean: Any
+    spread: Any
 
 
 class Update(NamedTuple):
@@ -44,10 +41,8 @@ class Update(NamedTuple):
 class Filter(Protocol):
     """A recursive Gaussian filter; implementations are frozen dataclasses of plain settings, so that they can be hashed."""
 
-    @property
-    def square_root(self) -> bool:
-        """Whether the belief carries the Cholesky factor rather than the covariance."""
-        ...
+    form: ClassVar[Any]
+    """How the belief is held, one of `seatrial.filters.forms`."""
 
     def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
         """Belief one step later, and the number of sigma points clipped."""

@@ -6,11 +6,13 @@ update:   S = H P H^T + R,  K = P H^T S^-1,  x = x + K (y - h(x)),  P = P - K S 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
+from seatrial.filters.forms import CovarianceTriangle, Form
 from seatrial.numerics.triangular import Scalar, Triangle, Vector, cholesky, dot
 
 
@@ -18,7 +20,7 @@ from seatrial.numerics.triangular import Scalar, Triangle, Vector, cholesky, dot
 class ExtendedKalmanFilter:
     """EKF; the derivative by a coefficient is its regressor, carried exactly through the integrator."""
 
-    square_root: bool = False
+    form: ClassVar[Form] = CovarianceTriangle()
 
     def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
         """See `Filter.predict`."""

@@ -10,8 +10,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.state_space import StateSpace
-from seatrial.filters.belief import Belief, Filter
-from seatrial.numerics.triangular import Scalar, Triangle, cholesky, to_matrix, to_triangle
+from seatrial.filters.belief import Filter
 
 
 class FilterTrace(NamedTuple):
@@ -126,7 +125,7 @@ def _pass(
             first, lambda: (belief, zero), lambda: _arrays(method.predict(moving, belief, held, h))
         )
         after, update = method.update(space, prior, now, measured)
-        failed = update.failed | ~_positive(after.spread)
+        failed = update.failed | ~method.form.positive(after)
         carry = (
             _arrays(after),
             now,
@@ -137,19 +136,17 @@ def _pass(
         )
         if not keep_trace:
             return carry, ()
-        sds = tuple(
-            jnp.sqrt(sum(x * x for x in row)) if method.square_root else jnp.sqrt(row[-1]) for row in after.spread
-        )
-        return carry, (after.mean, sds, update.innovation, update.nis, update.n_measured, update.clipped + clipped)
+        means, sds = method.form.means(after), method.form.sds(after)
+        return carry, (means, sds, update.innovation, update.nis, update.n_measured, update.clipped + clipped)
 
-    start = Belief(tuple(space.initial.mean), _start(method, space.initial))
+    start = method.form.begin(space.initial)
     zero = jnp.zeros(())
     first = jnp.arange(step.shape[0]) == 0
     grows = step if growth is None else growth
     samples = (first, tuple(control.T), tuple(measurement.T), step, grows)
     begin = (_arrays(start), tuple(control[0]), step[0], grows[0], zero, zero)
     (after, _, _, _, log_likelihood, failures), kept = jax.lax.scan(advance, begin, samples)
-    final = Gaussian(jnp.stack(after.mean), to_matrix(after.spread if method.square_root else cholesky(after.spread)))
+    final = method.form.end(after)
     failures = jnp.maximum(failures, ~jnp.isfinite(final.chol_cov).all() * 1)
     if not keep_trace:
         return FilterSummary(log_likelihood, final, failures)
@@ -165,15 +162,6 @@ def _pass(
         clipped,
         failures,
     )
-
-
-def _start(method: Filter, initial: Gaussian) -> Triangle:
-    return to_triangle(initial.chol_cov if method.square_root else initial.chol_cov @ initial.chol_cov.T)
-
-
-def _positive(spread: Triangle) -> Scalar:
-    """Whether every pivot of a factor, or every variance of a covariance, is positive and finite."""
-    return jnp.stack([(row[-1] > 0) & (row[-1] < jnp.inf) for row in spread]).all()
 
 
 def _arrays(tree: Any) -> Any:

@@ -12,11 +12,13 @@ the same covariance in exact arithmetic, and stays positive where points were cl
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, gate, mask_missing, whiten
+from seatrial.filters.forms import FactorTriangle, Form
 from seatrial.filters.unscented import at_points, weighted_mean
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
 from seatrial.numerics.triangular import (
@@ -42,9 +44,9 @@ class SquareRootUnscentedKalmanFilter:
         bounds: (lower, upper) of every state, infinite where free; None for the unconstrained filter.
     """
 
+    form: ClassVar[Form] = FactorTriangle()
     rule: UnscentedRule = UnscentedRule()
     bounds: Bounds | None = None
-    square_root: bool = True
 
     def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
         """See `Filter.predict`."""

@@ -6,12 +6,14 @@ update:   points from chol(P), S = sum w (h - y)(h - y)^T + R, P_xy = sum w (poi
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
+from seatrial.filters.forms import CovarianceTriangle, Form
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, times, total
 
@@ -20,8 +22,8 @@ from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, ti
 class UnscentedKalmanFilter:
     """UKF with the scaled unscented rule."""
 
+    form: ClassVar[Form] = CovarianceTriangle()
     rule: UnscentedRule = UnscentedRule()
-    square_root: bool = False
 
     def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
         """See `Filter.predict`."""

@@ -1,0 +1,101 @@
+"""How a belief is held while a filter runs: triangles of scalars, covariance or its factor, or arrays where there are many."""
+
+from typing import Any, Protocol
+
+import jax.numpy as jnp
+
+from seatrial.core.gaussian import Gaussian
+from seatrial.filters.belief import Belief
+from seatrial.numerics.triangular import Scalar, cholesky, to_matrix, to_triangle
+
+
+class Form(Protocol):
+    """The two ends of a run, and what is asked of a belief on the way."""
+
+    def begin(self, initial: Gaussian) -> Belief:
+        """Belief of a Gaussian."""
+        ...
+
+    def end(self, belief: Belief) -> Gaussian:
+        """Gaussian of a belief."""
+        ...
+
+    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+        """Mean of each state."""
+        ...
+
+    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+        """Standard deviation of each state."""
+        ...
+
+    def positive(self, belief: Belief) -> Scalar:
+        """Whether every pivot of the factor, or every variance of the covariance, is positive and finite."""
+        ...
+
+
+class CovarianceTriangle:
+    """The lower triangle of the covariance, as scalars."""
+
+    def begin(self, initial: Gaussian) -> Belief:
+        """See `Form.begin`."""
+        return Belief(tuple(initial.mean), to_triangle(initial.chol_cov @ initial.chol_cov.T))
+
+    def end(self, belief: Belief) -> Gaussian:
+        """See `Form.end`."""
+        return Gaussian(jnp.stack(belief.mean), to_matrix(cholesky(belief.spread)))
+
+    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.means`."""
+        return belief.mean
+
+    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.sds`."""
+        return tuple(jnp.sqrt(row[-1]) for row in belief.spread)
+
+    def positive(self, belief: Belief) -> Scalar:
+        """See `Form.positive`."""
+        return _positive(jnp.stack([row[-1] for row in belief.spread]))
+
+
+class FactorTriangle(CovarianceTriangle):
+    """The Cholesky factor of the covariance, as scalars."""
+
+    def begin(self, initial: Gaussian) -> Belief:
+        """See `Form.begin`."""
+        return Belief(tuple(initial.mean), to_triangle(initial.chol_cov))
+
+    def end(self, belief: Belief) -> Gaussian:
+        """See `Form.end`."""
+        return Gaussian(jnp.stack(belief.mean), to_matrix(belief.spread))
+
+    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.sds`."""
+        return tuple(jnp.sqrt(sum(x * x for x in row)) for row in belief.spread)
+
+
+class FactorArray:
+    """The mean, shape (n,), and the Cholesky factor of the covariance, shape (n, n), as arrays."""
+
+    def begin(self, initial: Gaussian) -> Belief:
+        """See `Form.begin`."""
+        return Belief(initial.mean, initial.chol_cov)
+
+    def end(self, belief: Belief) -> Gaussian:
+        """See `Form.end`."""
+        return Gaussian(belief.mean, belief.spread)
+
+    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.means`."""
+        return tuple(belief.mean)
+
+    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.sds`."""
+        return tuple(jnp.sqrt((belief.spread**2).sum(1)))
+
+    def positive(self, belief: Belief) -> Scalar:
+        """See `Form.positive`."""
+        return _positive(jnp.diag(belief.spread))
+
+
+def _positive(values: Any) -> Scalar:
+    return ((values > 0) & (values < jnp.inf)).all()
