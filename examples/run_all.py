@@ -19,7 +19,20 @@ def main() -> None:
     subprocess.run([sys.executable, EXAMPLES / "loop_in_ten_lines.py", OUTPUTS / "remus100"], check=True)
     # The command line on what those lines left: nothing is computed again.
     run_campaign("remus100", needs_data=False)
+    select_terms("select_surge")
     run_campaign("pool_auv", needs_data=True)
+
+
+def select_terms(name: str) -> None:
+    """Screen and select the terms of one campaign from its folder here."""
+    folder = OUTPUTS / name
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(EXAMPLES / name / "campaign.toml", folder)
+    code = subprocess.run([sys.executable, "-m", "seatrial", "select", str(folder)]).returncode
+    assert code in (0, 3), f"example {name} ended with exit code {code}"
+    found = json.loads((folder / "results" / "selection.json").read_text())
+    assert found["inclusion"]["X_uabsu"] > 0.9
+    assert (folder / "select.svg").is_file()
 
 
 def run_campaign(name: str, needs_data: bool) -> None:

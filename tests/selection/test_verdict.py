@@ -3,8 +3,8 @@ import pytest
 from scipy.special import softmax
 
 from seatrial.selection.evidence import Evidence
-from seatrial.selection.structures import all_structures, structure_rules
-from seatrial.selection.verdict import pair_verdicts, select, term_verdict
+from seatrial.selection.structures import Structure, all_structures, structure_rules
+from seatrial.selection.verdict import Shortlist, pair_verdicts, select, term_verdict
 
 OPTIONAL = ("X_u", "X_uabsu")
 STRUCTURES = all_structures(structure_rules(["T_nabsn"], OPTIONAL))
@@ -102,3 +102,18 @@ def test_unhealthy_evidence_is_named():
 def test_unhealthy_evidence_that_decides_nothing_is_no_alarm():
     """It is 500 nats behind, known to 0.8."""
     assert selection([0.0, 0.1, -500.0, 0.3], (0.0, 0.0, 0.8, 0.0), ("", "", "repeats differ", "")).alarms == ()
+
+
+def test_terms_that_no_simulated_structure_decides_are_the_screenings():
+    structures = [Structure("M-0", ("X_u", "X_uabsu", "X_0")), Structure("M-1", ("X_u", "X_uabsu"))]
+    evidences = [Evidence(0.0, 0.01, "given"), Evidence(2.0, 0.01, "given")]
+    optional = ("X_u", "X_uabsu", "X_0", "X_u3")
+    chances = {"X_u": 0.93, "X_uabsu": 0.99, "X_0": 0.3, "X_u3": 0.11}
+    found = select(structures, evidences, optional, Shortlist(chances, 0.7))
+    assert found.inclusion["X_u"] == 0.93
+    assert found.inclusion["X_u3"] == 0.11
+    assert found.inclusion["X_0"] == pytest.approx(1 / (1 + np.exp(2.0)))
+    assert found.verdicts[0] == "every simulated structure has X_u: by the screening its probability is 0.93"
+    assert found.verdicts[3] == "no simulated structure has X_u3: by the screening its probability is 0.11"
+    assert found.verdicts[-1].startswith("probabilities are among the 2 structures that were simulated, to which")
+    assert "0.70 of all" in found.verdicts[-1]

@@ -8,6 +8,7 @@ import jax
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import estimate_key
 from seatrial.campaign.problem import build_posterior, random_key
+from seatrial.campaign.screen import shortlist_of
 from seatrial.campaign.store import (
     Store,
     is_current,
@@ -35,6 +36,10 @@ BLUNT = 0.5
 """Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
 
 
+MOST_REPEATS = 4
+"""Repeats of tempered SMC at most, in those asked for."""
+
+
 def select_structure(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> Selection:
     """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
     store = Store(campaign.folder)
@@ -55,17 +60,17 @@ def select_structure(campaign: Campaign, trials: Trials, watch: Watch = SILENT) 
         )
         write_stamped_json(
             store.selection,
-            _as_json(campaign, select(campaign.structures, evidences, campaign.source.structure.optional)),
+            _as_json(campaign, _select(campaign, trials, evidences)),
             key,
         )
         for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
             path.unlink()
-    return _read(campaign)
+    return _read(campaign, trials)
 
 
 def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
     """The selection if it has been made and is current; nothing is computed."""
-    return _read(campaign) if is_current(Store(campaign.folder).selection, _keys(campaign, trials)[1]) else None
+    return _read(campaign, trials) if is_current(Store(campaign.folder).selection, _keys(campaign, trials)[1]) else None
 
 
 def agreement_words(evidence: Evidence) -> str:
@@ -97,10 +102,15 @@ def _keys(campaign: Campaign, trials: Trials) -> tuple[dict[str, str], str]:
     return keys, key_of("selection", keys)
 
 
-def _read(campaign: Campaign) -> Selection:
+def _read(campaign: Campaign, trials: Trials) -> Selection:
     stored = read_json(Store(campaign.folder).selection, f"seatrial select {campaign.folder}")
     evidences = [Evidence(**item["evidence"]) for item in stored["structures"]]
-    return select(campaign.structures, evidences, campaign.source.structure.optional)
+    return _select(campaign, trials, evidences)
+
+
+def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence]) -> Selection:
+    shortlist = shortlist_of(campaign, trials)
+    return select(campaign.structures, evidences, campaign.source.structure.optional, shortlist)
 
 
 def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str, progress: Progress) -> Evidence:
@@ -120,10 +130,13 @@ def _evidence(campaign: Campaign, structure: Structure, trials: Trials, key: str
 def _smc_runs(
     campaign: Campaign, structure: Structure, posterior: Posterior, key: str, progress: Progress
 ) -> list[SMCResult]:
-    """Independent repeats, each kept on disk until the selection is written."""
+    """Independent repeats, each kept on disk until the selection is written; more than asked for while they check too bluntly."""
     table, runs = campaign.source.selection, []
     settings = SMCSettings(particles=table.particles)
-    for repeat in range(table.repeats):
+    for repeat in range(MOST_REPEATS * table.repeats):
+        if repeat >= table.repeats and combine_runs(runs).std_error <= BLUNT:
+            break
+        total_runs = max(table.repeats, repeat + 1)
         checkpoint = Store(campaign.folder).checkpoint(f"evidence-{structure.label}-{repeat}")
         stored = load_checkpoint(checkpoint, key)
         if stored is None:
@@ -131,13 +144,13 @@ def _smc_runs(
                 posterior,
                 jax.random.fold_in(random_key(campaign, f"evidence {structure.terms}"), repeat),
                 settings,
-                lambda done, total, r=repeat: progress(r * total + done, table.repeats * total),
+                lambda done, total, r=repeat, n=total_runs: progress(r * total + done, n * total),
             )
             save_checkpoint(checkpoint, key, run._asdict())
         else:
             run = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
         runs.append(run)
-        progress(repeat + 1, table.repeats)
+        progress(repeat + 1, total_runs)
     return runs
 
 

@@ -20,6 +20,7 @@ from seatrial.estimation.windows import FEWEST
 from seatrial.selection.screening import Believed, Screening, screen
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import label_structures
+from seatrial.selection.verdict import Shortlist
 
 NARROWEST = 1.0
 """Width of the first windows, s; they are doubled until residuals no longer follow one another."""
@@ -124,6 +125,21 @@ def with_shortlist(campaign: Campaign, trials: Trials, watch: Watch = SILENT) ->
     order = campaign.full.terms
     sets = [tuple(term for term in order if term in terms) for terms in sorted(best, key=len, reverse=True)]
     return replace(campaign, shortlist=label_structures(sets))
+
+
+def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
+    """What the screening says beyond the structures that are simulated; None where all of them are."""
+    if not (campaign.is_large and campaign.shortlist):
+        return None
+    data, simulated = screen_terms(campaign, trials).data, {frozenset(one.terms) for one in campaign.shortlist}
+    found = Screened(data)
+    share = sum(
+        float(data["probability"][rank])
+        for rank in range(data.sizes["model"])
+        if frozenset(found.terms(rank)) in simulated
+    )
+    inclusion = {term: float(data["inclusion"].sel(term=term)) for term in found.optional}
+    return Shortlist(inclusion, share)
 
 
 def screening_key(campaign: Campaign, trials: Trials) -> str:

@@ -25,7 +25,7 @@ class Selection:
         evidences: one for each.
         probability: posterior probability of each structure, equal prior probabilities.
         probability_error: its Monte Carlo standard error.
-        inclusion: posterior probability of each optional term.
+        inclusion: posterior probability of each optional term: among the candidates, or of the screening where these do not differ in it.
         inclusion_error: its Monte Carlo standard error.
         chosen: index of the most probable structure.
         verdicts: one sentence for each question.
@@ -43,10 +43,34 @@ class Selection:
     alarms: tuple[str, ...]
 
 
-def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]) -> Selection:
+@dataclass(frozen=True)
+class Shortlist:
+    """What a screening of all structures says where only some of them are simulated.
+
+    Attributes:
+        inclusion: probability of each optional term by the screening.
+        share: probability, by the screening, of all structures that are simulated.
+    """
+
+    inclusion: Mapping[str, float]
+    share: float
+
+
+def select(
+    structures: Sequence[Structure],
+    evidences: Sequence[Evidence],
+    optional: Sequence[str],
+    shortlist: Shortlist | None = None,
+) -> Selection:
     """Compare structures of equal prior probability.
 
     Monte Carlo errors are propagated to first order: d P_i = P_i (d log Z_i - sum_j P_j d log Z_j).
+
+    Args:
+        structures: candidates.
+        evidences: one for each.
+        optional: terms that are in question.
+        shortlist: where the candidates are what a screening left: its answer for terms in which they do not differ.
     """
     logs = np.array([evidence.log_value for evidence in evidences])
     errors = np.array([evidence.std_error for evidence in evidences])
@@ -56,8 +80,21 @@ def select(structures: Sequence[Structure], evidences: Sequence[Evidence], optio
     has = {term: np.array([term in structure.terms for structure in structures], float) for term in optional}
     inclusion = {term: float(member @ probability) for term, member in has.items()}
     inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
-    verdicts = [term_verdict(term, inclusion[term], inclusion_error[term]) for term in optional]
-    verdicts += pair_verdicts(has, probability)
+    screened = {term for term in optional if shortlist and len(set(has[term])) == 1}
+    if shortlist:
+        inclusion |= {term: shortlist.inclusion[term] for term in screened}
+    verdicts = [
+        _screened_verdict(term, inclusion[term], bool(has[term][0]))
+        if term in screened
+        else term_verdict(term, inclusion[term], inclusion_error[term])
+        for term in optional
+    ]
+    verdicts += pair_verdicts({term: member for term, member in has.items() if term not in screened}, probability)
+    if shortlist:
+        verdicts.append(
+            f"probabilities are among the {len(structures)} structures that were simulated, to which the screening gives "
+            f"{shortlist.share:.2f} of all; raise structure.shortlist to simulate more"
+        )
     unsettled = [
         f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
         for index, (structure, evidence) in enumerate(zip(structures, evidences, strict=True))
@@ -100,6 +137,12 @@ def term_verdict(term: str, inclusion: float, error: float) -> str:
     if without >= LIKELY:
         return f"the data do not support {term}: probability {without:.2f} without it{margin}"
     return f"the data cannot decide about {term}: probability {inclusion:.2f} with it, {without:.2f} without{margin}"
+
+
+def _screened_verdict(term: str, inclusion: float, there: bool) -> str:
+    """What is said of a term that all simulated structures have, or none."""
+    which = "every" if there else "no"
+    return f"{which} simulated structure has {term}: by the screening its probability is {inclusion:.2f}"
 
 
 def pair_verdicts(has: Mapping[str, np.ndarray], probability: np.ndarray) -> list[str]:
