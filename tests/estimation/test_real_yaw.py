@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.axis_equation import axis_equation
 from seatrial.estimation.row_fit import fit_rows, independent_rows
 from seatrial.estimation.rows import whitened_rows
 from seatrial.estimation.weak_form import weak_trials
+from seatrial.vehicles.axis_equation import axis_equation
 
 DATA = Path(os.environ.get("SEATRIAL_DATA", Path(__file__).parents[2] / "../shared/data")) / "kvlcc2_hsva"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="no real records: set SEATRIAL_DATA to their folder")

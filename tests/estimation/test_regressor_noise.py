@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.axis_equation import axis_equation
 from seatrial.estimation.regressor_noise import regressor_noise_bias
 from seatrial.estimation.rows import whitened_rows
 from seatrial.estimation.weak_form import pointwise_trials, weak_trials
+from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import surge_rate
 from tests.estimation.row_cases import SHIP_EQUATIONS, SURGE, TRUE, driven_ship, exact_speed, noisy_surge, ship_record
 from tests.estimation_cases import SIGMA, golden_motion, make_trial

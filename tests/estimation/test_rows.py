@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.axis_equation import axis_equation
 from seatrial.estimation.row_fit import fit_rows, independent_rows
 from seatrial.estimation.row_noise import row_covariances, sensor_noise
 from seatrial.estimation.rows import solve, whitened_rows
 from seatrial.estimation.weak_form import pointwise_trials, raw_rows, weak_trials
+from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import U0
 from tests.estimation.row_cases import (
     RUDDER,

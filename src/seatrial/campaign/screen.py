@@ -13,7 +13,6 @@ from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
-from seatrial.estimation.axis_equation import axis_equation
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.estimation.weak_form import where_measured
 from seatrial.estimation.windows import FEWEST
@@ -21,6 +20,7 @@ from seatrial.selection.screening import Believed, Screening, screen
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import label_structures
 from seatrial.selection.verdict import Shortlist
+from seatrial.vehicles.axis_equation import axis_equation
 
 NARROWEST = 1.0
 """Width of the first windows, s; they are doubled until residuals no longer follow one another."""

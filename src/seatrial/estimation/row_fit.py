@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.record import Record
-from seatrial.estimation.axis_equation import AxisEquation
 from seatrial.estimation.rows import Rows, solve, whitened_rows
 from seatrial.estimation.weak_form import weak_trials
+from seatrial.vehicles.axis_equation import AxisEquation
 
 SCREENING = (
     "a screening in closed form: noise in the regressors and the weighting of the rows are treated approximately, so confirm what "

@@ -20,9 +20,9 @@ from scipy.linalg import LinAlgError, cholesky_banded, solve_banded
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
-from seatrial.estimation.axis_equation import AxisEquation
 from seatrial.estimation.weak_form import RawRows, TrialRows
 from seatrial.filters.noise import noise_from_high_pass
+from seatrial.vehicles.axis_equation import AxisEquation
 
 
 class RowCovariance(NamedTuple):

@@ -14,9 +14,9 @@ from jaxtyping import Float, Int
 from scipy.optimize import minimize_scalar
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.axis_equation import AxisEquation
 from seatrial.estimation.row_noise import RowCovariance, check_noise, row_covariances, row_factor, whiten
 from seatrial.estimation.weak_form import RawRows, TrialRows, coefficient_names, raw_rows
+from seatrial.vehicles.axis_equation import AxisEquation
 
 ROUNDS = 10
 """Most rounds of weighting; the third changes estimates by little."""

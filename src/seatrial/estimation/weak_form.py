@@ -18,8 +18,8 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.estimation.axis_equation import AxisEquation
 from seatrial.estimation.windows import Windows, bump_windows, samples
+from seatrial.vehicles.axis_equation import AxisEquation
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,6 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.estimation.axis_equation import AxisEquation
 from seatrial.estimation.regressor_noise import RegressorBias, regressor_noise_bias
 from seatrial.estimation.row_fit import RowFit, independent_rows
 from seatrial.estimation.rows import Rows
@@ -25,6 +24,7 @@ from seatrial.selection.subsets.prior import IndependentPrior, physical_prior
 from seatrial.selection.subsets.rules import Rules
 from seatrial.selection.subsets.sampler import subset_posterior
 from seatrial.selection.subsets.sensitivity import Sensitivity, sensitivity
+from seatrial.vehicles.axis_equation import AxisEquation
 
 SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
 """Factors on the prior standard deviations along which the answer is repeated."""

@@ -9,6 +9,8 @@ from seatrial.core.signals import signal_unit
 
 Params = Mapping[str, Any]
 """Value of every free coefficient by name, SI; scalars, or arrays under vmap."""
+ROTATIONS = ("K", "M", "N")
+"""Axes about which a vehicle turns."""
 Derivative = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
 
 
@@ -22,7 +24,8 @@ class VehicleModel:
         controls: names of the controls, for example `("n",)`.
         coefficients: free coefficients, whose values `derivative` expects in `params`.
         constants: everything else that enters the equations, as (name, value) pairs.
-        per_unit_mass: whether forces are divided by an unknown effective mass, so that units lose their kilogram.
+        per_unit_mass: whether forces are divided by an unknown effective mass, and moments by an unknown inertia, so that units lose
+            their kilogram.
         derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
     """
 
@@ -37,7 +40,11 @@ class VehicleModel:
     def unit_of(self, coefficient: CoefficientName) -> str:
         """SI unit of a coefficient in this model."""
         dimension = coefficient.dimension
-        return str(dimension._replace(kg=dimension.kg - 1)) if self.per_unit_mass else str(dimension)
+        if not self.per_unit_mass:
+            return str(dimension)
+        if coefficient.axis in ROTATIONS:  # kg m^2 of inertia, and the radian of the acceleration that the moment makes
+            dimension = dimension._replace(m=dimension.m - 2, rad=dimension.rad + 1)
+        return str(dimension._replace(kg=dimension.kg - 1))
 
     def channel_units(self) -> dict[str, str]:
         """SI unit of everything a sensor may measure: the states and their rates."""
