@@ -4,18 +4,15 @@ All start at or about the posterior mode; everything counts but compilation. Run
 their warm-up and draws in proportion, so that the rate is that of the whole run.
 """
 
-import json
 import os
-import subprocess
 import time
-from pathlib import Path
 
 import jax
 import numpy as np
 from our_chains import Timed, fitting, timed
 from paper_problem import Problem, agree_in_moments, near, paper_problem, worst_ess
 from timing import Ratio, Row, agree
-from tools import PEERS
+from tools import ask
 
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.sampling.names import DEFAULT
@@ -83,8 +80,8 @@ def _with_mode(name: str, problem: Problem, settings: ChainSettings, seed: int) 
 def _numpyro(problem: Problem, mode: Mode, reference: np.ndarray, cores: int) -> tuple[list[Row], list[float], float]:
     """Rows, the rates as a user would have them, and gradients per effective sample."""
     question = _question(problem, mode) | NUTS_SIZE
-    found = _ask("peer_numpyro.py", question | {"task": "draws"}, {"XLA_FLAGS": os.environ["XLA_FLAGS"]})
-    seconds = _ask("peer_numpyro.py", question | {"task": "times"}, {})
+    found = ask("peer_numpyro.py", question | {"task": "draws"}, {"XLA_FLAGS": os.environ["XLA_FLAGS"]})
+    seconds = ask("peer_numpyro.py", question | {"task": "times"}, {})
     _agree_in_density("NumPyro", problem, mode, found["log_densities"])
     values = np.array(found["values"])
     agree_in_moments("posteriors of seatrial and NumPyro NUTS", reference, values, mode)
@@ -101,7 +98,7 @@ def _pymc(
     problem: Problem, mode: Mode, reference: np.ndarray, cost: float, cores: int
 ) -> tuple[list[Row], list[float]]:
     """Rows and rates; `cost` is what NUTS pays for an effective sample, in gradients."""
-    found = _ask("peer_pymc.py", _question(problem, mode) | {"methods": METHODS}, {})
+    found = ask("peer_pymc.py", _question(problem, mode) | {"methods": METHODS}, {})
     for compiler, densities in found["log_densities"].items():
         _agree_in_density(f"PyMC ({compiler})", problem, mode, densities)
     name, rates = f"PyMC {found['version']}", {}
@@ -129,19 +126,3 @@ def _question(problem: Problem, mode: Mode) -> dict:
     arrays |= {"start": mode.values, "points": near(mode)}
     numbers = {"initial": problem.initial, "step": problem.step, "mass": problem.mass, "share": problem.share}
     return {name: values.tolist() for name, values in arrays.items()} | numbers | {"names": problem.posterior.names}
-
-
-def _ask(script: str, question: dict, environment: dict[str, str]) -> dict:
-    """What a peer finds, in a process of its own on the same cores, without our settings of JAX but those in `environment`.
-
-    Raises:
-        SystemExit: it failed; says why.
-    """
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "XLA_"))}
-    command = [str(PEERS), str(Path(__file__).with_name(script))]
-    done = subprocess.run(command, input=json.dumps(question), capture_output=True, text=True, env=clean | environment)
-    if done.returncode:
-        raise SystemExit(
-            f"benchmarks: {script} failed; `rm -r {PEERS.parents[1].name}` and `make bench` set it up anew\n{done.stderr}"
-        )
-    return json.loads(done.stdout)

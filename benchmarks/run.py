@@ -34,6 +34,7 @@ MEASUREMENTS = {
     "kernels.growth": (1,),
     "filter_growth.seconds": (1,),
     "subsets.speed": (1, 2),
+    "structure_recovery.recovered": (1,),
 }
 NEEDS = {
     "kernels.surge": ("gcc",),
@@ -41,6 +42,7 @@ NEEDS = {
     "chains.speed": ("gcc",),
     "peer_chains.effective": ("g++", "peers"),
     "subsets.speed": ("gcc",),
+    "structure_recovery.recovered": ("peers",),
 }
 OUTPUT = Path(__file__).parents[1] / "outputs" / "benchmarks.json"
 
