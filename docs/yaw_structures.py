@@ -67,7 +67,6 @@ class Tried(NamedTuple):
 
     name: str
     terms: tuple[str, ...]
-    mode: Mode
     explained: dict[str, float]
 
 

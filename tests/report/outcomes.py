@@ -136,7 +136,10 @@ def make_screened(cautions: str = "") -> Screened:
             {
                 "always": ("term", [False, False, True]),
                 "inclusion": ("term", inclusion[2]),
-                **dict.fromkeys(("within", "between", "fit", "fit_sd", "bias", "bias_error"), ("term", zeros)),
+                **dict.fromkeys(
+                    ("within", "between", "fit", "fit_sd", "bias", "bias_error", "inclusion_by_unit_information"),
+                    ("term", zeros),
+                ),
                 "mean": ("term", np.array([-0.5, -3.0, 0.015])),
                 "probability": ("model", np.array([0.6, 0.25, 0.1, 0.04])),
                 "member": (("model", "term"), member),

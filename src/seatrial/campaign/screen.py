@@ -24,6 +24,8 @@ from seatrial.vehicles.axis_equation import axis_equation
 
 NARROWEST = 1.0
 """Width of the first windows, s; they are doubled until residuals no longer follow one another."""
+_LAYOUT = "with unit information"
+"""What a stored screening has that an older one had not."""
 KEPT = 50
 """Structures that are kept, most probable first."""
 SHOWN = 5
@@ -34,9 +36,9 @@ class Screened:
     """Outcome of a screening, as it is stored.
 
     Attributes:
-        data: `inclusion`, `mean`, `within`, `between`, `bias`, `fit` and `fit_sd` by `term`, the optional ones first; `member`,
-            `probability` and `log_evidence` by `model`; `inclusion_at`, `mean_at` and `log_bayes_factor` along `scale`, the
-            factor on prior standard deviations.
+        data: `inclusion`, `inclusion_by_unit_information`, `mean`, `within`, `between`, `bias`, `fit` and `fit_sd` by `term`, the
+            optional ones first; `member`, `probability` and `log_evidence` by `model`; `inclusion_at`, `mean_at` and
+            `log_bayes_factor` along `scale`, the factor on prior standard deviations.
     """
 
     data: xr.Dataset
@@ -65,12 +67,13 @@ class Screened:
         data, optional = self.data, self.optional
         narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
         said = [
-            f"screening of {data.attrs['count']} structures in closed form (prior three times narrower and wider in brackets):"
+            f"screening of {data.attrs['count']} structures in closed form (in brackets: prior three times narrower; wider; worth one row):"
         ]
         here = data["inclusion"].sel(term=optional).values
+        unit = data["inclusion_by_unit_information"].sel(term=optional).values
         said += [
-            f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f})"
-            for term, p, low, high in zip(optional, here, narrow, wide, strict=True)
+            f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f}, {other:.2f})"
+            for term, p, low, high, other in zip(optional, here, narrow, wide, unit, strict=True)
         ]
         best = range(min(SHOWN, data.sizes["model"]))
         said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
@@ -146,7 +149,7 @@ def screening_key(campaign: Campaign, trials: Trials) -> str:
     """Key of the screening."""
     source = campaign.source
     tables = (source.structure, source.vehicle, *source.sensors.values(), *source.prior.values())
-    return key_of("screening", trials.key, [table.model_dump() for table in tables], source.campaign.seed)
+    return key_of("screening", _LAYOUT, trials.key, [table.model_dump() for table in tables], source.campaign.seed)
 
 
 def _screen(campaign: Campaign, trials: Trials) -> Screening:
@@ -196,6 +199,7 @@ def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:
             "probability": ("model", posterior.probability[:best]),
             "log_evidence": ("model", posterior.log_evidence[:best]),
             "member": (("model", "term"), member),
+            "inclusion_by_unit_information": ("term", found.unit_information),
             "inclusion_at": (("scale", "term"), found.sensitivity.inclusion),
             "mean_at": (("scale", "term"), found.sensitivity.mean),
             "log_bayes_factor": ("scale", factor if factor.size else np.full(found.sensitivity.scales.size, np.nan)),

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
@@ -20,7 +21,7 @@ from seatrial.estimation.rows import Rows
 from seatrial.selection.compiled_rules import CompiledRules
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.gram import Gram, gram
-from seatrial.selection.subsets.prior import IndependentPrior, physical_prior
+from seatrial.selection.subsets.prior import IndependentPrior, physical_prior, unit_information
 from seatrial.selection.subsets.rules import Rules
 from seatrial.selection.subsets.sampler import subset_posterior
 from seatrial.selection.subsets.sensitivity import Sensitivity, sensitivity
@@ -51,6 +52,7 @@ class Screening:
         fit: their fit with every term; its `status` says whether residuals are independent.
         posterior: over the structures; its terms are the optional ones, then those always there.
         sensitivity: the same along prior widths.
+        unit_information: inclusion of each term under a g-prior about zero that is worth one row, whatever was believed, shape (k,).
         bias: of the fit with every term, by noise in the regressors.
     """
 
@@ -59,6 +61,7 @@ class Screening:
     fit: RowFit
     posterior: SubsetPosterior
     sensitivity: Sensitivity
+    unit_information: Float[np.ndarray, " k"]
     bias: RegressorBias
 
     @property
@@ -109,6 +112,7 @@ def screen(
         fit,
         subset_posterior(stats, believed, names, **options),
         sensitivity(stats, believed, names, SCALES, **options),
+        subset_posterior(stats, unit_information(stats, 1.0), names, **options).inclusion,
         regressor_noise_bias(rows, key, PAIRS),
     )
 
