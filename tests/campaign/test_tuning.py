@@ -15,13 +15,16 @@ DRIFT = "\n[filter]\nprocess_noise = { u = "
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    return write_small(tmp_path_factory.mktemp("tuning") / "small")
+    """Folder of the small campaign, and the estimate of its full structure, of which the filter takes the delay."""
+    folder = write_small(tmp_path_factory.mktemp("tuning") / "small")
+    campaign = load_campaign(folder)
+    return folder, estimate_all(campaign, get_trials(campaign))[0]
 
 
-def check(folder, *replacements):
+def check(small, *replacements):
+    folder, estimate = small
     campaign = load_campaign(write_small(folder, *replacements))
-    trials = get_trials(campaign)
-    return check_filter(campaign, estimate_all(campaign, trials)[0], trials)
+    return check_filter(campaign, estimate, get_trials(campaign))
 
 
 def test_a_tuned_filter_needs_no_other_p_q_or_r(small):
@@ -48,7 +51,7 @@ def test_too_large_a_process_noise_is_named(small):
 
 def test_process_noise_is_what_is_gained_in_one_second(small):
     """The same number as a float of SI and as a quantity, for a state and for a coefficient."""
-    campaign = load_campaign(write_small(small, ("[estimation]", f'{DRIFT}"3 cm/s", X_u = 0.2 }}\n[estimation]')))
+    campaign = load_campaign(write_small(small[0], ("[estimation]", f'{DRIFT}"3 cm/s", X_u = 0.2 }}\n[estimation]')))
     assert campaign.process_noise() == pytest.approx([0.03, 0.0, 0.0, 0.2])
 
 

@@ -34,10 +34,10 @@ def test_log_density_of_fresh_draws_is_that_of_a_multivariate_t():
 
 def test_nearly_normal_posterior_takes_fresh_draws_and_forgets_at_once():
     """Four times the effective draws of the random walk alone; the share of fresh draws is what is accepted of them."""
-    target, settings = linear_gaussian(4).posterior, ChainSettings(draws=1000)
+    target, settings = linear_gaussian(2).posterior, ChainSettings(draws=1000)
     run = run_of(target, settings)
-    starts = jax.random.normal(jax.random.key(9), (settings.chains, 4))
-    walk = sample(adaptive_metropolis, target, starts, jnp.eye(4), KEY, settings)
+    starts = jax.random.normal(jax.random.key(9), (settings.chains, 2))
+    walk = sample(adaptive_metropolis, target, starts, jnp.eye(2), KEY, settings)
     ours, theirs = (diagnose(draws.z).ess_bulk.min() for draws in (independence_metropolis.finish(run), walk))
     assert ours > 4 * theirs
     assert 0.6 < float(run.state.fresh) <= MOST

@@ -58,9 +58,9 @@ def test_gradients_that_are_not_finite_count_as_none():
 
 @pytest.mark.parametrize("wrong", [1e-2, 1e2])
 def test_adaptation_forgets_a_wrong_first_covariance(wrong):
-    problem = linear_gaussian(3)
-    settings = ChainSettings(chains=16, warmup=500, draws=100)
-    run = nuts.start_chains(problem.posterior, jax.random.normal(KEY, (16, 3)), wrong * jnp.eye(3))
+    problem = linear_gaussian(2)
+    settings = ChainSettings(chains=32, warmup=500, draws=100)
+    run = nuts.start_chains(problem.posterior, jax.random.normal(KEY, (32, 2)), wrong * jnp.eye(2))
     while not is_finished(run, settings):
         run = nuts.advance_chains(problem.posterior, run, KEY, settings)
     exact = problem.moments[1] / problem.prior_sd**2
@@ -69,25 +69,13 @@ def test_adaptation_forgets_a_wrong_first_covariance(wrong):
     assert nuts.finish(run).acceptance == pytest.approx(nuts.TARGET_ACCEPTANCE, abs=0.12)
 
 
-def test_divergences_after_warm_up_are_counted():
-    """A cliff in the density: paths that fall off it diverge."""
-
-    def cliff(values, data):
-        return jnp.where(values["a"] < 0.3, 0.0, -1e5)
-
-    target = posterior({"a": Normal(0.0, 1.0)}, cliff)
-    draws = sample(nuts, target, jnp.full((8, 1), -0.5), jnp.eye(1), KEY, ChainSettings(8, 200, 200))
-    assert draws.divergences > 0
-    assert "transitions diverged" in complaints_of_draws(draws)[0]
-
-
 @pytest.mark.thorough
 def test_many_parameters_with_gradients_backward():
-    problem = linear_gaussian(24)
-    assert not gradient.forward_is_cheaper(24)
+    d = FORWARD_UP_TO + 1
+    problem = linear_gaussian(d)
     mean, cov = problem.moments
-    starts = jax.random.normal(KEY, (8, 24))
-    draws = sample(nuts, problem.posterior, starts, 0.1 * jnp.eye(24), KEY, ChainSettings(8, 400, 300))
+    starts = jax.random.normal(KEY, (8, d))
+    draws = sample(nuts, problem.posterior, starts, 0.1 * jnp.eye(d), KEY, ChainSettings(8, 400, 200))
     assert_moments(np.asarray(problem.posterior.constrain(jnp.asarray(draws.z))), mean, np.sqrt(np.diag(cov)))
 
 
@@ -95,8 +83,8 @@ def test_many_parameters_with_gradients_backward():
 def test_golden_posterior():
     target = golden_posterior("M-1")
     mode = find_mode(target, KEY)
-    starts = jnp.asarray(mode.z) + 1.5 * jax.random.normal(KEY, (16, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
-    draws = sample(nuts, target, starts, jnp.asarray(mode.cov), KEY, ChainSettings(16, 200, 200))
+    starts = jnp.asarray(mode.z) + 1.5 * jax.random.normal(KEY, (8, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
+    draws = sample(nuts, target, starts, jnp.asarray(mode.cov), KEY, ChainSettings(8, 200, 200))
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))
     scaled = values[:, :, :3] / np.array([1.0, 1.0, THRUST_UNIT])
     assert complaints(target.names, diagnose(values)) == []

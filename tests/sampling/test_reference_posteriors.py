@@ -19,12 +19,11 @@ SMC = "tempered-smc"
 USUAL = ChainSettings(warmup=1000, draws=6000, thin=4)
 SETTINGS = {
     "nuts": ChainSettings(chains=16, warmup=500, draws=300),
-    "banana": ChainSettings(warmup=1000, draws=48_000, thin=20),
 }
-QUICK = [("lynx-hare", "adaptive-metropolis"), ("banana", "independence-metropolis"), ("banana", SMC)]
+QUICK = [("banana", SMC)]
 SLOW = [
     ("lynx-hare", "independence-metropolis"),
-    ("autoregression", "nuts"),
+    ("autoregression", "adaptive-metropolis"),
     ("garch", "metropolis"),
     ("eight-schools", "de-metropolis"),
     ("eight-schools", "nuts"),

@@ -28,16 +28,27 @@ def _normal(values, data):
     return -0.5 * (off @ precision @ off + log_det + off.size * jnp.log(2 * jnp.pi))
 
 
-def far_peaks(d=2, at=1.0, sd=0.03):
-    """Equal normal peaks at -at and at along the first axis under standard normal priors: each has half of Z."""
-    centre = np.zeros(d)
-    centre[0] = at
-    data = tuple(map(jnp.asarray, (np.stack([-centre, centre]), np.full(2, sd), np.log([0.5, 0.5]))))
+def peaks(at, d=2, sd=0.03):
+    """Two equal normal peaks at these places along the first axis under standard normal priors."""
+    centres = np.zeros((2, d))
+    centres[:, 0] = at
+    data = tuple(map(jnp.asarray, (centres, np.full(2, sd), np.log([0.5, 0.5]))))
     target = posterior({f"x{i}": Normal(0.0, 1.0) for i in range(d)}, _mixture, data)
-    return target, float(stats.multivariate_normal(centre, (1 + sd**2) * np.eye(d)).logpdf(np.zeros(d)))
+    each = stats.multivariate_normal(np.zeros(d), (1 + sd**2) * np.eye(d)).logpdf(centres)
+    return target, float(np.logaddexp(*each) - np.log(2.0))
 
 
-def spike_on_slab(d=20, spike=0.01, slab=0.1, away=0.031, weight=100.0):
+def far_peaks():
+    """One peak on either side of the centre, far from each other: each has half of Z."""
+    return peaks((-1.0, 1.0))
+
+
+def one_peak():
+    """Both peaks at one place: code compiled for `far_peaks` serves it."""
+    return peaks((0.7, 0.7))
+
+
+def spike_on_slab(d=10, spike=0.01, slab=0.1, away=0.031, weight=100.0):
     """Skilling's phase transition in the unit cube: a spike of 100 times the evidence inside a slab (Bayesian Analysis 1, 2006)."""
     data = (np.stack([np.full(d, away), np.zeros(d)]), np.array([spike, slab]), np.log([weight, 1.0]))
     target = posterior({f"x{i}": Uniform(-0.5, 0.5) for i in range(d)}, _mixture, tuple(map(jnp.asarray, data)))

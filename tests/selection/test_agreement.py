@@ -11,8 +11,8 @@ from seatrial.sampling.tempered_smc import SMCSettings
 from seatrial.selection.agreement import AgreementSettings, agreed_evidence, judge
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.importance import ImportanceSettings
-from tests.selection.targets import correlated, far_peaks, linear, spike_on_slab
-from tests.selection.test_evidence import half_forbidden, short_surge
+from tests.selection.targets import far_peaks, linear, one_peak, spike_on_slab
+from tests.selection.test_evidence import short_surge
 
 KEY = jax.random.key(1)
 SMALL = AgreementSettings(smc=EvidenceSettings(repeats=4, smc=SMCSettings(particles=512)))
@@ -22,17 +22,8 @@ def evidences(**given):
     return {name: Evidence(value, error, name, status=status) for name, (value, error, status) in given.items()}
 
 
-@pytest.mark.parametrize(
-    "problem",
-    [
-        lambda: linear(2),
-        pytest.param(half_forbidden, marks=pytest.mark.thorough),
-        pytest.param(lambda: correlated(5), marks=pytest.mark.thorough),
-    ],
-    ids=["linear 2", "half forbidden", "correlated 5"],
-)
-def test_agreement_on_a_known_evidence(problem):
-    target, exact = problem()
+def test_agreement_on_a_known_evidence():
+    target, exact = one_peak()
     found = agreed_evidence(target, KEY, settings=SMALL)
     assert found.status == ""
     assert found.diagnostics["checks"] == 1
@@ -52,16 +43,8 @@ def test_second_peak_that_importance_sampling_misses_alarms():
 def test_phase_transition_alarms():
     """All methods agree on the slab, a hundredth of Z: only the cold search meets the spike."""
     target, exact = spike_on_slab()
-    smaller = EvidenceSettings(repeats=2, smc=SMCSettings(particles=512, moves=40))
-    found = agreed_evidence(target, KEY, settings=AgreementSettings(smc=smaller))
-    assert abs(found.log_value - exact) < 4 * found.std_error or "highest peak" in found.status
-
-
-@pytest.mark.thorough
-def test_spike_in_few_dimensions_alarms_or_is_right():
-    target, exact = spike_on_slab(2, spike=1e-3, away=0.1)
     found = agreed_evidence(target, KEY, settings=SMALL)
-    assert abs(found.log_value - exact) < 3 * found.std_error or found.status
+    assert abs(found.log_value - exact) < 4 * found.std_error or "highest peak" in found.status
 
 
 @pytest.mark.thorough

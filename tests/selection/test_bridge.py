@@ -8,7 +8,7 @@ from seatrial.estimation.mode import find_mode
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.selection.bridge import _complaints, bridge_evidence
-from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian
+from tests.estimation_cases import linear_gaussian
 from tests.selection.test_evidence import box
 
 KEY = jax.random.key(1)
@@ -53,16 +53,6 @@ def test_posterior_cut_by_its_prior():
     found = bridge_evidence(target, metropolis(target, 1000), KEY)
     assert found.status == ""
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.2
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("model", ["M-1", "M-0 wide", "M-0 narrow"])
-def test_golden_evidence(model):
-    target = golden_posterior(model)
-    found = bridge_evidence(target, metropolis(target, 2000), KEY)
-    assert found.status == ""
-    assert found.std_error < 0.02
-    assert found.log_value == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.05)
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])

@@ -1,17 +1,12 @@
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.priors import Uniform
-from seatrial.sampling.run import ChainSettings
-from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.selection.criteria import (
     Estimated,
     PredictiveCriterion,
@@ -21,7 +16,7 @@ from seatrial.selection.criteria import (
     psis_loo,
     waic,
 )
-from tests.estimation_cases import golden_posterior, linear_gaussian, posterior
+from tests.estimation_cases import linear_gaussian, posterior
 
 
 class Exact(NamedTuple):
@@ -188,47 +183,3 @@ def test_incomparable_criteria_are_refused():
         compare(predicted([1, 2, 3]), predicted([1, 2]))
     with pytest.raises(InputError, match="PSIS-LOO of 3"):
         compare(predicted([1, 2, 3]), predicted([1, 2, 3], "PSIS-LOO"))
-
-
-@pytest.fixture(scope="module")
-def golden():
-    """Draws and criteria of both models of the golden trial."""
-    found = {}
-    for model in ("M-1", "M-0 wide"):
-        target = golden_posterior(model)
-        mode = find_mode(target, jax.random.key(3))
-        starts = (
-            jnp.asarray(mode.z)
-            + jax.random.normal(jax.random.key(1), (32, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
-        )
-        settings = ChainSettings(draws=4000)
-        z = sample(
-            SAMPLERS["adaptive-metropolis"], target, starts, jnp.asarray(mode.cov), jax.random.key(3), settings
-        ).z
-        draws = np.asarray(target.constrain(jnp.asarray(z)))
-        table = pointwise_log_likelihood(target, thin_draws(draws, 2000))
-        found[model] = deviance_criteria(target, draws), waic(table), psis_loo(table)
-    return found
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("model", "dic", "p_d", "waics", "loo"),
-    [("M-1", -13934.1, 3.98, -13933.9, -13933.9), ("M-0 wide", -13934.2, 4.98, -13933.8, -13933.7)],
-)
-def test_golden_criteria(golden, model, dic, p_d, waics, loo):
-    deviance, wide, left_out = golden[model]
-    assert deviance.dic.value == pytest.approx(dic, abs=0.5)
-    assert deviance.p_d.value == pytest.approx(p_d, abs=0.15)
-    assert deviance.bpic.value == pytest.approx(dic + p_d, abs=0.5)
-    assert wide.value.value == pytest.approx(waics, abs=0.5)
-    assert left_out.value.value == pytest.approx(loo, abs=0.5)
-    assert wide.status == left_out.status == ""
-
-
-@pytest.mark.thorough
-def test_criteria_cannot_tell_the_golden_models_apart(golden):
-    for criterion in (1, 2):
-        found = compare(golden["M-1"][criterion], golden["M-0 wide"][criterion])
-        assert abs(found.delta) < 0.5
-        assert "equally well" in found.verdict

@@ -16,15 +16,8 @@ PAIR = linear_gaussian(2)
 
 @pytest.mark.parametrize(
     "problem",
-    [
-        lambda: (PAIR.posterior, PAIR.log_evidence),
-        box,
-        pytest.param(half_forbidden, marks=pytest.mark.thorough),
-        pytest.param(
-            lambda: (linear_gaussian(5).posterior, linear_gaussian(5).log_evidence), marks=pytest.mark.thorough
-        ),
-    ],
-    ids=["linear 2", "box", "half forbidden", "linear 5"],
+    [lambda: (PAIR.posterior, PAIR.log_evidence), box, half_forbidden],
+    ids=["linear 2", "box", "half forbidden"],
 )
 def test_known_evidence(problem):
     target, exact = problem()
@@ -36,9 +29,9 @@ def test_known_evidence(problem):
 
 @pytest.mark.thorough
 def test_golden_evidence():
-    """The other two models take two minutes more and agree as well: +0.24 and -0.14 with errors of 0.20 and 0.14."""
+    """Of 500 live points, the other two models take two minutes more and agree as well: +0.24 and -0.14, errors 0.20 and 0.14."""
     model = "M-1"
-    found = nested_evidence(golden_posterior(model), KEY)
+    found = nested_evidence(golden_posterior(model), KEY, live=250)
     assert found.status == ""
     assert found.std_error < 0.5
     assert found.log_value == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.6)

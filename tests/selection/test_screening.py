@@ -4,12 +4,12 @@ import pytest
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.estimation.axis_equation import axis_equation
 from seatrial.selection.compiled_rules import compile_rules
 from seatrial.selection.library import TermLibrary, term_library
 from seatrial.selection.rules import parse_rules
 from seatrial.selection.screening import Believed, screen, worth
 from seatrial.selection.subsets.gram import gram
+from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import DEDUCTION, MASS
 from tests.estimation.row_cases import SHIP_TRUE, ship_motion, ship_record, surge_record
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, SIGMA

@@ -50,14 +50,14 @@ def test_known_evidence(problem):
 
 @pytest.mark.thorough
 def test_stated_errors_cover_for_chains():
-    """Of 30 runs more than 5 miss by over 2 stated errors in one of 500 trials, if 1.4 are to be expected."""
+    """Of 20 runs more than 4 miss by over 2 stated errors in one of 500 trials, if 0.9 are to be expected."""
     target, exact = linear(2)
     missed = np.zeros(2)
-    for i in range(30):
+    for i in range(20):
         ladder = sample_ladder(target, jax.random.key(i), LadderSettings(draws=500))
         found = [estimate(ladder) for estimate in (stepping_stone, thermodynamic)]
         missed += [abs(one.log_value - exact) > 2 * one.std_error for one in found]
-    assert (missed <= 5).all()
+    assert (missed <= 4).all()
 
 
 @pytest.mark.parametrize("estimate", [stepping_stone, thermodynamic])

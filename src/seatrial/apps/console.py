@@ -22,7 +22,7 @@ class ConsoleWatch:
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
-            TextColumn("left"),
+            TextColumn("gone, left"),
             TimeRemainingColumn(),
             console=self.console,
             transient=False,

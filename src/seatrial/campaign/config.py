@@ -9,8 +9,9 @@ import numpy as np
 
 from seatrial.campaign.prior_tables import read_prior
 from seatrial.campaign.schema import CampaignFile, RangeTable
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.sweep import DoubletFamily
 from seatrial.estimation.priors import Prior, Uniform
@@ -20,6 +21,8 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.compiled_rules import CompiledRules
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, structure_rules
+from seatrial.vehicles.axes import axes_vehicle
+from seatrial.vehicles.axis_equation import RATE_OF, AxisEquation, axis_equation
 from seatrial.vehicles.catalogue import catalogue_vehicle
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
@@ -101,21 +104,56 @@ class Campaign:
                 remedy='with "unknown" every coefficient is estimated per unit of effective mass',
             )
         for name in table.trim:
-            if name not in ("u", "n", "tau_X"):
+            if name not in SIGNALS:
                 raise InputError(
                     self.where(f"vehicle.trim.{name}"),
                     found=f'signal "{name}"',
-                    expected="u, n or tau_X",
-                    remedy="remove it",
+                    expected="a signal",
+                    remedy=nearest(name, SIGNALS),
                 )
         mass = None if table.mass == "unknown" else self.si(table.mass, "kg", "vehicle.mass")
         trim = {name: self.si(text, signal_unit(name), f"vehicle.trim.{name}") for name, text in table.trim.items()}
         return SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, trim)
 
+    @cached_property
+    def axes(self) -> tuple[str, ...]:
+        """Axes whose equations are sought, thrust counted as X."""
+        found = {CoefficientName.parse(term).axis for term in self.full.terms}
+        return tuple(axis for axis in RATE_OF if axis in found or (axis == "X" and "T" in found))
+
+    @property
+    def is_surge(self) -> bool:
+        """Whether the vehicle only moves along X: what designs, the report and `run` know so far."""
+        return self.axes == ("X",)
+
+    def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
+        """Equations of motion of one candidate, one for each axis, by terms linear in their coefficients."""
+        hull, found = self.hull, []
+        for axis in self.axes:
+            own = ("X", "T") if axis == "X" else (axis,)
+            terms = [term for term in structure.terms if CoefficientName.parse(term).axis in own]
+            known = {
+                name: value
+                for name, value in hull.fixed.items()
+                if name != "X_udot" and CoefficientName.parse(name).axis in own
+            }
+            inertia = None if hull.mass is None else hull.mass - hull.fixed.get("X_udot", 0.0)
+            found.append(axis_equation(axis, terms, inertia, hull.thrust_deduction, known, hull.trim))
+        return tuple(found)
+
     def model(self, structure: Structure) -> VehicleModel:
         """Vehicle model of one candidate."""
         with located(self.where("vehicle")):
-            return surge_vehicle(self.hull, structure.terms)
+            if self.is_surge:
+                return surge_vehicle(self.hull, structure.terms)
+            if self.hull.mass is not None:
+                raise InputError(
+                    self.where("vehicle.mass"),
+                    found=f"{self.hull.mass:g} kg, with terms on the axes {' '.join(self.axes)}",
+                    expected='mass = "unknown"',
+                    remedy="coefficients of other axes than X are estimated per unit of mass or inertia, added mass included",
+                )
+            return axes_vehicle(self.hull.name, self.equations(structure))
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

@@ -117,7 +117,7 @@ def undecided_words(selection: Selection) -> str:
     doubtful = [f"{term} ({p:.2f})" for term, p in selection.inclusion.items() if 1 - DECIDED < p < DECIDED]
     if not doubtful:
         return "these data decide about every optional term"
-    return f"these data cannot decide about {', '.join(doubtful)}; in brackets the probability that it is needed"
+    return f"not settled beyond doubt: {', '.join(doubtful)}; in brackets the probability that it is needed"
 
 
 def change_words(best: Sequence[str], other: Sequence[str]) -> str:
@@ -129,9 +129,10 @@ def change_words(best: Sequence[str], other: Sequence[str]) -> str:
 def find_contenders(
     campaign: Campaign, selection: Selection, trials: Trials, watch: Watch = SILENT
 ) -> Contenders | None:
-    """Estimate the two contenders where that has not been done, and compare them; None where there is one structure only."""
+    """Estimate the two contenders where that has not been done, and compare them; None where there is one structure only, or the
+    vehicle does not only move along X."""
     pair = contending(selection)
-    if len(pair) < 2:
+    if len(pair) < 2 or not campaign.is_surge:
         return None
     best, runner = estimate_all(replace(campaign, shortlist=pair), trials, watch)
     terms = [term for term in best.structure.terms if term in best.names]

@@ -34,8 +34,24 @@ def design_key(campaign: Campaign) -> str:
     )
 
 
+def check_designable(campaign: Campaign) -> None:
+    """Check that trials of this vehicle can be designed.
+
+    Raises:
+        InputError: it moves along other axes than X.
+    """
+    if not campaign.is_surge:
+        raise InputError(
+            campaign.where("structure"),
+            found=f"terms on the axes {' '.join(campaign.axes)}",
+            expected="terms on X and T only, of which trials are designed so far",
+            remedy="`seatrial select`, `estimate`, `profile` and `criteria` work on other axes",
+        )
+
+
 def design_first(campaign: Campaign, watch: Watch = SILENT) -> Sweep:
     """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
+    check_designable(campaign)
     store, key = Store(campaign.folder), design_key(campaign)
     if is_current(store.design, key):
         return read_sweep(campaign, store.design)

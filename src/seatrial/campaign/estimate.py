@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.problem import build_posterior, random_key
+from seatrial.campaign.problem import build_posterior, is_whole, random_key
 from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
@@ -19,6 +19,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.output_error import deviation_name, is_deviation, of_deviation, spread_name
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.uncoupled import in_posterior, uncouple
 from seatrial.sampling.diagnostics import complaints, diagnose
@@ -78,6 +79,15 @@ class Estimate:
         chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
         return chosen.values.reshape(-1, chosen.sizes["parameter"])
 
+    def own_values(self) -> list[tuple[str, str, float, float, str]]:
+        """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
+        found = []
+        for name, label in map(of_deviation, filter(is_deviation, self.names)):
+            common, spread, deviation = self.draws([name, spread_name(name), deviation_name(name, label)]).T
+            own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
+            found.append((name, label, float(own.mean()), float(own.std()), unit))
+        return found
+
 
 def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
     """Key of one structure's posterior."""
@@ -114,7 +124,7 @@ def _estimate(campaign: Campaign, structure: Structure, trials: Trials, progress
     if progress is not None:
         posterior = build_posterior(campaign, structure, trials.fit)
         mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
-        check_prior_contains_data(posterior, mode, str(campaign.path))
+        check_prior_contains_data(posterior, mode, str(campaign.path), is_whole(campaign, structure))
         target, there = uncouple(posterior, mode)
         run = _sample(campaign, structure, target, there, key, progress)
         draws = in_posterior(target, SAMPLERS[campaign.source.estimation.sampler].finish(run))

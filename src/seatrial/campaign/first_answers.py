@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.nuisances import nuisances
-from seatrial.campaign.problem import build_posterior, random_key
+from seatrial.campaign.problem import build_posterior, is_whole, random_key
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
 from seatrial.core.errors import NumericalError
@@ -114,7 +114,7 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
         progress(1, 1)
-    check_prior_contains_data(posterior, mode, str(campaign.path))
+    check_prior_contains_data(posterior, mode, str(campaign.path), is_whole(campaign, structure))
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
         for parameter, value, sd in zip(posterior.parameters, mode.values, mode.sd, strict=True)

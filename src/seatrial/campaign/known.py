@@ -20,6 +20,7 @@ from seatrial.design.sweep import Sweep
 from seatrial.estimation.identifiability import identifiability_of_design, identify
 from seatrial.estimation.identifiability_report import Identifiability
 from seatrial.estimation.information import likelihood_information
+from seatrial.estimation.output_error import is_deviation
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.remedies import measured, percent
 
@@ -176,6 +177,8 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
 def _known(found: Identifiability, information: np.ndarray | None, label: str) -> Known:
     parameters = []
     for i, name in enumerate(found.names):
+        if is_deviation(name):  # its natural value is zero; the trial's own value is told with the estimates
+            continue
         others = np.abs(found.correlation[i] * (np.arange(len(found.names)) != i))
         j = int(np.argmax(others))
         parameters.append(
@@ -208,7 +211,13 @@ def _directions(found: Identifiability, information: np.ndarray) -> tuple[Direct
             continue
         move = vector / np.sqrt(value)
         move = move * np.sign(move[np.argmax(np.abs(move))])
-        order = [i for i in np.argsort(-np.abs(move)) if abs(move[i]) > NAMED * np.abs(move).max()]
+        order = [
+            i
+            for i in np.argsort(-np.abs(move))
+            if abs(move[i]) > NAMED * np.abs(move).max() and not is_deviation(found.names[i])
+        ]
+        if not order:
+            continue
         said.append(
             Direction(
                 float(1 / np.sqrt(value)),

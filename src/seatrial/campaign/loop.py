@@ -9,7 +9,7 @@ import xarray as xr
 from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.contenders import Contenders, find_contenders
-from seatrial.campaign.designs import design_first, design_next
+from seatrial.campaign.designs import check_designable, design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
@@ -71,7 +71,12 @@ class Outcome:
 
 
 def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
-    """Run every step that is not current, and summarise."""
+    """Run every step that is not current, and summarise.
+
+    Raises:
+        InputError: a vehicle that does not only move along X, or as the steps.
+    """
+    check_designable(campaign)
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
     screened, screening_cautions = screening_of(campaign, trials, watch)

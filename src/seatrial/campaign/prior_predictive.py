@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.designs import check_designable
 from seatrial.campaign.prior_motion import FASTEST, speeds, steady_motion
 from seatrial.campaign.prior_trial import PriorTrial, prior_trial
 from seatrial.campaign.problem import random_key
@@ -98,8 +99,9 @@ def predict_from_prior(campaign: Campaign, watch: Watch = SILENT) -> PriorPredic
     """Draw from the full structure's prior and simulate over the trial that `prior_trial` finds.
 
     Raises:
-        InputError: logs that cannot be read, or no doublet inside the limits.
+        InputError: logs that cannot be read, no doublet inside the limits, or a vehicle that does not only move along X.
     """
+    check_designable(campaign)
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, watch)
     key = random_key(campaign, "prior predictive")

@@ -45,6 +45,12 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     return Posterior(parameters, *build_likelihood(campaign, model, records))
 
 
+def is_whole(campaign: Campaign, structure: Structure) -> bool:
+    """Whether a structure has every term that any may have, or all that the shortlist has."""
+    terms = {term for one in campaign.shortlist or (campaign.full,) for term in one.terms}
+    return terms <= set(structure.terms)
+
+
 def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> tuple[Parameter, ...]:
     """Coefficients and nuisances with their priors, those of each trial under its label."""
     labels, own = tuple(record.label for record in records), campaign.own

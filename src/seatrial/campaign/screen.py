@@ -20,7 +20,7 @@ from seatrial.selection.screening import Believed, Screening, screen
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import label_structures
 from seatrial.selection.verdict import Shortlist
-from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.vehicles.axis_equation import RATE_OF
 
 NARROWEST = 1.0
 """Width of the first windows, s; they are doubled until residuals no longer follow one another."""
@@ -84,7 +84,7 @@ def screen_terms(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> S
     """Screen every structure on the fitted records; a current result is read.
 
     Raises:
-        InputError: a vehicle whose added mass is sought, surge speed not measured, or records that cannot tell the terms apart.
+        InputError: a vehicle whose added mass is sought, velocities not measured, or records that cannot tell the terms apart.
     """
     path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
     if not is_current(path, key):
@@ -97,9 +97,11 @@ def screen_terms(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> S
 
 
 def can_be_screened(campaign: Campaign) -> bool:
-    """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose speed is measured."""
+    """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose velocities are measured."""
     linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
-    return bool(campaign.rules.optional) and linear and "u" in campaign.channels
+    return (
+        bool(campaign.rules.optional) and linear and {RATE_OF[axis] for axis in campaign.axes} <= set(campaign.channels)
+    )
 
 
 def screening_of(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> tuple[Screened | None, list[str]]:
@@ -153,28 +155,26 @@ def screening_key(campaign: Campaign, trials: Trials) -> str:
 
 
 def _screen(campaign: Campaign, trials: Trials) -> Screening:
-    hull = campaign.hull
-    if "u" not in campaign.channels:
+    rates = [RATE_OF[axis] for axis in campaign.axes]
+    if missing := [rate for rate in rates if rate not in campaign.channels]:
         raise InputError(
             campaign.where("sensors"),
-            found="no sensor of u",
-            expected="the surge speed, from which the rows of a screening are made",
-            remedy="map the channel u, or leave at most 64 structures, which need no screening",
+            found=f"no sensor of {', '.join(missing)}",
+            expected="the velocities whose equations are sought, from which the rows of a screening are made",
+            remedy=f"map the channel {missing[0]}, or leave at most 64 structures, which need no screening",
         )
-    known = {name: value for name, value in hull.fixed.items() if name != "X_udot"}
-    inertia = None if hull.mass is None else hull.mass - hull.fixed.get("X_udot", 0.0)
+    equations = campaign.equations(campaign.full)
     terms = campaign.full.terms
-    equation = axis_equation("X", terms, inertia, hull.thrust_deduction, known, hull.trim)
     model = campaign.model(campaign.full)
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     priors = {name: campaign.prior(name, units[name]) for name in terms}
     believed = {name: Believed(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
     noise = {channel: campaign.noise(channel) for channel in campaign.channels}
-    used = [name for name in equation.signals if name in campaign.channels]
-    records = [where_measured(record, list(dict.fromkeys(["u", *used]))) for record in trials.fit]
+    used = [name for equation in equations for name in equation.signals if name in campaign.channels]
+    records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
     slowest = max(float(np.median(record.step)) for record in records)
     narrowest = max(NARROWEST, FEWEST * slowest)
-    return screen([equation], campaign.rules, records, noise, believed, random_key(campaign, "screening"), narrowest)
+    return screen(equations, campaign.rules, records, noise, believed, random_key(campaign, "screening"), narrowest)
 
 
 def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:

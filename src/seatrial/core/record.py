@@ -156,7 +156,8 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
             f"{where}, row {first_row + row + 1}",
             found=f"{kind} ({float(time[row])!r} s, then {float(time[row + 1])!r} s); {int((step <= 0).sum())} such rows",
             expected="strictly increasing time",
-            remedy='use another time column, or say how to mend the clock (clock = "even" or "drop_repeated")',
+            remedy='where stamps only repeat, clock = "even" or "drop_repeated" mends them; where time runs back, split the run there, '
+            "sort its rows, or use another time column",
         )
 
 

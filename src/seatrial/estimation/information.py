@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.numerics.integrate import rk4_step
@@ -46,16 +46,22 @@ def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]
 
     For output error it is the expected information about the motion and the observed one about the noise; the tails of
     heavy-tailed residuals make it up to twice too large, its rank stays. For other likelihoods it is the observed information.
+    Where values vary between trials, the unit variance of their deviations is counted in.
     """
     point = np.asarray(values, float)[None]
     if not isinstance(posterior.likelihood, OutputError):
-        return -expand_likelihood(posterior, point).hessian[0]
+        return _of_hierarchy(posterior) - expand_likelihood(posterior, point).hessian[0]
     information = -expand_likelihood(_with_simulated_data(posterior, jnp.asarray(point[0])), point).hessian[0]
     noise = np.flatnonzero(is_noise(posterior))
     if noise.size:
         about_noise = -expand_likelihood(posterior, point).hessian[0]
         information[np.ix_(noise, noise)] = about_noise[np.ix_(noise, noise)]
-    return information
+    return information + _of_hierarchy(posterior)
+
+
+def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:
+    """That deviations are standard normal belongs to the model: without it only common value plus deviation would be known."""
+    return np.diag([float(is_deviation(name)) for name in posterior.names])
 
 
 def is_noise(posterior: Posterior) -> np.ndarray:

@@ -160,6 +160,17 @@ def deviation_name(name: str, label: str) -> str:
     return f"dev_{name}[{label}]"
 
 
+def is_deviation(name: str) -> bool:
+    """Whether a parameter is a trial's deviation."""
+    return name.startswith("dev_")
+
+
+def of_deviation(name: str) -> tuple[str, str]:
+    """Name and trial of a deviation."""
+    varying, _, label = name.removeprefix("dev_").removesuffix("]").partition("[")
+    return varying, label
+
+
 def output_error(
     model: VehicleModel,
     records: Sequence[Record],

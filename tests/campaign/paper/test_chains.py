@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from seatrial.selection.criteria import Estimated, PredictiveCriterion, compare
 from tests.campaign.paper.studies import TINY, study
 from tests.cases import THRUST, U0, X_U, X_UU, naive_rk4, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, golden_noise, naive_doublets, naive_speed
@@ -126,6 +127,19 @@ def test_golden_posterior_and_criteria(longer, part):
         tolerance = 0.15 if name == "p_D" else 0.5
         assert float(one["criterion_value"]) == pytest.approx(golden, abs=tolerance)
         assert float(one["criterion_error"]) < tolerance
+    bpic = float(data["criterion_value"].sel(criterion="BPIC"))
+    assert bpic == pytest.approx(CRITERIA[part]["DIC"] + CRITERIA[part]["p_D"], abs=0.5)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("method", ["WAIC", "PSIS-LOO"])
+def test_criteria_cannot_tell_the_golden_models_apart(longer, method):
+    full, reduced = (longer.part(part)["pointwise"].sel(predictive=method).values for part in GOLDEN)
+    found = compare(
+        *(PredictiveCriterion(method, Estimated(x.sum(), 0.0), 1, 1, x, np.empty(0), "") for x in (full, reduced))
+    )
+    assert abs(found.delta) < 0.5
+    assert "equally well" in found.verdict
 
 
 @pytest.mark.thorough

@@ -92,8 +92,13 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
         contenders = find_contenders(campaign, selection, trials, watch)
         if contenders is not None:
             typer.echo("\n".join(contenders.lines(selection)))
+        if not campaign.is_surge:
+            typer.echo("which trial would decide is not searched for vehicles that move along other axes than X")
         if screened is not None or contenders is not None:
             typer.echo(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
+        never = [term for term in campaign.rules.never if term in campaign.source.structure.optional]
+        if never:
+            cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
         return finish(list(selection.alarms), cautions)
 
     with_campaign(folder, quiet, work)
@@ -157,6 +162,8 @@ def _by_chains(campaign: Any, watch: Any) -> Exit:
         for name in item.names:
             row = item.data.sel(parameter=name)
             typer.echo(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
+        for name, label, mean, sd, unit in item.own_values():
+            typer.echo(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
         known = known_after(campaign, item, trials)
         typer.echo("\n".join(known.lines()))
         told += known.verdict

@@ -1,0 +1,47 @@
+"""Sway and yaw by a campaign: screened, estimated and refused where only surge is known."""
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.estimate import estimate_all
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.loop import run_loop
+from seatrial.campaign.screen import screening_of
+from seatrial.campaign.trials import get_trials
+from seatrial.core.errors import InputError
+from tests.campaign.yaw_campaign import SWAY, YAW, write_yaw
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    return load_campaign(write_yaw(tmp_path_factory.mktemp("yaw")))
+
+
+def test_two_axes_are_screened_together(campaign):
+    found, _ = screening_of(campaign, get_trials(campaign))
+    inclusion = dict(zip(found.data["term"].values.tolist(), found.data["inclusion"].values.tolist(), strict=True))
+    assert inclusion["N_uv"] > 0.99
+    assert inclusion["N_rabsr"] < 0.1
+
+
+@pytest.mark.thorough
+def test_truth_is_inside_the_stated_uncertainty(campaign):
+    """The structure that made the data, within 4 standard deviations; the records' own integration steps are fine."""
+    found = {estimate.structure.terms: estimate for estimate in estimate_all(campaign, get_trials(campaign))}
+    estimate = found[("Y_v", "Y_ur", "Y_udelta_r", "N_r", "N_udelta_r", "N_uv")]
+    for name, value in (SWAY | YAW).items():
+        draws = estimate.draws([name])
+        assert abs(draws.mean() - value) < 4 * draws.std()
+    assert np.isfinite(estimate.data["draws"].values).all()
+
+
+def test_designs_of_other_axes_are_refused(campaign):
+    with pytest.raises(InputError, match="terms on X and T only"):
+        run_loop(campaign)
+
+
+def test_a_mass_on_other_axes_is_refused(tmp_path):
+    path = write_yaw(tmp_path) / "campaign.toml"
+    path.write_text(path.read_text().replace('mass = "unknown"', 'mass = "30 kg"'))
+    with pytest.raises(InputError, match=r"(?s)vehicle\.mass.*per unit of mass or inertia"):
+        load_campaign(tmp_path)
