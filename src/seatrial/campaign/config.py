@@ -143,16 +143,16 @@ class Campaign:
 
     def model(self, structure: Structure) -> VehicleModel:
         """Vehicle model of one candidate."""
+        if self.hull.mass is not None and not self.is_surge:
+            raise InputError(
+                self.where("vehicle.mass"),
+                found=f"{self.hull.mass:g} kg, with terms on the axes {' '.join(self.axes)}",
+                expected='mass = "unknown", or terms on X and T only',
+                remedy="coefficients of other axes than X are estimated per unit of mass or inertia, added mass included",
+            )
         with located(self.where("vehicle")):
             if self.is_surge:
                 return surge_vehicle(self.hull, structure.terms)
-            if self.hull.mass is not None:
-                raise InputError(
-                    self.where("vehicle.mass"),
-                    found=f"{self.hull.mass:g} kg, with terms on the axes {' '.join(self.axes)}",
-                    expected='mass = "unknown"',
-                    remedy="coefficients of other axes than X are estimated per unit of mass or inertia, added mass included",
-                )
             return axes_vehicle(self.hull.name, self.equations(structure))
 
     @cached_property
