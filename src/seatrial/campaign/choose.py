@@ -34,8 +34,6 @@ CALLED = {"importance": "importance sampling", "smc": "tempered SMC"}
 """Methods of evidence as a sentence names them."""
 BLUNT = 0.5
 """Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
-
-
 MOST_REPEATS = 4
 """Repeats of tempered SMC at most, in those asked for."""
 
