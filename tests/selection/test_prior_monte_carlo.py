@@ -1,5 +1,3 @@
-from time import process_time
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +7,7 @@ from scipy.special import logsumexp
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.priors import Normal, Uniform
+from seatrial.selection import early_stop
 from seatrial.selection.early_stop import MARGIN, log_likelihoods
 from seatrial.selection.prior_monte_carlo import draw_by_name, listing_one, prior_evidence
 from tests.cases import TRUTH, U0, paper_model
@@ -64,16 +63,19 @@ def test_early_stop_changes_nothing_on_the_golden_trial():
 
 
 @pytest.mark.thorough
-def test_early_stop_saves_most_of_the_time():
-    """About ten times faster on an idle machine; in processor time, best of three, 6 allows for a busy one."""
-    target = golden_posterior("M-1")
-    draws = draw_by_name(target, KEY, 20_000)
-    times = {True: [], False: []}
-    for early_stop in (True, False) * 4:
-        begin = process_time()
-        log_likelihoods(target, draws, early_stop=early_stop)
-        times[early_stop].append(process_time() - begin)
-    assert min(times[False][1:]) > 6 * min(times[True][1:])
+def test_early_stop_saves_most_of_the_work(monkeypatch):
+    """Of the samples that 20 000 whole simulations have, one in twenty is simulated, counted in pieces of 100 by groups of 64 draws."""
+    target, n, done = golden_posterior("M-1"), 20_000, []
+
+    def counting(posterior, pieces, lanes, slots, groups, begin, end):
+        done.append(groups * (end - begin))
+        return go_on(posterior, pieces, lanes, slots, groups, begin, end)
+
+    go_on = early_stop._go_on
+    monkeypatch.setattr(early_stop, "_go_on", counting)
+    log_likelihoods(target, draw_by_name(target, KEY, n))
+    whole = -(-target.data.step.size // early_stop.PIECE) * -(-n // 64)
+    assert 0.01 * whole < sum(done) < 0.1 * whole
 
 
 @pytest.mark.thorough

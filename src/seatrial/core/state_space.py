@@ -4,16 +4,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 from jaxtyping import Array, Float
 
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.trees import compiled_tree
 
 State = tuple[Any, ...]
 Transition = Callable[[State, tuple[Any, ...], Any], State]
 Observe = Callable[[State, tuple[Any, ...]], tuple[Any, ...]]
 
 
+@compiled_tree("states", "outputs", "n_dynamic", "transition", "observe")
 @dataclass(frozen=True)
 class StateSpace:
     """x_{k+1} = transition(x_k, c_k, h_k) + w, y_k = observe(x_k, c_k) + v, with independent Gaussian w and v.
@@ -40,10 +41,3 @@ class StateSpace:
     n_dynamic: int
     transition: Transition
     observe: Observe
-
-
-jax.tree_util.register_dataclass(
-    StateSpace,
-    data_fields=["initial", "process_sd", "measurement_sd"],
-    meta_fields=["states", "outputs", "n_dynamic", "transition", "observe"],
-)

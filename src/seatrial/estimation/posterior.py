@@ -9,11 +9,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.trees import compiled_tree
 from seatrial.estimation.priors import Prior
 
 LogLikelihood = Callable[[dict[str, Any], Any], Any]
 
 
+@compiled_tree("name", "unit", "label")
 @dataclass(frozen=True)
 class Parameter:
     """One unknown: its name, SI unit, printed label (LaTeX) and prior."""
@@ -24,6 +26,7 @@ class Parameter:
     prior: Prior
 
 
+@compiled_tree("likelihood")
 @dataclass(frozen=True)
 class Posterior:
     """Prior and likelihood, kept apart because tempering needs both. A pytree: the priors' numbers and the data are its leaves.
@@ -80,7 +83,3 @@ class Posterior:
         return jnp.stack(
             [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)], -1
         )
-
-
-jax.tree_util.register_dataclass(Parameter, data_fields=["prior"], meta_fields=["name", "unit", "label"])
-jax.tree_util.register_dataclass(Posterior, data_fields=["parameters", "data"], meta_fields=["likelihood"])

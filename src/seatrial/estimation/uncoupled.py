@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.trees import compiled_tree
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.output_error import deviation_name, spread_name
 from seatrial.estimation.posterior import Posterior
@@ -30,6 +31,7 @@ UNTOUCHED = 1e-6
 """Information about d_i, over that of its prior, below which its trial says nothing of it."""
 
 
+@compiled_tree("common", "spread", "deviation")
 @dataclass(frozen=True)
 class Uncoupled:
     """A posterior in these coordinates; a sampler's target, and a pytree; of m values that vary over n trials.
@@ -115,13 +117,6 @@ class Uncoupled:
 
     def _values(self, z: Array, which: tuple[int, ...]) -> Float[Array, "*batch m"]:
         return jnp.stack([self.posterior.parameters[i].prior.constrain(z[..., i]) for i in which], -1)
-
-
-jax.tree_util.register_dataclass(
-    Uncoupled,
-    data_fields=["posterior", "origin", "scale", "at", "slope", "information"],
-    meta_fields=["common", "spread", "deviation"],
-)
 
 
 def uncouple(posterior: Posterior, mode: Mode) -> tuple[Target, Mode]:

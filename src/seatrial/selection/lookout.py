@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.trees import compiled_tree
 from seatrial.sampling.target import Progress, Target, evaluate, no_progress
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
@@ -20,7 +21,7 @@ HIGHER = 3.0
 """Nats above the highest peak known that count as another one."""
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class Cooled:
     """A target whose likelihood is raised to a power, 1 for the target itself: both share one compiled sampler."""

@@ -7,11 +7,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from seatrial.core.trees import compiled_tree
+
 CORNER = 50.0
 """Sharpness of the bend where the box map leaves the line: within 1/50 of the width of a bound."""
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class Uniform:
     """Uniform between two bounds.
@@ -66,7 +68,7 @@ class Uniform:
         return self.unconstrain(self.draw(key, shape))
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class LogUniform:
     """Uniform in the logarithm between two positive bounds: for scales, such as noise or a correlation time."""

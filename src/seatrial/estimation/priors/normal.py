@@ -7,11 +7,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from seatrial.core.trees import compiled_tree
+
 LARGEST = 600.0
 """Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision."""
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class Normal:
     """Normal by mean and standard deviation; z is standard normal."""
@@ -45,7 +47,7 @@ class Normal:
         return jax.random.normal(key, shape)
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class LogNormal:
     """Log-normal: two draws in three (68 %) lie within a `factor` of the `median`, 95 % within its square.

@@ -14,6 +14,7 @@ import numpy as np
 from jax.scipy.special import ndtr, ndtri
 
 from seatrial.core.errors import InputError
+from seatrial.core.trees import compiled_tree
 from seatrial.estimation.priors.box import CORNER
 
 LEAST = 1e-9
@@ -22,7 +23,7 @@ FARTHEST = 10.0
 """Beyond so many standard deviations a normal has less than 1e-21 of its mass."""
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class TruncatedNormal:
     """A normal cut at its bounds; build it with `truncated_normal` or `half_normal`, which work out its moments.

@@ -1,0 +1,36 @@
+"""Dataclasses that compiled code takes apart and puts together again: fields that hold numbers, and fields that are fixed.
+
+JAX has a register of its own for dataclasses, which must not be used: it takes the structures of two classes with equal fixed
+fields for equal, and tells them apart by their hash alone. Where two hashes fall together, a few times in a hundred runs, what
+was compiled for a uniform prior serves a normal one, without a word (seen with JAX 0.10).
+"""
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import TypeVar
+
+import jax
+
+Kind = TypeVar("Kind", bound=type)
+
+
+def compiled_tree(*fixed: str) -> Callable[[Kind], Kind]:
+    """Decorator of a dataclass: its fields become leaves of compiled code, or branches, those named `fixed` part of its structure."""
+
+    def register(kind: Kind) -> Kind:
+        numbers = [field.name for field in fields(kind) if field.name not in fixed]
+        keys = [jax.tree_util.GetAttrKey(name) for name in numbers]
+        jax.tree_util.register_pytree_with_keys(
+            kind,
+            lambda tree: (
+                [(key, getattr(tree, key.name)) for key in keys],
+                tuple(getattr(tree, name) for name in fixed),
+            ),
+            lambda structure, leaves: kind(
+                **dict(zip(numbers, leaves, strict=True)), **dict(zip(fixed, structure, strict=True))
+            ),
+            lambda tree: ([getattr(tree, name) for name in numbers], tuple(getattr(tree, name) for name in fixed)),
+        )
+        return kind
+
+    return register
