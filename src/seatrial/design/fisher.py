@@ -43,6 +43,7 @@ def fisher_information(
 def _information(model: VehicleModel, channels: tuple[str, ...]):
     def one(values: dict, control: Array, sample_time: Array, start: Array, sds: Array) -> Array:
         step = jnp.full(control.shape[0], sample_time)
-        return coefficient_information(model, channels, values, control, step, start, sds)
+        weight = jnp.broadcast_to(1.0 / sds, (control.shape[0], len(channels)))
+        return coefficient_information(model, channels, values, control, step, start, weight)
 
     return jax.jit(jax.vmap(one, in_axes=(None, 0, None, None, None)))

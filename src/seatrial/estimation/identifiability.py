@@ -159,9 +159,9 @@ def identifiability_of_design(
     values = _prior_means(parameters)
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
     step = jnp.full(len(control), sample_time)
-    sds = jnp.array(list(noise.values()), float)
+    weight = jnp.broadcast_to(1.0 / jnp.array(list(noise.values()), float), (len(control), len(noise)))
     run = _design_information(model, tuple(noise))
-    information = np.asarray(run(params, jnp.asarray(control, float), step, jnp.asarray(start, float), sds))
+    information = np.asarray(run(params, jnp.asarray(control, float), step, jnp.asarray(start, float), weight))
     return identify(parameters, values, information, at=at)
 
 

@@ -78,7 +78,7 @@ def coefficient_information(
     control: Float[Array, "n n_controls"],
     step: Float[Array, " n"],
     start: Float[Array, " n_states"],
-    noise: Float[Array, " m"],
+    weight: Float[Array, "n m"],
 ) -> Float[Array, "k k"]:
     """Expected information of one planned trial about the model's coefficients, SI and in its order; may be batched.
 
@@ -91,7 +91,7 @@ def coefficient_information(
         control: control held from each sample to the next.
         step: time to the next sample, s.
         start: state at the first sample.
-        noise: standard deviation of each channel, SI.
+        weight: one over the standard deviation of each channel at each sample, SI; 0 where it is not measured.
     """
     names = tuple(coefficient.text for coefficient in model.coefficients)
     point = tuple(params[name] for name in names)
@@ -99,11 +99,11 @@ def coefficient_information(
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total = carry
-        held, h = sample
+        held, h, counts = sample
 
         def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
             named = dict(zip(names, point, strict=True))
-            shown = jnp.stack([model.output(name, named, state, held) for name in channels]) / noise
+            shown = jnp.stack([model.output(name, named, state, held) for name in channels]) * counts
             return rk4_step(lambda x: model.derivative(named, x, held), state, h), shown
 
         def along(direction: tuple, slope: tuple) -> tuple:
@@ -118,7 +118,7 @@ def coefficient_information(
     begin = tuple(start[i] for i in range(start.shape[0]))
     columns = tuple(control[:, i] for i in range(control.shape[1]))
     still = tuple(jnp.zeros(k) for _ in begin)
-    (_, _, total), _ = jax.lax.scan(advance, (begin, still, jnp.zeros((k, k))), (columns, step))
+    (_, _, total), _ = jax.lax.scan(advance, (begin, still, jnp.zeros((k, k))), (columns, step, weight))
     return total
 
 
