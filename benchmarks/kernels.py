@@ -21,7 +21,7 @@ from timing import Ratio, Row, agree, alternate, row
 
 from seatrial.core.gaussian import Gaussian
 from seatrial.design.entropy import entropy_reduction
-from seatrial.design.sweep import sweep_doublets
+from seatrial.design.sweep import sweep_family
 
 NS = "ns per lane and step"
 C = "C, vectorised over lanes"
@@ -56,7 +56,7 @@ def sweep(cores: int) -> list[Row | Ratio]:
     n, space, amplitude_period = 6_000, state_space(), grid(20, 20, 20.0)
     doublets = family(n)
     start = time.perf_counter()
-    result = sweep_doublets(space, doublets, *amplitude_period)
+    result = sweep_family(space, doublets, *amplitude_period)
     first = time.perf_counter() - start
     amplitude, period = (x.ravel()[:, None] for x in jnp.meshgrid(*map(jnp.asarray, amplitude_period), indexing="ij"))
     control = np.ascontiguousarray(np.asarray(doublets.signal(amplitude, period, jnp.asarray(doublets.time()))).T)
@@ -73,9 +73,7 @@ def sweep(cores: int) -> list[Row | Ratio]:
         final = Gaussian(jnp.zeros((400, 4)), jnp.asarray(reference(width)))
         gain = np.asarray(entropy_reduction(space.initial, final, 1))
         agree(f"entropy reductions of seatrial and C ({width} lanes)", result.gain.ravel(), gain, 1e-8)
-    compared = _compare(
-        SWEEP, cores, lambda: sweep_doublets(space, doublets, *amplitude_period), reference, 400 * n, 5.0
-    )
+    compared = _compare(SWEEP, cores, lambda: sweep_family(space, doublets, *amplitude_period), reference, 400 * n, 5.0)
     return [*compared, Row(SWEEP, "first call, compiled without cache", cores, "s", first, first)]
 
 
@@ -109,7 +107,7 @@ def _likelihood_row(cores: int, lanes: int, n: int, k: int) -> Row:
 def _sweep_row(cores: int, lanes: int, n: int, k: int) -> Row:
     doublets, space, columns = family(n), state_space(k), 8 if lanes == 64 else 20
     designs = grid(lanes // columns, columns, n * STEP / 3)
-    seconds = alternate({"": lambda: sweep_doublets(space, doublets, *designs)}, 5)[""]
+    seconds = alternate({"": lambda: sweep_family(space, doublets, *designs)}, 5)[""]
     return row("growth: square-root UKF sweep", _size(lanes, n, k), cores, NS, seconds, 1e-9 * lanes * n)
 
 

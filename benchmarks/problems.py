@@ -10,8 +10,8 @@ import numpy as np
 from seatrial.core.gaussian import independent
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.state_space import StateSpace
-from seatrial.design.sweep import DoubletFamily
 from seatrial.estimation.output_error import output_error
+from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.catalogue import catalogue_vehicle
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
@@ -81,9 +81,9 @@ def state_space(k: int = 3) -> StateSpace:
     return discretise(model, ("u", "udot"), prior, jnp.full(k + 1, PROCESS_SD), jnp.full(2, MEASUREMENT_SD), scales)
 
 
-def family(n: int) -> DoubletFamily:
+def family(n: int) -> Family:
     """Doublets in trials of n samples, a third of them left for settling."""
-    return DoubletFamily("n", TRIM["n"], duration=n * STEP, active=n * STEP * 2 / 3, sample_time=STEP)
+    return Family("n", TRIM["n"], duration=n * STEP, active=n * STEP * 2 / 3, sample_time=STEP)
 
 
 def grid(rows: int, columns: int, longest: float) -> tuple[np.ndarray, np.ndarray]:

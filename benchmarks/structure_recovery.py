@@ -13,7 +13,7 @@ from tools import ask
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
-from seatrial.manoeuvres.signals import repeated_doublet_signal
+from seatrial.manoeuvres.family import Family
 from seatrial.selection.compiled_rules import compile_rules
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rules import parse_rules
@@ -76,9 +76,9 @@ def structure(random: np.random.Generator) -> list[str]:
 def trial(terms: list[str], random: np.random.Generator, label: str) -> Record:
     """Doublets of two sizes, one after the other, and a noisy speed."""
     time_ = STEP * np.arange(SAMPLES)
-    first = np.asarray(repeated_doublet_signal(time_, TRIM_N, 40.0, 12.0, start=5.0, active=48.0))
-    second = np.asarray(repeated_doublet_signal(time_, 0.0, 70.0, 25.0, start=60.0, active=50.0))
-    control = first + second
+    first = Family("n", TRIM_N, time_[-1], 48.0, STEP, start=5.0).signal(40.0, 12.0, time_)
+    second = Family("n", 0.0, time_[-1], 50.0, STEP, start=60.0).signal(70.0, 25.0, time_)
+    control = np.asarray(first + second)
     model = axes_vehicle("truth", (axis_equation("X", terms, MASS),), per_unit_inertia=False)
     values = {name: TRUTH[name] for name in terms}
     motion = simulate(model, values, control[:, None], np.full(SAMPLES, STEP), np.array([TRIM_U]))[:, 0]

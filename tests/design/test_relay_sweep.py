@@ -9,9 +9,9 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.relay_sweep import sweep_relay
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.relay import RelayFamily, run_relay
-from seatrial.manoeuvres.signals import repeated_doublet
 from seatrial.vehicles.simulate import simulate
 from tests.cases import N0, RPM, THRUST, U0, X_U, X_UU, paper_model, surge_rate
 from tests.design.test_sweep import BELIEF_SD, PROCESS_SD, paper_space
@@ -155,8 +155,8 @@ def half_log_det(control):
 @pytest.mark.thorough
 @pytest.mark.parametrize(("period", "golden"), [(10.0, 10.9), (20.0, 11.75)])
 def test_golden_information_of_doublets(period, golden):
-    doublet = repeated_doublet("n", trim=N0, amplitude=200 * RPM, period=period, duration=60.0, active=40.0)
-    _, control = doublet.sample(0.01)
+    doublet = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
+    control = np.asarray(doublet.signal(200 * RPM, period, doublet.time()))
     assert half_log_det(control[:, None]) == pytest.approx(golden, abs=0.02)
 
 

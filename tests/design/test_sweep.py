@@ -5,10 +5,11 @@ import pytest
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian, independent
 from seatrial.core.state_space import StateSpace
-from seatrial.design.sweep import DoubletFamily, sweep_doublets
+from seatrial.design.sweep import sweep_family
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.large import LargeUnscentedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.numerics.integrate import euler_step
 from seatrial.vehicles.discretise import discretise
@@ -20,7 +21,7 @@ TRUTH = np.array([U0, X_U, X_UU, THRUST])
 """Thrust in N/(rev/s)^2, as printed."""
 PROCESS_SD = np.sqrt([1e-6, 1e-7, 1e-7, 1e-10])
 PRIOR_SD = np.sqrt([1.0, 1e5, 1e5, 10.0])
-SHORT = DoubletFamily("n", N0, duration=12.0, active=10.0, sample_time=0.1)
+SHORT = Family("n", N0, duration=12.0, active=10.0, sample_time=0.1)
 AMPLITUDES, PERIODS = np.array([100.0, 200.0]) * RPM, np.array([3.0, 10.0])
 
 
@@ -71,7 +72,7 @@ each_filter = pytest.mark.parametrize(
 
 @each_filter
 def test_every_design_alone_by_the_textbook(method, naive):
-    sweep = sweep_doublets(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=method)
+    sweep = sweep_family(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=method)
     assert sweep.gain.shape == sweep.peak_speed.shape == (2, 2)
     assert sweep.final_sd.shape == (2, 2, 3)
     for i, amplitude in enumerate(AMPLITUDES):
@@ -85,7 +86,7 @@ def test_every_design_alone_by_the_textbook(method, naive):
 @each_filter
 def test_motion_of_the_truth_and_filter_of_the_belief(method, naive):
     mean = TRUTH * [1, 0.75, 0.75, 0.75]
-    sweep = sweep_doublets(paper_space(BELIEF_SD, mean), SHORT, AMPLITUDES, PERIODS, method=method, truth=TRUTH)
+    sweep = sweep_family(paper_space(BELIEF_SD, mean), SHORT, AMPLITUDES, PERIODS, method=method, truth=TRUTH)
     gain, peak, _ = textbook_gain(naive, AMPLITUDES[1], PERIODS[0], prior_sd=BELIEF_SD, mean=mean)
     assert sweep.gain[1, 0] == pytest.approx(gain, abs=1e-6)
     assert sweep.peak_speed[1, 0] == pytest.approx(peak, rel=1e-12)
@@ -94,8 +95,8 @@ def test_motion_of_the_truth_and_filter_of_the_belief(method, naive):
 @each_filter
 def test_speed_alone_teaches_less(method, naive):
     measured = np.tile([1.0, 0.0], (SHORT.time().size, 1))
-    both = sweep_doublets(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=method)
-    speed = sweep_doublets(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=method, measured=measured)
+    both = sweep_family(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=method)
+    speed = sweep_family(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=method, measured=measured)
     gain, _, _ = textbook_gain(naive, AMPLITUDES[0], PERIODS[1], prior_sd=BELIEF_SD, seen=(1.0, 0.0))
     assert (speed.gain < both.gain).all()
     assert speed.gain[0, 1] == pytest.approx(gain, abs=1e-6)
@@ -121,10 +122,10 @@ def linear_space():
 @pytest.mark.parametrize("every", [1, 3])
 def test_linear_gaussian_gain_is_that_of_the_fisher_information(every):
     """0.5 ln |I + P F| over x and the coefficients with F the information matrix; x is then marginalised out."""
-    family = DoubletFamily("c", 1.0, duration=12.0, active=10.0, sample_time=0.5)
+    family = Family("c", 1.0, duration=12.0, active=10.0, sample_time=0.5)
     time = family.time()
     seen = (np.arange(time.size) % every == 0)[:, None]
-    sweep = sweep_doublets(linear_space(), family, np.array([0.0, 2.0]), np.array([4.0]), measured=seen * 1.0)
+    sweep = sweep_family(linear_space(), family, np.array([0.0, 2.0]), np.array([4.0]), measured=seen * 1.0)
     for i, amplitude in enumerate([0.0, 2.0]):
         control = 1.0 + naive_doublets(time, 60 * amplitude, 4.0, 10.0) - 12.5
         rows = [np.array([1.0, 0.0, 0.0])]
@@ -138,7 +139,7 @@ def test_linear_gaussian_gain_is_that_of_the_fisher_information(every):
     assert sweep.best == (1, 0)
 
 
-GOLDEN = DoubletFamily("n", N0, duration=60.0, active=40.0, sample_time=0.01)
+GOLDEN = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +153,7 @@ GOLDEN = DoubletFamily("n", N0, duration=60.0, active=40.0, sample_time=0.01)
 )
 def test_golden_entropies(method, tolerance):
     """The golden numbers are the square-root filter's."""
-    sweep = sweep_doublets(
+    sweep = sweep_family(
         paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]),
         GOLDEN,
         AMPLITUDES,
@@ -166,7 +167,7 @@ def test_golden_entropies(method, tolerance):
 
 
 def test_best_design_as_a_manoeuvre():
-    sweep = sweep_doublets(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())
+    sweep = sweep_family(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())
     row, column = sweep.best
     assert sweep.gain[row, column] == sweep.gain.max()
     time, control = sweep.best_manoeuvre().sample(0.1)
@@ -181,9 +182,9 @@ def peaks(x):
 @pytest.mark.parametrize(("active", "ridges"), [(40.0, [8, 10, 13]), (20.0, [6, 10]), (58.0, [9, 11, 14, 19])])
 def test_golden_surface(active, ridges):
     """20 x 20 designs: more amplitude is always better; at 200 rpm ridges stand where one more doublet just fits."""
-    family = DoubletFamily("n", N0, duration=60.0, active=active, sample_time=0.01)
+    family = Family("n", N0, duration=60.0, active=active, sample_time=0.01)
     periods = np.arange(1.0, 21.0)
-    sweep = sweep_doublets(
+    sweep = sweep_family(
         paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]), family, np.linspace(100, 200, 20) * RPM, periods, truth=TRUTH
     )
     assert (np.diff(sweep.gain, axis=0) > 0).all()
@@ -193,11 +194,11 @@ def test_golden_surface(active, ridges):
         assert sweep.gain.min() == sweep.gain[0, 0] == pytest.approx(21.582, abs=1e-3)
 
 
-LINEAR_FAMILY = DoubletFamily("c", 1.0, duration=12.0, active=10.0, sample_time=0.5, ramp=1.0)
+LINEAR_FAMILY = Family("c", 1.0, duration=12.0, active=10.0, sample_time=0.5, ramp=1.0)
 
 
 def limited(limits, amplitudes=(1.0, 2.0, 4.0), periods=(2.0, 5.0, 12.0), family=LINEAR_FAMILY):
-    return sweep_doublets(linear_space(), family, np.array(amplitudes), np.array(periods), limits)
+    return sweep_family(linear_space(), family, np.array(amplitudes), np.array(periods), limits)
 
 
 @pytest.mark.parametrize(
@@ -236,7 +237,7 @@ def test_no_design_inside_the_limits(limits, found):
 def test_no_period_fits():
     with pytest.raises(InputError, match="periods from 11 s") as caught:
         limited(Limits(), periods=(11.0, 15.0))
-    assert "at most the active time, 10 s" in caught.value.expected
+    assert "to 10 s, so that it fits into 10 s" in caught.value.expected
 
 
 def test_no_edge_fits():
@@ -249,4 +250,4 @@ def test_no_edge_fits():
 def test_motion_that_diverges():
     runaway = np.array([U0, X_U, 60.0, THRUST])
     with pytest.raises(NumericalError, match=r"first at amplitude.*narrow the priors"):
-        sweep_doublets(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())
+        sweep_family(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())

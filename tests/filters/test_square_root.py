@@ -9,7 +9,7 @@ from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter, summarise_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
-from seatrial.manoeuvres.signals import repeated_doublet
+from seatrial.manoeuvres.family import Family
 from seatrial.numerics.integrate import euler_step
 from seatrial.numerics.sigma_points import UnscentedRule
 from seatrial.vehicles.discretise import discretise
@@ -26,8 +26,8 @@ def paper_space(**options):
 
 def noise_free_trial(amplitude_rpm, period):
     """Control and exact measurement of u and udot under a doublet, by Euler."""
-    doublet = repeated_doublet("n", trim=N0, amplitude=amplitude_rpm * RPM, period=period, active=40.0, duration=60.0)
-    _, control = doublet.sample(0.01)
+    doublet = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
+    control = np.asarray(doublet.signal(amplitude_rpm * RPM, period, doublet.time()))
     u, measured = U0, []
     for n in control / (2 * np.pi):
         rate = surge_rate(u, n)

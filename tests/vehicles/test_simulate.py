@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.manoeuvres.signals import repeated_doublet
+from seatrial.manoeuvres.family import Family
 from seatrial.numerics.integrate import euler_step
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import trim_speed
@@ -40,8 +40,8 @@ def test_golden_sum_over_a_doublet():
         (u,) = state
         return (u + h * rate((u + 0.5 * h * rate(state)[0],))[0],)
 
-    doublet = repeated_doublet("n", trim=N0, amplitude=200 * RPM, period=10.0, start=1.0, active=40.0, duration=60.0)
-    time, control = doublet.sample(0.01)
+    doublet = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
+    time, control = doublet.manoeuvre(200 * RPM, 10.0).sample(0.01)
     model, params, step = paper_model(*TERMS, "X_du3"), {**TRUTH, "X_du3": 0.1}, np.full(6000, 0.01)
     speed = simulate(model, params, control[:, None], step, [U0], midpoint_step)
     assert time.size == 6000

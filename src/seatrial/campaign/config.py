@@ -13,10 +13,10 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.core.units import quantity
-from seatrial.design.sweep import DoubletFamily
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.sensors import Sensor, bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.compiled_rules import CompiledRules
 from seatrial.selection.structure_count import count_structures
@@ -259,7 +259,7 @@ class Campaign:
         return "delay" in self.source.prior
 
     @cached_property
-    def family(self) -> DoubletFamily:
+    def family(self) -> Family:
         """What the designs share."""
         table = self.source.design
         controls = self.model(self.full).controls
@@ -278,7 +278,7 @@ class Campaign:
             key: self.si(getattr(table, key), "s", f"design.{key}")
             for key in ("duration", "active", "sample_time", "start", "ramp")
         }
-        family = DoubletFamily(table.control, trim, **seconds)
+        family = Family(table.control, trim, **seconds)
         if not family.duration > 0:
             raise InputError(
                 self.where("design.duration"),

@@ -14,7 +14,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.files import write_text
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.sweep import Sweep, sweep_doublets
+from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 
@@ -122,7 +122,7 @@ def _sweep(
     space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
     report = watch.progress(f"design: {amplitude.size * period.size} trials")
     report(0, 1)
-    sweep = sweep_doublets(
+    sweep = sweep_family(
         space, family, amplitude, period, campaign.limits(), measured=campaign.measured_mask(family.time())
     )
     report(1, 1)

@@ -1,10 +1,10 @@
-"""Sweep of repeated doublets over amplitude and period: the entropy reduction of every design, many designs in step."""
+"""Sweep of a family over amplitude and period: the entropy reduction of every design, many designs in step."""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -17,47 +17,11 @@ from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
 from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import summarise_filter
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
-from seatrial.manoeuvres.signals import repeated_doublet, repeated_doublet_signal
 
 LANES = 80
 """Designs in one call on a CPU: fewer leave its vector units idle, more no longer fit its cache."""
-
-
-@dataclass(frozen=True)
-class DoubletFamily:
-    """What all doublets of a sweep share: control channel, its trim value, and timing; SI."""
-
-    control: str
-    trim: float
-    duration: float
-    active: float
-    sample_time: float
-    start: float = 1.0
-    ramp: float = 0.0
-
-    def time(self) -> Float[np.ndarray, " n"]:
-        """Sample times, s."""
-        return np.arange(round(self.duration / self.sample_time)) * self.sample_time
-
-    def signal(self, amplitude: Array, period: Array, time: Array) -> Array:
-        """Control at the given times; settings and times broadcast."""
-        return repeated_doublet_signal(
-            time, self.trim, amplitude, period, start=self.start, active=self.active, ramp=self.ramp
-        )
-
-    def manoeuvre(self, amplitude: float, period: float) -> Manoeuvre:
-        """One member of the family."""
-        return repeated_doublet(
-            self.control,
-            trim=self.trim,
-            amplitude=amplitude,
-            period=period,
-            duration=self.duration,
-            active=self.active,
-            start=self.start,
-            ramp=self.ramp,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +37,7 @@ class Sweep:
         final_sd: predicted standard deviation of each coefficient in filter units, shape (A, P, k).
     """
 
-    family: DoubletFamily
+    family: Family
     amplitude: Float[np.ndarray, " A"]
     period: Float[np.ndarray, " P"]
     gain: Float[np.ndarray, "A P"]
@@ -92,9 +56,9 @@ class Sweep:
         return self.family.manoeuvre(float(self.amplitude[row]), float(self.period[column]))
 
 
-def sweep_doublets(
+def sweep_family(
     space: StateSpace,
-    family: DoubletFamily,
+    family: Family,
     amplitude: Float[np.ndarray, " A"],
     period: Float[np.ndarray, " P"],
     limits: Limits = Limits(),
@@ -119,7 +83,7 @@ def sweep_doublets(
         NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
     """
     amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
-    controls = np.asarray(_signals(family, amplitudes[:, None], periods[:, None], family.time()[None, :]))
+    controls = np.asarray(family.signal(amplitudes[:, None], periods[:, None], family.time()[None, :]))
     allowed = _allowed(family, controls, periods, limits)
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
@@ -146,15 +110,11 @@ def sweep_doublets(
     )
 
 
-def _allowed(family: DoubletFamily, controls: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
-    fits = (periods <= family.active * (1 + 1e-9)) & (periods >= 2 * family.ramp)
+def _allowed(family: Family, controls: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
+    fits = family.fits(periods)
     if not fits.any():
-        raise InputError(
-            "design grid",
-            found=f"periods from {periods.min():g} s to {periods.max():g} s",
-            expected=f"at most the active time, {family.active:g} s, and at least two edges, {2 * family.ramp:g} s",
-            remedy="choose other periods, or change `active` or `ramp`",
-        )
+        found = f"periods from {periods.min():g} s to {periods.max():g} s"
+        raise InputError(f"design grid, {family.words}", found=found, **family.expected())
     excesses = [limits.excess(control, family.sample_time) for control in controls]
     allowed = fits & np.array([not excess for excess in excesses])
     if not allowed.any():
@@ -171,11 +131,6 @@ def _allowed(family: DoubletFamily, controls: np.ndarray, periods: np.ndarray, l
             remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it",
         )
     return allowed
-
-
-@partial(jax.jit, static_argnums=0)
-def _signals(family: DoubletFamily, amplitude: Array, period: Array, time: Array) -> Array:
-    return family.signal(amplitude, period, time)
 
 
 def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarray]:

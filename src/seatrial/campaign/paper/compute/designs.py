@@ -23,11 +23,12 @@ from seatrial.campaign.paper.study import Study
 from seatrial.core.gaussian import independent
 from seatrial.core.state_space import StateSpace
 from seatrial.design.relay_sweep import sweep_relay
-from seatrial.design.sweep import DoubletFamily, sweep_doublets
+from seatrial.design.sweep import sweep_family
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.relay import RelayFamily, run_relay
 from seatrial.numerics.integrate import Integrator, euler_step, rk4_step
 from seatrial.vehicles.discretise import discretise
@@ -47,11 +48,11 @@ THRESHOLDS = np.linspace(0.03, 0.36, 12)
 def sweep_part(study: Study, window: str, method: Filter = SquareRootUnscentedKalmanFilter()) -> xr.Dataset:
     """Sweep of Figure 3 for one manoeuvre window; the time is of a second sweep, compiled beforehand."""
     reading, report = study.reading, study.progress(f"designs, {ACTIVE[window]:g} s window, {type(method).__name__}")
-    family = DoubletFamily("n", reading.trim, duration=DURATION, active=ACTIVE[window], sample_time=STEP)
+    family = Family("n", reading.trim, duration=DURATION, active=ACTIVE[window], sample_time=STEP)
     report(0, 2)
     for done in (1, 2):
         begun = time.perf_counter()
-        sweep = sweep_doublets(
+        sweep = sweep_family(
             design_space(reading, euler_step),
             family,
             np.linspace(reading.lowest, reading.highest, POINTS),

@@ -24,7 +24,7 @@ from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
-from seatrial.manoeuvres.signals import random_steps
+from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.simulate import simulate
 
@@ -78,12 +78,11 @@ def filters_part(study: Study) -> xr.Dataset:
 def make_trials(reading: Reading, seeds: int) -> Trials:
     """Simulate and measure trials of seeds 1000, 1001, ..."""
     model, stamps, steps = reading.model(), STEP * np.arange(N_STEPS), jnp.full(N_STEPS, STEP)
+    span = N_STEPS * STEP
     control, noise = [], []
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
-        manoeuvre = random_steps(
-            "n", trim=reading.trim, amplitude=reading.steps, hold=HOLD, duration=N_STEPS * STEP, seed=seed
-        )
-        control.append(manoeuvre.signal(stamps)[:, None])
+        family = Family("n", reading.trim, span, span, STEP, start=0.0, kind="random-steps", seed=seed)
+        control.append(np.asarray(family.signal(reading.steps, HOLD, stamps))[:, None])
         noise.append(reading.filter_noise * np.random.default_rng([seed, 1]).normal(size=(N_STEPS, 2)))
     held, truth = np.stack(control), reading.truth
     start = jnp.array([reading.hull.trim["u"]])

@@ -9,9 +9,10 @@ from seatrial.campaign.paper.compute.filters import filter_space, in_printed_uni
 from seatrial.campaign.paper.compute.trial import DURATION, STEP, around, paper_posterior, paper_trial, wide
 from seatrial.campaign.paper.reading import NAMES, READINGS, Reading
 from seatrial.campaign.paper.study import Study
-from seatrial.design.sweep import DoubletFamily, sweep_doublets
+from seatrial.design.sweep import sweep_family
 from seatrial.estimation.mode import find_mode
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.family import Family
 from seatrial.numerics.integrate import euler_step
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 
@@ -31,8 +32,8 @@ def readings_part(study: Study) -> xr.Dataset:
 def _numbers(study: Study, reading: Reading) -> xr.Dataset:
     trials = make_trials(reading, study.sizes.tuning_seeds)
     trace = run_over_seeds(SquareRootUnscentedKalmanFilter(), filter_space(reading), trials)
-    family = DoubletFamily("n", reading.trim, duration=DURATION, active=ACTIVE["medium"], sample_time=STEP)
-    sweep = sweep_doublets(
+    family = Family("n", reading.trim, duration=DURATION, active=ACTIVE["medium"], sample_time=STEP)
+    sweep = sweep_family(
         design_space(reading, euler_step),
         family,
         np.linspace(reading.lowest, reading.highest, POINTS),

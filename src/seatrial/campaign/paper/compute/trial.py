@@ -16,7 +16,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Prior, Uniform
-from seatrial.manoeuvres.signals import repeated_doublet
+from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.simulate import simulate
 
 DURATION, STEP, PERIOD, ACTIVE = 60.0, 0.01, 10.0, 40.0
@@ -30,10 +30,8 @@ def stamps() -> Float[np.ndarray, " n"]:
 
 def doublets(reading: Reading, period: float = PERIOD, active: float = ACTIVE) -> Float[np.ndarray, " n"]:
     """Propeller speed of the largest doublets, rad/s."""
-    manoeuvre = repeated_doublet(
-        "n", trim=reading.trim, amplitude=reading.highest, period=period, duration=DURATION, active=active, start=1.0
-    )
-    return np.asarray(manoeuvre.signal(stamps()))
+    family = Family("n", reading.trim, DURATION, active, STEP)
+    return np.asarray(family.signal(reading.highest, period, stamps()))
 
 
 def simulated_speed(
