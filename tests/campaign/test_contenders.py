@@ -63,7 +63,7 @@ def test_the_runner_up_is_named_by_what_it_does_otherwise(outcome):
     assert change_words(("a", "b"), ("a", "c")) == "with c, without b"
     words = outcome.contenders.difference_words()
     assert f"M-1, {change_words(best.terms, runner.terms)}" in words
-    assert "at most 0.03 m/s (rms 0.021) in the next doublet and 0.02 m/s" in words
+    assert "at most 0.03 m/s (rms 0.021) in the next trial and 0.02 m/s" in words
     assert "noise is 0.02 m/s" in words
 
 
@@ -73,9 +73,9 @@ def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
     one = outcome.contenders
     assert one.decisive == (3, 3)
     assert one.nats == pytest.approx(np.nanmax(one.data["nats"].values))
-    assert one.trial_words(doubtful).startswith("to decide between M-0 and M-1, run repeated doublets of")
+    assert one.trial_words(doubtful).startswith("to decide between M-0 and M-1, run a repeated doublet of")
     weak = make_contenders(campaign, selection, nats=0.5)
-    assert weak.trial_words(doubtful).startswith("no doublet of this family would decide between M-0 and M-1")
+    assert weak.trial_words(doubtful).startswith("no design of this family would decide between M-0 and M-1")
     sure = replace(selection, probability=np.array([0.97, 0.01, 0.01, 0.01]))
     assert "have decided between M-0 and M-1" in one.trial_words(sure)
     assert undecided_words(doubtful) == (

@@ -54,7 +54,7 @@ def test_the_schedule_holds_every_edge_of_the_trial(finished):
     folder, outcome = finished
     store = Store(folder)
     schedule = np.loadtxt(store.schedule(store.design), delimiter=",", skiprows=1)
-    time_, control = outcome.first.best_manoeuvre().sample(outcome.first.family.sample_time)
+    time_, control = outcome.first.best.best_manoeuvre().sample(outcome.campaign.family.sample_time)
     np.testing.assert_allclose(np.interp(time_, *schedule.T), control * 30 / np.pi, rtol=1e-9)
     assert store.schedule(store.design).read_text().startswith("time_s,n_rpm\n")
 

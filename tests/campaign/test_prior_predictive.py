@@ -97,7 +97,7 @@ def test_without_a_record_the_largest_doublet_is_simulated(tmp_path):
     found = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))
     again = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))
     assert np.array_equal(found.bands, again.bands)
-    assert "largest doublet" in found.over
+    assert "largest input" in found.over
     assert found.at == "n = 1194 rpm"
     assert np.ptp(found.control["n"]) == pytest.approx(400 * 2 * np.pi / 60, rel=1e-9)
     assert found.measured is None

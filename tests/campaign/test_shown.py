@@ -4,6 +4,7 @@ import pytest
 
 from seatrial.campaign.loop import ENOUGH, next_words
 from seatrial.campaign.shown import shown_unit
+from seatrial.manoeuvres.family import Family
 
 
 @pytest.mark.parametrize(
@@ -25,9 +26,10 @@ def test_signals_are_shown_in_units_of_the_trade(signal, unit, si, shown):
 
 
 def test_the_next_trial_is_said_in_rpm_or_advised_against():
-    trial = {"control": "n", "trim": 125.0, "amplitude": 200 * pi / 30, "period": 20.0, "gain_nat": 1.0}
+    family = Family("n", 125.0, duration=60.0, active=40.0, sample_time=0.1)
+    trial = {"amplitude": 200 * pi / 30, "period": 20.0, "gain_nat": 1.0}
     trial |= {"sd_before": {"X_u": 0.2}, "sd_after": {"X_u": 0.1}}
-    words = next_words(trial)
+    words = next_words(trial, family)
     assert "±200 rpm about 1194 rpm in n, period 20 s" in words
     assert "X_u from 0.2 to 0.1" in words
-    assert "teach little" in next_words({**trial, "gain_nat": ENOUGH / 2})
+    assert "teach little" in next_words({**trial, "gain_nat": ENOUGH / 2}, family)

@@ -157,9 +157,9 @@ def test_chirp_grows_exponentially_from_its_period():
     ("settings", "period", "message"),
     [
         ({}, 41.0, "to 40 s, so that it fits into 40 s"),
-        ({}, 0.0, "one doublet, from 0.02 s"),
-        ({}, -1.0, "one doublet, from"),
-        ({}, float("nan"), "one doublet, from"),
+        ({}, 0.0, "a period from 0.02 s"),
+        ({}, -1.0, "a period from"),
+        ({}, float("nan"), "a period from"),
         ({"ramp": 5.1}, 10.0, "from 10.2 s"),
         ({"kind": "spiral"}, 3.0, "to 2.353 s"),
         ({"kind": "chirp"}, 0.1, "from 0.16 s"),

@@ -8,6 +8,7 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.contenders import NEXT, Contenders, change_words, contending
+from seatrial.campaign.designs import Designs
 from seatrial.campaign.estimate import Estimate
 from seatrial.campaign.known import Direction, Known, KnownParameter
 from seatrial.campaign.load import load_campaign
@@ -93,7 +94,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     estimates = tuple(_estimate(structure, random) for structure in campaign.structures)
     evidences = [Evidence(-3.0 * index, 0.1, "made up", {"methods": METHODS}) for index in range(len(estimates))]
     selection = select(campaign.structures, evidences, campaign.source.structure.optional)
-    chosen, next_design = estimates[selection.chosen], _sweep(campaign, gain)
+    chosen, next_design = estimates[selection.chosen], _designs(campaign, gain)
     fits = tuple(
         _fit(record.label, channel) for record in (*trials.fit, *trials.predict) for channel in campaign.channels
     )
@@ -181,7 +182,7 @@ def make_contenders(campaign: Campaign, selection: Selection, nats: float = 5.0)
                 "change": change_words(best.terms, runner.terms),
                 "noise": 0.02,
                 "control": "tau_X",
-                "trim": 0.0,
+                "trial": "repeated doublet of ±20 N",
             },
         )
     )
@@ -332,20 +333,21 @@ def _predictions(campaign: Campaign, trials: Trials) -> xr.Dataset:
     )
 
 
-def _sweep(campaign: Campaign, gain: float) -> Sweep:
+def _designs(campaign: Campaign, gain: float) -> Designs:
     amplitude, period = campaign.grid()
     values = gain * np.linspace(0.5, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
     values[amplitude > 20.0] = np.nan
     sd = np.full((*values.shape, 3), 0.01)
-    return Sweep(
-        campaign.family, amplitude, period, np.where(np.isnan(values), np.nan, values), np.ones(values.shape), sd
-    )
-
-
-def _next_trial(sweep: Sweep) -> dict:
-    row, column = sweep.best
+    sweep = Sweep(campaign.family, amplitude, period, values, np.ones(values.shape), sd)
     names = ("X_tau_X", "X_u", "X_uabsu")
+    return Designs((sweep,), {"chirp": "its periods are too long"}, "a posterior", names, np.full(3, 0.02))
+
+
+def _next_trial(designs: Designs) -> dict:
+    sweep, names = designs.best, designs.names
+    row, column = sweep.best
     return {
+        "family": sweep.family.kind,
         "control": "tau_X",
         "unit": "kg m/s^2",
         "trim": 0.0,

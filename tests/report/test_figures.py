@@ -41,9 +41,9 @@ def channel(label="$u$ [m/s]") -> Predicted:
 
 def test_the_surface_marks_the_best_design_and_hatches_what_is_forbidden():
     gain = np.add.outer(np.arange(5.0), np.arange(6.0))
-    free = design_surface(np.arange(6.0), np.arange(5.0), gain, (4, 5), "amplitude [rpm]")
+    free = design_surface(np.arange(6.0), np.arange(5.0), gain, (4, 5), ("period [s]", "amplitude [rpm]"))
     gain[4, :3] = np.nan
-    bound = design_surface(np.arange(6.0), np.arange(5.0), gain, (4, 5), "amplitude [rpm]")
+    bound = design_surface(np.arange(6.0), np.arange(5.0), gain, (4, 5), ("period [s]", "amplitude [rpm]"))
     axes, bar = bound.axes
     assert axes.get_ylabel() == "amplitude [rpm]"
     assert "entropy reduction [nat]" in bar.get_ylabel()
@@ -56,7 +56,11 @@ def test_the_surface_marks_the_best_design_and_hatches_what_is_forbidden():
 @pytest.mark.parametrize("shape", [(1, 5), (5, 1), (1, 1), (2, 2)])
 def test_the_surface_of_a_thin_or_flat_grid_is_drawn(shape):
     figure = design_surface(
-        np.arange(shape[1]) + 1.0, np.arange(shape[0]) + 1.0, np.full(shape, 2.0), (0, 0), "amplitude [N]"
+        np.arange(shape[1]) + 1.0,
+        np.arange(shape[0]) + 1.0,
+        np.full(shape, 2.0),
+        (0, 0),
+        ("period [s]", "amplitude [N]"),
     )
     assert "entropy reduction [nat]" in "".join(axes.get_ylabel() for axes in figure.axes)
     draw_svg(figure)

@@ -1,12 +1,13 @@
 """A campaign's configuration as objects in SI; every error names the file and the key."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from pathlib import Path
 
 import numpy as np
 
+from seatrial.campaign.goal import Goal, read_goal
 from seatrial.campaign.prior_tables import read_prior
 from seatrial.campaign.schema import CampaignFile, RangeTable
 from seatrial.core.coefficients import CoefficientName
@@ -16,7 +17,7 @@ from seatrial.core.units import quantity
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.sensors import Sensor, bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Family, check_family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.compiled_rules import CompiledRules
 from seatrial.selection.structure_count import count_structures
@@ -259,8 +260,22 @@ class Campaign:
         return "delay" in self.source.prior
 
     @cached_property
+    def families(self) -> tuple[Family, ...]:
+        """Families that are swept; all of one control, trim and timing."""
+        kinds, seed = self.source.design.families, self.source.campaign.seed
+        if len(set(kinds)) < len(kinds):
+            raise InputError(
+                self.where("design.families"),
+                found=", ".join(kinds),
+                expected="each family once",
+                remedy="remove the repetition",
+            )
+        with located(self.where("design.families")):
+            return tuple(check_family(replace(self.family, kind=kind, seed=seed)) for kind in kinds)
+
+    @cached_property
     def family(self) -> Family:
-        """What the designs share."""
+        """Control, trim and timing that all designs share."""
         table = self.source.design
         controls = self.model(self.full).controls
         if table.control not in controls:
@@ -309,6 +324,15 @@ class Campaign:
                 remedy="lengthen the duration or shorten `active`",
             )
         return family
+
+    @cached_property
+    def goal(self) -> Goal | None:
+        """What ends the campaign; None where nothing is said."""
+        table = self.source.goal
+        if table is None:
+            return None
+        model = self.model(self.full)
+        return read_goal(table, {term.text: model.unit_of(term) for term in model.coefficients}, self.where("goal"))
 
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes (SI) and periods (s) of the sweep."""

@@ -67,21 +67,21 @@ def compare_speeds(
     best: Estimate,
     runner: Estimate,
     trials: Trials,
-    doublet: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
+    design: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
 ) -> list[SpeedDifference]:
-    """Compare speeds over the inputs of each fitted record, and then over a doublet from trim.
+    """Compare speeds over the inputs of each fitted record, and then over a design from trim.
 
     Args:
         campaign: configuration.
         best: posterior of one structure.
         runner: posterior of the other.
         trials: records.
-        doublet: times, s, and control, SI.
+        design: times, s, and control, SI.
 
     Raises:
         NumericalError: a structure runs away at its posterior mean.
     """
-    pairs = zip(_speeds(campaign, best, trials, doublet), _speeds(campaign, runner, trials, doublet), strict=True)
+    pairs = zip(_speeds(campaign, best, trials, design), _speeds(campaign, runner, trials, design), strict=True)
     return [_difference(time, a, b) for time, a, b in ((a[0], a[1], b[1]) for a, b in pairs)]
 
 
@@ -129,7 +129,7 @@ def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
 
 
 def _speeds(
-    campaign: Campaign, estimate: Estimate, trials: Trials, doublet: tuple[np.ndarray, np.ndarray]
+    campaign: Campaign, estimate: Estimate, trials: Trials, design: tuple[np.ndarray, np.ndarray]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
     model, table = campaign.model(estimate.structure), estimate.draws()
@@ -144,7 +144,7 @@ def _speeds(
         for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
     ]
     found = []
-    for one, start, time, control in [*runs, (values, trim, doublet[0], doublet[1][:, None])]:
+    for one, start, time, control in [*runs, (values, trim, design[0], design[1][:, None])]:
         coefficients = {term.text: np.asarray(one[term.text]) for term in model.coefficients}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)

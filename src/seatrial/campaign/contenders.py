@@ -8,9 +8,9 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.contender_runs import compare_speeds, expected_nats, noise_of
+from seatrial.campaign.design_words import design_words
 from seatrial.campaign.designs import design_key, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
-from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch
@@ -19,7 +19,7 @@ from seatrial.design.sweep import Sweep
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import DECIDED, Selection
 
-NEXT = "the next doublet"
+NEXT = "the next trial"
 ENOUGH = 3.0
 """Expected log Bayes factor, nats, that decides: odds of twenty to one."""
 
@@ -31,7 +31,7 @@ class Contenders:
     Attributes:
         data: `time`, `best`, `difference`, `lower` and `upper` on `sample`, one manoeuvre after another, `which` by its index: speed of
             the best, and by how much it exceeds the runner-up's, with its 90 % band; `largest`, `rms` and `excitation` by
-            `manoeuvre`, the fitted records and then the next doublet; `nats` by `amplitude` and `period`: the expected log Bayes
+            `manoeuvre`, the fitted records and then the next trial; `nats` by `amplitude` and `period`: the expected log Bayes
             factor, NaN where a limit is broken.
     """
 
@@ -46,17 +46,16 @@ class Contenders:
     def decisive(self) -> tuple[int, int]:
         """Indices of the amplitude and the period that would tell most."""
         nats = self.data["nats"].values
-        row, column = np.unravel_index(np.nanargmax(nats), nats.shape)
-        return int(row), int(column)
+        return _largest(nats)
 
     @property
     def nats(self) -> float:
-        """Expected log Bayes factor of that doublet."""
+        """Expected log Bayes factor of that design."""
         return float(self.data["nats"].values[self.decisive])
 
     @property
     def shown(self) -> tuple[int, int]:
-        """Manoeuvres worth a picture: the fitted record of most excitation, and the next doublet."""
+        """Manoeuvres worth a picture: the fitted record of most excitation, and the next trial."""
         return int(np.argmax(self.data["excitation"].values[:-1])), self.data.sizes["manoeuvre"] - 1
 
     def where(self, manoeuvre: int) -> str:
@@ -85,23 +84,17 @@ class Contenders:
         return f"the runner-up ({change}) would change the speed by at most {' and '.join(parts)}; {end}"
 
     def trial_words(self, selection: Selection) -> str:
-        """Which doublet of the family would decide between the two, or that none would."""
+        """Which design of the best family would decide between the two, or that none would."""
         best, runner = self.labels
         first, second = -np.sort(-selection.probability)[:2]
         if first >= DECIDED * (first + second):
             return f"these data have decided between {best} and {runner}; no trial is needed for that"
-        data, (row, column) = self.data, self.decisive
-        control = data.attrs["control"]
-        factor, unit = shown_unit(control)
-        trial = (
-            f"doublets of ±{float(data['amplitude'][row]) * factor:.4g} {unit} about {data.attrs['trim'] * factor:.4g} {unit} "
-            f"in {control}, period {float(data['period'][column]):.3g} s"
-        )
+        trial = self.data.attrs["trial"]
         told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
         if self.nats > ENOUGH:
-            return f"to decide between {best} and {runner}, run repeated {trial}: {told}"
+            return f"to decide between {best} and {runner}, run a {trial}: {told}"
         return (
-            f"no doublet of this family would decide between {best} and {runner}; the best would be repeated {trial}: {told}. "
+            f"no design of this family would decide between {best} and {runner}; the best would be a {trial}: {told}. "
             "Widen the limits, run for longer, or use a better sensor"
         )
 
@@ -136,14 +129,14 @@ def find_contenders(
         return None
     best, runner = estimate_all(replace(campaign, shortlist=pair), trials, watch)
     terms = [term for term in best.structure.terms if term in best.names]
-    sweep = design_next(campaign, best.structure, best.draws(terms), best.key, watch)
+    sweep = design_next(campaign, best.structure, best.draws(terms), best.key, watch).best
     return compare_contenders(campaign, best, runner, trials, sweep, watch)
 
 
 def compare_contenders(
     campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep, watch: Watch = SILENT
 ) -> Contenders:
-    """Compare what two structures predict, and search the family for the doublet that tells them apart; a current result is read.
+    """Compare what two structures predict, and search the family for the design that tells them apart; a current result is read.
 
     Args:
         campaign: configuration.
@@ -167,7 +160,11 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
     found = compare_speeds(campaign, best, runner, trials, sweep.best_manoeuvre().sample(sweep.family.sample_time))
     join = {name: np.concatenate([getattr(one, name) for one in found]) for name in found[0].CURVES}
     control = sweep.family.control
-    commands = [record.channel(control) for record in trials.fit]
+    commands, nats = (
+        [record.channel(control) for record in trials.fit],
+        expected_nats(campaign, best, runner, trials, sweep),
+    )
+    row, column = _largest(nats)
     commands.append(sweep.best_manoeuvre().sample(sweep.family.sample_time)[1])
     return xr.Dataset(
         {
@@ -176,7 +173,7 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "largest": ("manoeuvre", [one.largest for one in found]),
             "rms": ("manoeuvre", [one.rms for one in found]),
             "excitation": ("manoeuvre", [float(np.nanstd(command)) for command in commands]),
-            "nats": (("amplitude", "period"), expected_nats(campaign, best, runner, trials, sweep)),
+            "nats": (("amplitude", "period"), nats),
         },
         coords={
             "manoeuvre": [*(record.label for record in trials.fit), NEXT],
@@ -189,6 +186,11 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "change": change_words(best.structure.terms, runner.structure.terms),
             "noise": noise_of(campaign, best, "u") if "u" in campaign.channels else float("nan"),
             "control": control,
-            "trim": sweep.family.trim,
+            "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },
     )
+
+
+def _largest(nats: np.ndarray) -> tuple[int, int]:
+    row, column = np.unravel_index(np.nanargmax(nats), nats.shape)
+    return int(row), int(column)

@@ -1,5 +1,7 @@
 """Design of the first trial from the priors, and of the next one from the posterior."""
 
+import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.design_words import design_words
 from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
@@ -20,6 +23,12 @@ from seatrial.vehicles.model import VehicleModel
 
 STATE_SD = 0.05
 """Standard deviation of the vehicle's own state about trim at the start of a designed trial, in its unit (m/s)."""
+SWEPT = {
+    "gain": "entropy reduction of the coefficients",
+    "peak_speed": "largest speed of the expected motion",
+    "final_sd": "predicted sd after the trial",
+}
+"""What is kept of every design."""
 
 
 def design_key(campaign: Campaign) -> str:
@@ -49,20 +58,49 @@ def check_designable(campaign: Campaign) -> None:
         )
 
 
-def design_first(campaign: Campaign, watch: Watch = SILENT) -> Sweep:
+@dataclass(frozen=True, eq=False)
+class Designs:
+    """What was swept: one sweep for each family that has a design inside the limits.
+
+    Attributes:
+        sweeps: the most informative first.
+        refused: families without a design inside the limits, and why.
+        basis: what the designs were swept from, in words.
+        names: coefficients.
+        sd_before: their standard deviations before the trial, SI.
+    """
+
+    sweeps: tuple[Sweep, ...]
+    refused: dict[str, str]
+    basis: str
+    names: tuple[str, ...]
+    sd_before: np.ndarray
+
+    @property
+    def best(self) -> Sweep:
+        """Sweep of the family that holds the best design."""
+        return self.sweeps[0]
+
+    def lines(self) -> list[str]:
+        """The best of each family, and the families that have none."""
+        found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat" for sweep in self.sweeps]
+        return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
+
+
+def design_first(campaign: Campaign, watch: Watch = SILENT) -> Designs:
     """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
     check_designable(campaign)
     store, key = Store(campaign.folder), design_key(campaign)
     if is_current(store.design, key):
-        return read_sweep(campaign, store.design)
+        return read_designs(campaign, store.design)
     model = campaign.model(campaign.full)
     priors = [campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients]
     belief = Gaussian(np.array([prior.mean for prior in priors]), np.diag([prior.sd for prior in priors]))
-    return _sweep(campaign, model, belief, store.design, key, {"basis": "the priors"}, watch)
+    return _sweep(campaign, model, belief, store.design, key, "the priors", watch)
 
 
-def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str, watch: Watch) -> Sweep:
-    """Sweep the grid for the chosen structure from what the trial so far has taught.
+def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str, watch: Watch) -> Designs:
+    """Sweep the grid for the chosen structure from what the trials so far have taught.
 
     Args:
         campaign: configuration.
@@ -74,41 +112,43 @@ def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str,
     store = Store(campaign.folder)
     stamp = key_of("next", design_key(campaign), key, structure.terms)
     if is_current(store.next_design, stamp):
-        return read_sweep(campaign, store.next_design)
+        return read_designs(campaign, store.next_design)
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
-    return _sweep(
-        campaign,
-        campaign.model(structure),
-        belief,
-        store.next_design,
-        stamp,
-        {"basis": f"the posterior of {structure.label}"},
-        watch,
-    )
+    basis = f"the posterior of {structure.label}"
+    return _sweep(campaign, campaign.model(structure), belief, store.next_design, stamp, basis, watch)
 
 
-def read_sweep(campaign: Campaign, path: Path) -> Sweep:
-    """Read a stored sweep; the schedule of its best trial is written again where it is missing or not the same."""
-    data = open_dataset(path)
-    sweep = Sweep(
-        campaign.family, *(np.asarray(data[name]) for name in ("amplitude", "period", "gain", "peak_speed", "final_sd"))
+def read_designs(campaign: Campaign, path: Path) -> Designs:
+    """Read stored sweeps; the schedule of the best trial is written again where it is missing or not the same."""
+    data, families = open_dataset(path), {family.kind: family for family in campaign.families}
+    grid = np.asarray(data["amplitude"]), np.asarray(data["period"])
+    sweeps = [
+        Sweep(families[str(kind)], *grid, *(np.asarray(data[name].sel(family=kind)) for name in SWEPT))
+        for kind in data["family"].values
+    ]
+    found = Designs(
+        tuple(sorted(sweeps, key=lambda sweep: -sweep.gain[sweep.best])),
+        json.loads(data.attrs["refused"]),
+        data.attrs["basis"],
+        tuple(str(name) for name in data["coefficient"].values),
+        np.asarray(data["sd_before"]),
     )
-    schedule, text = Store(campaign.folder).schedule(path), _schedule(sweep)
+    schedule, text = Store(campaign.folder).schedule(path), _schedule(found.best)
     if not schedule.is_file() or schedule.read_bytes() != text.encode():
         write_text(schedule, text)
-    return sweep
+    return found
 
 
 def _sweep(
-    campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Path, key: str, attrs: dict[str, str], watch: Watch
-) -> Sweep:
+    campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Path, key: str, basis: str, watch: Watch
+) -> Designs:
     """Run the filter in units of the current standard deviations, where every coefficient is of order one."""
-    family, (amplitude, period) = campaign.family, campaign.grid()
-    if model.controls != (family.control,):
+    families, (amplitude, period) = campaign.families, campaign.grid()
+    if model.controls != (campaign.family.control,):
         raise InputError(
             campaign.where("structure"),
             found="controls " + ", ".join(model.controls),
-            expected=f"the one control that is designed, {family.control}",
+            expected=f"the one control that is designed, {campaign.family.control}",
             remedy="leave the terms of other controls out",
         )
     scales = np.asarray(belief.sd)
@@ -120,37 +160,56 @@ def _sweep(
     initial = Gaussian(np.concatenate([speed, np.asarray(belief.mean) / scales]), chol)
     noise = np.array([campaign.noise(channel) for channel in campaign.channels])
     space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
-    report = watch.progress(f"design: {amplitude.size * period.size} trials")
-    report(0, 1)
-    sweep = sweep_family(
-        space, family, amplitude, period, campaign.limits(), measured=campaign.measured_mask(family.time())
-    )
-    report(1, 1)
-    names = [term.text for term in model.coefficients]
+    report = watch.progress(f"design: {len(families) * amplitude.size * period.size} trials")
+    report(0, len(families))
+    mask, sweeps, refused = campaign.measured_mask(campaign.family.time()), [], {}
+    for done, family in enumerate(families, 1):
+        try:
+            sweeps.append(sweep_family(space, family, amplitude, period, campaign.limits(), measured=mask))
+        except InputError as error:
+            if len(families) == 1:
+                raise
+            refused[family.kind] = f"{error.found}; expected {error.expected}"
+        report(done, len(families))
+    if not sweeps:
+        raise InputError(
+            campaign.where("design"),
+            found="; ".join(f"{kind}: {why}" for kind, why in refused.items()),
+            expected="one design at least that fits and is inside the limits",
+            remedy="lower the amplitudes, choose other periods, or widen the limits if the vehicle allows it",
+        )
+    axes = {"gain": (), "peak_speed": (), "final_sd": ("coefficient",)}
+    units = {"gain": "nat", "peak_speed": "m/s", "final_sd": "SI"}
     dataset = xr.Dataset(
         {
-            "gain": (
-                ("amplitude", "period"),
-                sweep.gain,
-                {"units": "nat", "long_name": "entropy reduction of the coefficients"},
-            ),
-            "peak_speed": (("amplitude", "period"), sweep.peak_speed, {"units": "m/s"}),
-            "final_sd": (
-                ("amplitude", "period", "coefficient"),
-                sweep.final_sd * scales,
-                {"long_name": "predicted sd, SI"},
-            ),
-            "sd_before": (("coefficient",), scales, {"long_name": "sd before the trial, SI"}),
-        },
+            name: (
+                ("family", "amplitude", "period", *axes[name]),
+                np.stack([getattr(sweep, name) for sweep in sweeps]) * (scales if name == "final_sd" else 1.0),
+                {"units": units[name], "long_name": SWEPT[name]},
+            )
+            for name in SWEPT
+        }
+        | {"sd_before": (("coefficient",), scales, {"units": "SI", "long_name": "sd before the trial"})},
         coords={
-            "amplitude": ("amplitude", sweep.amplitude, {"units": "SI"}),
-            "period": ("period", sweep.period, {"units": "s"}),
-            "coefficient": names,
+            "family": [sweep.family.kind for sweep in sweeps],
+            "amplitude": ("amplitude", amplitude, {"units": "SI"}),
+            "period": ("period", period, {"units": "s"}),
+            "coefficient": [term.text for term in model.coefficients],
         },
-        attrs={**attrs, "control": family.control, "trim": family.trim},
+        attrs={
+            "basis": basis,
+            "control": campaign.family.control,
+            "trim": campaign.family.trim,
+            "refused": json.dumps(refused),
+        },
     )
     write_dataset(path, dataset, key)
-    return read_sweep(campaign, path)
+    return read_designs(campaign, path)
+
+
+def _words(sweep: Sweep) -> str:
+    row, column = sweep.best
+    return design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
 
 
 def _schedule(sweep: Sweep) -> str:

@@ -69,7 +69,7 @@ def _check(campaign: Campaign) -> None:
                 expected="a prior from 0 up",
                 remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
             )
-    _ = campaign.family, campaign.grid(), campaign.limits()
+    _ = campaign.families, campaign.grid(), campaign.limits(), campaign.goal
     _check_source(campaign, names)
 
 

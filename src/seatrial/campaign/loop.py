@@ -9,20 +9,19 @@ import xarray as xr
 from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.contenders import Contenders, find_contenders
-from seatrial.campaign.designs import check_designable, design_first, design_next
+from seatrial.campaign.design_words import design_words
+from seatrial.campaign.designs import Designs, check_designable, design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
 from seatrial.campaign.record_checks import record_cautions
 from seatrial.campaign.screen import Screened, screening_of, with_shortlist
-from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, key_of, write_stamped_json
 from seatrial.campaign.traces import filter_complaints, trace_filter
 from seatrial.campaign.trials import Trials, get_trials
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.signals import signal_unit
-from seatrial.design.sweep import Sweep
+from seatrial.manoeuvres.family import Family
 from seatrial.selection.verdict import Selection
 
 ENOUGH = 0.2
@@ -44,8 +43,8 @@ class Outcome:
         predictions: the curves.
         known: what the data tell about each parameter of the chosen structure.
         promised: what the best design would tell about those of the full one; None where the trial was imported.
-        first: sweep from the priors; None where the trial was imported.
-        next: sweep from the posterior of the chosen structure.
+        first: designs from the priors; None where the trial was imported.
+        next: designs from the posterior of the chosen structure.
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure.
@@ -62,8 +61,8 @@ class Outcome:
     predictions: xr.Dataset
     known: Known
     promised: Known | None
-    first: Sweep | None
-    next: Sweep
+    first: Designs | None
+    next: Designs
     screened: Screened | None
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None
@@ -85,7 +84,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     selection = select_structure(campaign, trials, watch)
     chosen = estimates[selection.chosen]
     known = known_after(campaign, chosen, trials)
-    promised = None if first is None else known_before(campaign, first)
+    promised = None if first is None else known_before(campaign, first.best)
     traces = trace_filter(campaign, estimates[0], trials)
     fits, predictions = predict_all(campaign, chosen, trials)
     terms = chosen.structure.terms
@@ -137,17 +136,16 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "alarms": alarms,
         "known": asdict(outcome.known),
         "fits": [fit.__dict__ for fit in outcome.fits],
-        "next_trial": next_trial(outcome.next, campaign),
+        "next_trial": next_trial(outcome.next),
     }
 
 
-def next_trial(sweep: Sweep, campaign: Campaign) -> dict[str, Any]:
+def next_trial(designs: Designs) -> dict[str, Any]:
     """The next trial in numbers, SI, and in words, in the units of the boundary."""
-    data = open_dataset(Store(campaign.folder).next_design)
+    sweep = designs.best
     row, column = sweep.best
-    names = [str(name) for name in data["coefficient"].values]
-    before, after = data["sd_before"].values, sweep.final_sd[row, column]
     trial = {
+        "family": sweep.family.kind,
         "control": sweep.family.control,
         "unit": signal_unit(sweep.family.control),
         "trim": sweep.family.trim,
@@ -155,28 +153,26 @@ def next_trial(sweep: Sweep, campaign: Campaign) -> dict[str, Any]:
         "period": float(sweep.period[column]),
         "gain_nat": float(sweep.gain[row, column]),
         "peak_speed": float(sweep.peak_speed[row, column]),
-        "sd_before": dict(zip(names, map(float, before), strict=True)),
-        "sd_after": dict(zip(names, map(float, after), strict=True)),
+        "sd_before": dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
+        "sd_after": dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
     }
-    return {**trial, "words": next_words(trial)}
+    return {**trial, "words": next_words(trial, sweep.family)}
 
 
-def next_words(trial: dict[str, Any]) -> str:
+def next_words(trial: dict[str, Any], family: Family) -> str:
     """Say what to run next, or why not; takes the numbers of `next_trial`."""
-    gain, control = trial["gain_nat"], trial["control"]
+    gain = trial["gain_nat"]
     if gain < ENOUGH:
         return (
-            f"another doublet of this family would teach little ({gain:.2f} nat): "
+            f"another {family.words} would teach little ({gain:.2f} nat): "
             "change the sensors, the limits or the manoeuvre instead"
         )
-    factor, unit = shown_unit(control)
     promise = ", ".join(
         f"{name} from {sd:.3g} to {trial['sd_after'][name]:.3g}" for name, sd in trial["sd_before"].items()
     )
     return (
-        f"run repeated doublets of ±{trial['amplitude'] * factor:.4g} {unit} about {trial['trim'] * factor:.4g} {unit} "
-        f"in {control}, period {trial['period']:.3g} s: expected to reduce the entropy of the coefficients by "
-        f"{gain:.2f} nat; standard deviations {promise}"
+        f"run a {design_words(family, trial['amplitude'], trial['period'])}: expected to reduce the entropy of the "
+        f"coefficients by {gain:.2f} nat; standard deviations {promise}"
     )
 
 

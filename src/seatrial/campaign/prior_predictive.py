@@ -99,7 +99,7 @@ def predict_from_prior(campaign: Campaign, watch: Watch = SILENT) -> PriorPredic
     """Draw from the full structure's prior and simulate over the trial that `prior_trial` finds.
 
     Raises:
-        InputError: logs that cannot be read, no doublet inside the limits, or a vehicle that does not only move along X.
+        InputError: logs that cannot be read, no design inside the limits, or a vehicle that does not only move along X.
     """
     check_designable(campaign)
     model = campaign.model(campaign.full)

@@ -50,10 +50,10 @@ class PriorTrial:
 
 
 def prior_trial(campaign: Campaign, watch: Watch = SILENT) -> PriorTrial:
-    """First fitted record; where a simulated campaign has none yet, its best doublet if designed, else its largest.
+    """First fitted record; where a simulated campaign has none yet, its best design if there is one, else its largest.
 
     Raises:
-        InputError: logs that cannot be read, or no doublet inside the limits.
+        InputError: logs that cannot be read, or no design inside the limits.
     """
     model = campaign.model(campaign.full)
     record = _record(campaign, watch)
@@ -85,11 +85,11 @@ def _is_designed(campaign: Campaign) -> bool:
 
 
 def _designed(campaign: Campaign, model: VehicleModel, watch: Watch) -> PriorTrial:
-    """A doublet of the design's family from trim; other controls are held at theirs."""
+    """A member of a designed family from trim; other controls are held at theirs."""
     manoeuvre, words = (
-        (design_first(campaign, watch).best_manoeuvre(), "the best doublet of the design")
+        (design_first(campaign, watch).best.best_manoeuvre(), "the best design")
         if _is_designed(campaign)
-        else (_largest(campaign), "the largest doublet of [design] inside the limits")
+        else (_largest(campaign), "the largest input of [design] inside the limits")
     )
     time, driven = manoeuvre.sample(campaign.family.sample_time)
     held = campaign.hull.trim
@@ -114,9 +114,9 @@ def _designed(campaign: Campaign, model: VehicleModel, watch: Watch) -> PriorTri
 
 
 def _largest(campaign: Campaign) -> Manoeuvre:
-    """Doublet of the largest amplitude inside the limits, and of the longest period of which one fits."""
-    family, limits, (amplitudes, periods) = campaign.family, campaign.limits(), campaign.grid()
-    fitting = periods[periods <= family.active]
+    """Member of the first family of the largest amplitude inside the limits, and of the longest period that fits."""
+    family, limits, (amplitudes, periods) = campaign.families[0], campaign.limits(), campaign.grid()
+    fitting = periods[family.fits(periods)]
     period = float(fitting.max() if fitting.size else periods.min())
     members = [family.manoeuvre(float(amplitude), period) for amplitude in amplitudes[::-1]]
     for member in members:

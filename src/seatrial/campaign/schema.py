@@ -110,9 +110,10 @@ class RangeTable(Table):
 
 
 class DesignTable(Table):
-    """`[design]`: the family of repeated doublets that is swept."""
+    """`[design]`: families of inputs that are swept over one grid of amplitudes and periods."""
 
     control: str
+    families: list[str] = Field(default=["repeated-doublet"], min_length=1)
     trim: Quantity | None = None
     duration: Quantity
     active: Quantity
@@ -121,6 +122,15 @@ class DesignTable(Table):
     sample_time: Quantity
     amplitude: RangeTable
     period: RangeTable
+
+
+class GoalTable(Table):
+    """`[goal]`: what ends the campaign: `sd` of each coefficient, a quantity or a percentage of its value ("10 %"), whether one
+    structure is to hold 95 % of the probability, and the most trials to run."""
+
+    sd: dict[str, Quantity | float] = {}
+    decided: bool = False
+    trials: int = Field(default=5, ge=1, le=100)
 
 
 class TimeTable(Table):
@@ -204,6 +214,7 @@ class CampaignFile(Table):
     sensors: dict[str, SensorTable] = Field(min_length=1)
     limits: dict[str, LimitsTable] = {}
     design: DesignTable
+    goal: GoalTable | None = None
     truth: dict[str, float] = {}
     imported: ImportTable | None = Field(default=None, alias="import")
     filter: FilterTable = FilterTable()

@@ -53,8 +53,7 @@ def simulate_trial(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     key = key_of("simulate", design_key(campaign), source.truth, source.campaign.seed)
     path = store.record("trial")
     if not is_current(path, key):
-        sweep = design_first(campaign, watch)
-        manoeuvre = sweep.best_manoeuvre()
+        manoeuvre = design_first(campaign, watch).best.best_manoeuvre()
         time, control = manoeuvre.sample(campaign.family.sample_time)
         model = campaign.model(campaign.full)
         params = {term.text: source.truth.get(term.text, 0.0) for term in model.coefficients}

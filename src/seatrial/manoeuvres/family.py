@@ -95,7 +95,7 @@ class Family:
         """What a period has to be, and how to mend one that is not, for errors."""
         shortest = max(self.ramp, self.sample_time) / float(self.shape.shortest(1.0, self.active))
         return {
-            "expected": f"{self.shape.period_is}, from {shortest:.4g} s, where its edges take {self.ramp:g} s and samples "
+            "expected": f"a {self.shape.period_is} from {shortest:.4g} s, where its edges take {self.ramp:g} s and samples "
             f"{self.sample_time:g} s, to {self.shape.longest(self.active):.4g} s, so that it fits into {self.active:g} s",
             "remedy": "choose other periods, or change `active` or `ramp`",
         }

@@ -21,6 +21,11 @@ class Shape(Protocol):
         """What the period is, in words."""
         ...
 
+    @property
+    def sides(self) -> str:
+        """Sign of the sides of trim to which it goes: `+`, `-` or `±`."""
+        ...
+
     def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
         """Levels one after another, shares of the amplitude; none of a smooth shape."""
         ...

@@ -30,6 +30,13 @@ class Steps:
     parts: int
     runs: Literal["once", "whole", "cut"]
 
+    @property
+    def sides(self) -> str:
+        """See `Shape.sides`."""
+        if isinstance(self.levels, str):
+            return "±"
+        return {(False, True): "+", (True, False): "-"}.get((min(self.levels) < 0, max(self.levels) > 0), "±")
+
     def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
         """See `Shape.draw`."""
         return _random_levels(self.levels, seed) if isinstance(self.levels, str) else np.array(self.levels)

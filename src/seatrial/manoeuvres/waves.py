@@ -22,6 +22,11 @@ class Multisine:
     period_is: str
     harmonics: tuple[int, ...]
 
+    @property
+    def sides(self) -> str:
+        """See `Shape.sides`."""
+        return "±"
+
     def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
         """See `Shape.draw`."""
         return np.empty(0)
@@ -53,6 +58,11 @@ class Chirp:
 
     period_is: str
     ratio: float
+
+    @property
+    def sides(self) -> str:
+        """See `Shape.sides`."""
+        return "±"
 
     def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
         """See `Shape.draw`."""

@@ -41,17 +41,16 @@ def design(folder: Folder, quiet: Quiet = False) -> None:
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.designs import design_first
         from seatrial.campaign.known import known_before
-        from seatrial.campaign.shown import shown_unit
         from seatrial.campaign.store import Store
 
-        sweep = design_first(campaign, watch)
-        row, column = sweep.best
-        factor, unit = shown_unit(sweep.family.control)
+        designs = design_first(campaign, watch)
+        first, *others = designs.lines()
         typer.echo(
-            f"best doublet: amplitude {sweep.amplitude[row] * factor:.4g} {unit}, period {sweep.period[column]:.4g} s, "
-            f"entropy reduction {sweep.gain[row, column]:.2f} nat; schedule in {Store(folder).schedule(Store(folder).design)}"
+            f"best design: {first} of entropy reduction; schedule in {Store(folder).schedule(Store(folder).design)}"
         )
-        promised = known_before(campaign, sweep)
+        for line in others:
+            typer.echo(f"  {line}")
+        promised = known_before(campaign, designs.best)
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
         typer.echo("\n".join(promised.lines()))
         return Exit.OK

@@ -26,7 +26,7 @@ COLOURS, LEVELS = "viridis", 12
 
 
 def design_surface(
-    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], amplitude_label: str
+    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], labels: tuple[str, str]
 ) -> "Figure":
     """Draw the entropy reduction as filled contours, the best design as a star, and hatch what the limits forbid.
 
@@ -35,10 +35,10 @@ def design_surface(
         amplitude: change from trim, in the unit of its label, shape (A,).
         gain: nats, NaN where a limit is broken, shape (A, P).
         best: indices of the best design.
-        amplitude_label: label of the amplitude, unit included.
+        labels: of period and amplitude, units included.
     """
     if min(gain.shape) < 2:
-        return _line(period, amplitude, gain, best, amplitude_label)
+        return _line(period, amplitude, gain, best, labels)
     figure, (axes,) = new_figure(WIDE, [190], right=78)
     axes.grid(False)
     if np.isnan(gain).any():
@@ -64,7 +64,7 @@ def design_surface(
     axes.set(xlim=(period[0], period[-1]), ylim=(amplitude[0], amplitude[-1]))
     for spine in axes.spines.values():
         spine.set_visible(True)
-    label_axes(axes, "period of one doublet [s]", amplitude_label)
+    label_axes(axes, *labels)
     _bar(figure, contours)
     return figure
 
@@ -109,7 +109,7 @@ def _bar(figure: "Figure", contours) -> None:
 
 
 def _line(
-    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], amplitude_label: str
+    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], labels: tuple[str, str]
 ) -> "Figure":
     """Draw a sweep over one setting only."""
     over_period = gain.shape[0] == 1
@@ -129,5 +129,5 @@ def _line(
         label="best design",
     )
     axes.margins(x=0.03)
-    label_axes(axes, "period of one doublet [s]" if over_period else amplitude_label, "entropy reduction [nat]")
+    label_axes(axes, labels[0] if over_period else labels[1], "entropy reduction [nat]")
     return figure

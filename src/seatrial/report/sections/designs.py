@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.design_words import design_words
+from seatrial.campaign.designs import Designs
 from seatrial.campaign.loop import ENOUGH, Outcome
 from seatrial.campaign.shown import shown_unit
 from seatrial.core.record import Record
-from seatrial.design.sweep import Sweep
 from seatrial.report.drawing import Drawing, draw, labels_of, signal_axis, signal_symbol, units_of
 from seatrial.report.figures.coverage import covered
 from seatrial.report.figures.inputs import control_over_time
@@ -32,9 +33,10 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
     reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
     return content | {
         "figures": sweep_drawings(outcome, first, "first"),
-        "words": design_words(first),
+        "words": best_words(first),
+        "families": _families(first),
         "structure": full.structure.label,
-        "rows": _sd_rows(outcome, filtered, before, first.final_sd[first.best], reached),
+        "rows": _sd_rows(outcome, filtered, before, first.best.final_sd[first.best.best], reached),
         "promised": None if outcome.promised is None else known.rows_of(outcome.promised, labels_of(outcome)),
         "foreseen": [] if outcome.promised is None else known.verdict_of(outcome.promised, labels_of(outcome)),
     }
@@ -48,10 +50,11 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
     words = (
         trial["words"]
         if gain < ENOUGH
-        else f"{design_words(outcome.next)}: expected to reduce the entropy of the coefficients by {short(gain)} nat"
+        else f"{best_words(outcome.next)}: expected to reduce the entropy of the coefficients by {short(gain)} nat"
     )
     return {
         "figures": sweep_drawings(outcome, outcome.next, "next"),
+        "families": _families(outcome.next),
         "enough": gain < ENOUGH,
         "gain": short(gain),
         "shrinks": short(float(np.exp(gain)), 2),
@@ -61,8 +64,9 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def sweep_drawings(outcome: Outcome, sweep: Sweep, name: str) -> list[Drawing]:
-    """Surface and chosen control of a sweep."""
+def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawing]:
+    """Surface and chosen control of the best family's sweep."""
+    sweep = designs.best
     row, column = sweep.best
     control = sweep.family.control
     factor, unit = shown_unit(control)
@@ -83,7 +87,7 @@ def sweep_drawings(outcome: Outcome, sweep: Sweep, name: str) -> list[Drawing]:
         sweep.amplitude * factor,
         sweep.gain,
         sweep.best,
-        unit_label(f"amplitude of {signal_symbol(control)}", unit),
+        (unit_label(sweep.family.shape.period_is, "s"), unit_label(f"amplitude of {signal_symbol(control)}", unit)),
     )
     time, values = sweep.best_manoeuvre().sample(sweep.family.sample_time)
     limits = outcome.campaign.limits()
@@ -93,7 +97,7 @@ def sweep_drawings(outcome: Outcome, sweep: Sweep, name: str) -> list[Drawing]:
         draw(
             surface,
             f"{name}-surface",
-            "Entropy reduction over period and amplitude of the doublets",
+            f"Entropy reduction over period and amplitude of the {sweep.family.words}",
             caption,
             "What each design would teach",
         ),
@@ -101,20 +105,23 @@ def sweep_drawings(outcome: Outcome, sweep: Sweep, name: str) -> list[Drawing]:
             chosen,
             f"{name}-input",
             "Control of the best design over time",
-            f"{design_words(sweep)}.",
+            f"{best_words(designs)}.",
             "The best design",
         ),
     ]
 
 
-def design_words(sweep: Sweep) -> str:
-    """Name the best design in the units of the boundary."""
+def best_words(designs: Designs) -> str:
+    """Name the best design, as a sentence begins."""
+    sweep = designs.best
     row, column = sweep.best
-    factor, unit = shown_unit(sweep.family.control)
-    return (
-        f"Repeated doublets of ±{sweep.amplitude[row] * factor:.4g} {unit} about {sweep.family.trim * factor:.4g} {unit}, "
-        f"period {sweep.period[column]:.3g} s"
-    )
+    words = design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
+    return words[:1].upper() + words[1:]
+
+
+def _families(designs: Designs) -> list[str]:
+    """The best of every family, where there is more than one."""
+    return designs.lines() if len(designs.sweeps) + len(designs.refused) > 1 else []
 
 
 def record_rows(outcome: Outcome) -> list[dict[str, Any]]:

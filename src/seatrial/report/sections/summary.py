@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from seatrial.campaign.loop import ENOUGH, Outcome
 from seatrial.campaign.shown import shown_unit
+from seatrial.manoeuvres.shapes import SHAPES
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html
 from seatrial.report.numbers import DASH, percent, probability, rounded, times_ten, unit_html
@@ -129,9 +130,9 @@ def _next(outcome: Outcome) -> dict[str, Any]:
     ]
     return {
         "name": "Next trial",
-        "value": f"±{trial['amplitude'] * factor:.4g} {unit}, {trial['period']:.3g} s",
+        "value": f"{SHAPES[trial['family']].sides}{trial['amplitude'] * factor:.4g} {unit}, {trial['period']:.3g} s",
         "href": "#next",
-        "note": f"doublets; standard deviations shrink to {_span(left)} of now",
+        "note": f"{trial['family'].replace('-', ' ')}; standard deviations shrink to {_span(left)} of now",
     }
 
 
