@@ -5,6 +5,7 @@ from pathlib import Path
 from seatrial.campaign.config import FILE_NAME, Campaign
 from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
+from seatrial.campaign.simulated import beyond_structures
 from seatrial.campaign.toml_file import read_toml
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
@@ -70,7 +71,7 @@ def _check(campaign: Campaign) -> None:
                 remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
             )
     _ = campaign.families, campaign.grid(), campaign.limits(), campaign.goal
-    _check_source(campaign, names)
+    _check_source(campaign, names | beyond_structures(campaign))
 
 
 def _check_source(campaign: Campaign, names: set[str]) -> None:

@@ -42,6 +42,11 @@ class Store:
         return self.results / "next.nc"
 
     @property
+    def sequence(self) -> Path:
+        """Trials decided after the first, of a simulated vehicle."""
+        return self.results / "sequence.json"
+
+    @property
     def known_design(self) -> Path:
         """What the best design would tell."""
         return self.results / "known" / "design.json"

@@ -4,24 +4,18 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import jax
-import numpy as np
-
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.designs import design_first, design_key
-from seatrial.campaign.problem import random_key
 from seatrial.campaign.schema import FileTable
+from seatrial.campaign.simulated import check_simulated, simulated_records
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of
-from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.core.record import Record
 from seatrial.core.record_file import read_record, record_dataset
-from seatrial.core.signals import signal_unit
 from seatrial.logs.align import align
 from seatrial.logs.read import read_csv
 from seatrial.logs.source import ColumnMap, LogSource
-from seatrial.vehicles.simulate import simulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,61 +29,18 @@ class Trials:
 
 def get_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     """Simulate or import, as the campaign says."""
-    return simulate_trial(campaign, watch) if campaign.source.imported is None else import_trials(campaign, watch)
+    return simulate_trials(campaign, watch) if campaign.source.imported is None else import_trials(campaign, watch)
 
 
-def simulate_trial(campaign: Campaign, watch: Watch = SILENT) -> Trials:
-    """Run the best design on the simulated truth and store the record.
+def simulate_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
+    """Run the best design on the simulated truth, and every trial decided since, and store the records.
 
     Raises:
-        InputError: a campaign that imports real logs instead.
+        InputError: a campaign that imports real logs instead, or a true vehicle that runs away.
     """
-    if campaign.source.imported is not None:
-        raise InputError(
-            str(campaign.path), found="[import]", expected="[truth], to simulate", remedy="use `seatrial import`"
-        )
-    store = Store(campaign.folder)
-    source = campaign.source
-    key = key_of("simulate", design_key(campaign), source.truth, source.campaign.seed)
-    path = store.record("trial")
-    if not is_current(path, key):
-        manoeuvre = design_first(campaign, watch).best.best_manoeuvre()
-        time, control = manoeuvre.sample(campaign.family.sample_time)
-        model = campaign.model(campaign.full)
-        params = {term.text: source.truth.get(term.text, 0.0) for term in model.coefficients}
-        start = np.array([campaign.hull.trim.get(state, 0.0) for state in model.states])
-        states = np.asarray(
-            simulate(model, params, control[:, None], np.full(time.size, campaign.family.sample_time), start)
-        )
-        if not np.isfinite(states).all():
-            raise InputError(
-                campaign.where("truth"),
-                found="a simulated vehicle that diverges",
-                expected="damping that dissipates",
-                remedy="check signs: negative damping coefficients dissipate",
-            )
-        mask = campaign.measured_mask(time)
-        columns = {campaign.family.control: control}
-        for index, channel in enumerate(campaign.channels):
-            exact = np.asarray(model.output(channel, params, tuple(states.T), (control,)))
-            noise = campaign.noise(channel) * np.asarray(
-                jax.random.normal(random_key(campaign, f"noise {channel}"), exact.shape)
-            )
-            columns[channel] = np.where(mask[:, index] > 0, exact + noise, np.nan)
-        settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
-        provenance = Provenance(
-            "simulated",
-            key,
-            {"manoeuvre": manoeuvre.name, **settings, "truth": source.truth, "seed": source.campaign.seed},
-        )
-        _write(
-            path,
-            make_record(
-                time, columns, tuple(_channel(name, campaign.family.control) for name in columns), provenance, "trial"
-            ),
-            key,
-        )
-    return Trials((read_record(path),), (), key)
+    check_simulated(campaign)
+    records, key = simulated_records(campaign, watch)
+    return Trials(records, (), key)
 
 
 def import_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
@@ -196,10 +147,6 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
         encoding=file.encoding,
         skip_rows=file.skip_rows,
     )
-
-
-def _channel(name: str, control: str) -> Channel:
-    return Channel(name, signal_unit(name), "control" if name == control else "measurement")
 
 
 def _write(path: Path, record: Record, key: str) -> None:

@@ -8,12 +8,12 @@ from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
 
 
 def simulate(folder: Folder, quiet: Quiet = False) -> None:
-    """Run the designed trial on the simulated vehicle."""
+    """Run the trials that were decided on the simulated vehicle, the designed one first."""
 
     def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.trials import simulate_trial
+        from seatrial.campaign.trials import simulate_trials
 
-        return _say_trials(simulate_trial(campaign, watch))
+        return _say_trials(simulate_trials(campaign, watch))
 
     with_campaign(folder, quiet, work)
 

@@ -1,0 +1,165 @@
+"""Trials run on a simulated vehicle: the first by design, each later one as it was decided after those before it.
+
+The truth may hold what no structure has: a lag of the actuator, dn/dt = (command - n) / lag, and a steady current along the course,
+which the speed over ground shows and the speed through the water does not.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import exp
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.designs import design_first, design_key
+from seatrial.campaign.problem import random_key
+from seatrial.campaign.store import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
+from seatrial.campaign.watch import SILENT, Watch
+from seatrial.core.errors import InputError
+from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.core.record_file import read_record, record_dataset
+from seatrial.core.signals import signal_unit
+from seatrial.estimation.simulation import CURRENT
+from seatrial.vehicles.simulate import simulate
+
+FIRST = "trial"
+"""Label of the first trial; later ones are `trial-2`, `trial-3` and so on."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A later trial: the family's kind, and its amplitude (SI) and period (s)."""
+
+    kind: str
+    amplitude: float
+    period: float
+
+
+def actuator_lag(control: str) -> str:
+    """Name of the lag of a control's actuator in `[truth]`, s."""
+    return f"lag_{control}"
+
+
+def beyond_structures(campaign: Campaign) -> set[str]:
+    """What `[truth]` may hold beside coefficients."""
+    return {actuator_lag(campaign.source.design.control), CURRENT}
+
+
+def simulated_records(campaign: Campaign, watch: Watch = SILENT) -> tuple[tuple[Record, ...], str]:
+    """Run every trial that is not current; returns the records and the key of them all.
+
+    Raises:
+        InputError: a true vehicle that runs away.
+    """
+    begun = _begun(campaign)
+    key, records = key_of("simulate", begun), []
+    first = Store(campaign.folder).record(FIRST)
+    if not is_current(first, key):
+        sweep = design_first(campaign, watch).best
+        row, column = sweep.best
+        chosen = Chosen(sweep.family.kind, float(sweep.amplitude[row]), float(sweep.period[column]))
+        _run(campaign, chosen, FIRST, key)
+    records.append(read_record(first))
+    for number, chosen in enumerate(later_trials(campaign), 2):
+        label = f"{FIRST}-{number}"
+        key = key_of("simulate", key, number, asdict(chosen))
+        if not is_current(Store(campaign.folder).record(label), key):
+            _run(campaign, chosen, label, key)
+        records.append(read_record(Store(campaign.folder).record(label)))
+    return tuple(records), key
+
+
+def later_trials(campaign: Campaign) -> tuple[Chosen, ...]:
+    """Trials decided so far beyond the first; none where the campaign was changed so that the first is another."""
+    path = Store(campaign.folder).sequence
+    if not is_current(path, key_of("sequence", _begun(campaign))):
+        return ()
+    return tuple(Chosen(**item) for item in read_json(path, f"seatrial next {campaign.folder}")["trials"])
+
+
+def add_trial(campaign: Campaign, chosen: Chosen) -> None:
+    """Decide on one trial more; it is run when records are asked for.
+
+    Raises:
+        InputError: a campaign of real logs.
+    """
+    check_simulated(campaign)
+    trials = [asdict(one) for one in (*later_trials(campaign), chosen)]
+    write_stamped_json(Store(campaign.folder).sequence, {"trials": trials}, key_of("sequence", _begun(campaign)))
+
+
+def check_simulated(campaign: Campaign) -> None:
+    """Check that trials of this campaign are simulated.
+
+    Raises:
+        InputError: a campaign of real logs.
+    """
+    if campaign.source.imported is not None:
+        raise InputError(
+            str(campaign.path), found="[import]", expected="[truth], to simulate", remedy="use `seatrial import`"
+        )
+
+
+def _begun(campaign: Campaign) -> str:
+    source = campaign.source
+    return key_of("begun", design_key(campaign), source.truth, source.campaign.seed)
+
+
+def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
+    family = next(one for one in campaign.families if one.kind == chosen.kind)
+    manoeuvre = family.manoeuvre(chosen.amplitude, chosen.period)
+    time, command = manoeuvre.sample(family.sample_time)
+    mask, columns = campaign.measured_mask(time), {family.control: command}
+    for index, (channel, exact) in enumerate(_shown(campaign, command, family.sample_time).items()):
+        purpose = f"noise {channel}" if label == FIRST else f"noise {channel} {label}"
+        noise = campaign.noise(channel) * np.asarray(jax.random.normal(random_key(campaign, purpose), exact.shape))
+        columns[channel] = np.where(mask[:, index] > 0, exact + noise, np.nan)
+    settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
+    told = {
+        "manoeuvre": manoeuvre.name,
+        **settings,
+        "truth": campaign.source.truth,
+        "seed": campaign.source.campaign.seed,
+    }
+    channels = tuple(
+        Channel(name, signal_unit(name), "control" if name == family.control else "measurement") for name in columns
+    )
+    record = make_record(time, columns, channels, Provenance("simulated", key, told), label)
+    write_dataset(Store(campaign.folder).record(label), record_dataset(record), key)
+
+
+def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) -> Mapping[str, Float[np.ndarray, " n"]]:
+    """What each sensor would show of the true vehicle without noise."""
+    model, truth = campaign.model(campaign.full), campaign.source.truth
+    params = {term.text: truth.get(term.text, 0.0) for term in model.coefficients}
+    start = np.array([campaign.hull.trim.get(state, 0.0) for state in model.states])
+    acting, held = _lagged(command, truth.get(actuator_lag(campaign.family.control), 0.0), step)
+    states = np.asarray(simulate(model, params, held[:, None], np.full(command.size, step), start))
+    if not np.isfinite(states).all():
+        raise InputError(
+            campaign.where("truth"),
+            found="a simulated vehicle that diverges",
+            expected="damping that dissipates",
+            remedy="check signs: negative damping coefficients dissipate",
+        )
+    shown = {}
+    for sensor in campaign.sensors:
+        drift = truth.get(CURRENT, 0.0) if sensor.channel == "u" and sensor.over_ground else 0.0
+        shown[sensor.channel] = drift + np.asarray(model.output(sensor.channel, params, tuple(states.T), (acting,)))
+    return shown
+
+
+def _lagged(
+    command: Float[np.ndarray, " n"], lag: float, step: float
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Control that acts at each sample, and its mean until the next one, behind a first-order lag; exact for held commands."""
+    if lag == 0.0:
+        return command, command
+    left = exp(-step / lag)
+    acting = np.empty_like(command)
+    acting[0] = command[0]
+    for k in range(1, command.size):
+        acting[k] = command[k - 1] + left * (acting[k - 1] - command[k - 1])
+    return acting, command + (acting - command) * (1.0 - left) * lag / step

@@ -1,0 +1,111 @@
+"""Why no design is allowed: what each limit excludes, which two cannot be kept together, and by how much the gentlest misses.
+
+A miss is told in the limit's own unit: were its bound that much wider, one design would keep it beside the others with the
+probability and confidence asked for.
+"""
+
+from itertools import combinations
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.design.safety import Safety
+
+PAIRS = 3
+"""Conflicting pairs that are told, most telling first."""
+
+
+def check_some_allowed(safety: Safety) -> None:
+    """Check that a design is allowed.
+
+    Raises:
+        InputError: none is; how many each limit excludes, which pairs conflict, and by how much the gentlest design misses.
+    """
+    if safety.allowed.any():
+        return
+    count, kept = len(safety.allowed), safety.held.sum(1) >= safety.needed
+    lost = safety.diverged > safety.draws - safety.needed
+    found = [
+        f"no design of {count}: each would have to hold in {safety.needed} of {safety.draws} draws",
+        *(f"{limit.words} excludes {count - alone}" for limit, alone in zip(safety.limits, kept.sum(0), strict=True)),
+    ]
+    if safety.diverged.any():
+        found.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
+    told, remedy = _misses(safety, kept)
+    raise InputError(
+        "safety limits",
+        found="; ".join([*found, *told]),
+        expected=f"at least one design that keeps all limits with probability {safety.probability:g} "
+        f"(confidence {safety.confidence:g})",
+        remedy="narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
+        if lost.all()
+        else f"{remedy}; or try gentler or shorter designs",
+    )
+
+
+def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:
+    """Pairs of limits of which each alone leaves designs, together none; those that leave most alone first."""
+    held = safety.held
+    alone = (held.sum(1) >= safety.needed).sum(0)
+    pairs = [
+        (i, j)
+        for i, j in combinations(range(len(safety.limits)), 2)
+        if alone[i] and alone[j] and not ((held[..., i] & held[..., j]).sum(1) >= safety.needed).any()
+    ]
+    return sorted(pairs, key=lambda pair: -min(alone[pair[0]], alone[pair[1]]))
+
+
+def least_miss(safety: Safety, limit: int, beside: tuple[int, ...] = ()) -> tuple[float, int]:
+    """How much wider a bound would have to be for one design to keep it, and others beside it, and which design that is.
+
+    Args:
+        safety: what was judged.
+        limit: index of the limit that gives way.
+        beside: indices of the limits that do not.
+
+    Returns:
+        The miss in the limit's unit, infinite where no width would do, and the index of the design.
+    """
+    margin = safety.room_left(safety.held[..., list(beside)].all(2))[:, limit]
+    return float(-margin.max()), int(margin.argmax())
+
+
+def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], str]:
+    """Misses and a remedy: of limits that exclude every design; else of pairs; else of each limit beside all others."""
+    limits, everyone = safety.limits, range(len(safety.limits))
+    hopeless = [i for i in everyone if not kept[:, i].any()]
+    if hopeless:
+        told = [f"{limits[i].words} {_miss(safety, i, ())}" for i in hopeless]
+        return told, " and ".join(_widen(safety, i, ()) for i in hopeless)
+    pairs = conflicting_pairs(safety)[:PAIRS]
+    if pairs:
+        told = [
+            f"{limits[i].words} and {limits[j].words} conflict: alone they leave {kept[:, i].sum()} and {kept[:, j].sum()} "
+            f"designs, together none; beside the first the second {_miss(safety, j, (i,))}, beside the second the first "
+            f"{_miss(safety, i, (j,))}"
+            for i, j in pairs
+        ]
+        ways = [f"{_widen(safety, j, (i,))} or {_widen(safety, i, (j,))}" for i, j in pairs]
+        return told, "; and ".join(ways)
+    best = int(safety.joint_share.argmax())
+    others = {i: tuple(j for j in everyone if j != i) for i in everyone}
+    told = [
+        f"every two limits leave designs, all together none: at best they hold in {safety.held[best].all(1).sum()} draws, "
+        f"of design {best}",
+        *(f"beside all others {limits[i].words} {_miss(safety, i, others[i])}" for i in everyone),
+    ]
+    return told, " or ".join(_widen(safety, i, others[i]) for i in everyone)
+
+
+def _miss(safety: Safety, limit: int, beside: tuple[int, ...]) -> str:
+    width, design = least_miss(safety, limit, beside)
+    if not np.isfinite(width):
+        return "cannot be kept at any width"
+    return f"is missed by {width:.3g} {safety.limits[limit].unit} by design {design}, the gentlest"
+
+
+def _widen(safety: Safety, limit: int, beside: tuple[int, ...]) -> str:
+    width, _ = least_miss(safety, limit, beside)
+    if not np.isfinite(width):
+        return f"give up {safety.limits[limit].words}"
+    return f"widen {safety.limits[limit].words} by {width:.3g} {safety.limits[limit].unit} or more"

@@ -1,0 +1,85 @@
+"""Integrals that travel with a vehicle's state through a trial: way, heading, track in the horizontal plane, energy.
+
+    d/dt (x, i) = (f(x, control), g(x, i, control)),  both in one Runge-Kutta step
+
+The track is that of a level vehicle in still water, from the place and heading of the first sample:
+dx/dt = u cos(psi) - v sin(psi), dy/dt = u sin(psi) + v cos(psi), dpsi/dt = r (Fossen, 2021, with phi = theta = 0).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.design.plan import TrialPlan
+from seatrial.numerics.integrate import rk4_step
+from seatrial.vehicles.model import VehicleModel
+
+Rate = Callable[[Mapping[str, Any]], Any]
+"""Rate of an integral from the signals of `signals_at`."""
+KNOWN: dict[str, tuple[tuple[str, ...], Rate]] = {
+    "travelled": (("u",), lambda now: jnp.abs(now["u"])),
+    "advanced": (("u",), lambda now: now["u"]),
+    "psi": (("r",), lambda now: now["r"]),
+    "x": (("u", "v", "psi"), lambda now: now["u"] * jnp.cos(now["psi"]) - now["v"] * jnp.sin(now["psi"])),
+    "y": (("u", "v", "psi"), lambda now: now["u"] * jnp.sin(now["psi"]) + now["v"] * jnp.cos(now["psi"])),
+}
+"""Signals that a vehicle without such a state may still follow: what each is integrated from, and its rate; m or rad."""
+
+
+def integrals_for(model: VehicleModel, names: tuple[str, ...], where: str) -> dict[str, Rate]:
+    """Integrals of `KNOWN` that must travel with the state so that all names can be read; none for names that are states.
+
+    Raises:
+        InputError: a name that is neither a state nor can be integrated from the states and controls.
+    """
+    found: dict[str, Rate] = {}
+    for name in names:
+        if name in model.states:
+            continue
+        if name not in KNOWN:
+            raise InputError(
+                where,
+                found=f'"{name}", which is no state of the vehicle "{model.name}"',
+                expected="one of its states: " + ", ".join(model.states),
+                remedy=nearest(name, model.states),
+            )
+        needs, rate = KNOWN[name]
+        missing = [need for need in needs if need not in (*model.states, *model.controls, *KNOWN)]
+        if missing:
+            raise InputError(
+                where,
+                found=f'"{name}", and the vehicle "{model.name}" has no {" and no ".join(missing)} to integrate it from',
+                expected=f"a state {name}, or {', '.join(needs)}; its states: " + ", ".join(model.states),
+                remedy="leave this limit out, or plan with a vehicle that moves along these axes",
+            )
+        found |= integrals_for(model, tuple(need for need in needs if need not in model.controls), where)
+        found[name] = rate
+    return found
+
+
+def signals_at(plan: TrialPlan, integrals: Mapping[str, Rate], joint: tuple, held: tuple) -> dict[str, Any]:
+    """Controls, states and integrals by name at one sample."""
+    names = (*plan.model.states, *integrals)
+    return {**dict(zip(plan.model.controls, held, strict=True)), **dict(zip(names, joint, strict=True))}
+
+
+def joint_start(plan: TrialPlan, integrals: Mapping[str, Rate]) -> tuple:
+    """State at the first sample and integrals, 0 there."""
+    return (*(plan.start[i] for i in range(plan.start.shape[0])), *(jnp.zeros(()) for _ in integrals))
+
+
+def joint_step(
+    plan: TrialPlan, integrals: Mapping[str, Rate], values: Float[Array, " k"], joint: tuple, held: tuple, h: Any
+) -> tuple:
+    """State and integrals at the next sample, the control being held."""
+    params = {name: values[i] for i, name in enumerate(plan.names)}
+    count = len(plan.model.states)
+
+    def rate(joint: tuple) -> tuple:
+        now = signals_at(plan, integrals, joint, held)
+        return (*plan.model.derivative(params, joint[:count], held), *(of(now) for of in integrals.values()))
+
+    return rk4_step(rate, joint, h)

@@ -1,0 +1,235 @@
+"""Which designs keep a vehicle inside its limits with a stated probability, over draws of what is believed about it.
+
+A limit that holds in k of S draws holds with probability p at least, where P(Binomial(S, p) >= k) = 1 - confidence (Clopper and
+Pearson, 1934). A design is allowed where all limits hold together with the probability asked for. The margin of a limit is the
+room that the same share of vehicles has at least, at the same confidence: an order statistic of the draws (Wilks, 1941), 0 or more
+exactly where the limit alone would be kept. Between samples nothing is looked at. The confidence is that of each design by itself:
+one picked as the best of many should be judged once more on fresh draws.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import ceil, log
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.stats import beta
+
+from seatrial.core.errors import InputError
+from seatrial.design.integrals import joint_start, joint_step, signals_at
+from seatrial.design.motion_limits import MotionLimit, check_motion_limits, limit_integrals, room
+from seatrial.design.plan import TrialPlan
+from seatrial.design.sweep import in_blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Safety:
+    """How D designs keep m limits over S draws.
+
+    Attributes:
+        limits: limits, in the order of every axis m.
+        probability: with which all limits together must hold.
+        confidence: of that claim, for each design.
+        room: least distance to the bounds over the whole trial, in the unit of each limit, below 0 where broken; -inf where the
+            motion diverges, which breaks every limit, shape (D, S, m).
+        diverged: draws whose motion diverges, shape (D,).
+    """
+
+    limits: tuple[MotionLimit, ...]
+    probability: float
+    confidence: float
+    room: Float[np.ndarray, "D S m"]
+    diverged: Int[np.ndarray, " D"]
+
+    @property
+    def draws(self) -> int:
+        """S."""
+        return self.room.shape[1]
+
+    @property
+    def needed(self) -> int:
+        """Draws in which something must hold for the claim."""
+        return int(
+            np.argmax(probability_at_least(np.arange(self.draws + 1), self.draws, self.confidence) >= self.probability)
+        )
+
+    @property
+    def held(self) -> Bool[np.ndarray, "D S m"]:
+        """Whether each limit holds throughout."""
+        return self.room >= 0
+
+    @property
+    def share(self) -> Float[np.ndarray, "D m"]:
+        """Share of draws in which each limit holds."""
+        return self.held.mean(1)
+
+    @property
+    def at_least(self) -> Float[np.ndarray, "D m"]:
+        """Probability with which each limit holds at least."""
+        return probability_at_least(self.held.sum(1), self.draws, self.confidence)
+
+    @property
+    def joint_share(self) -> Float[np.ndarray, " D"]:
+        """Share of draws in which all limits hold."""
+        return self.held.all(2).mean(1)
+
+    @property
+    def joint_at_least(self) -> Float[np.ndarray, " D"]:
+        """Probability with which all limits hold together at least."""
+        return probability_at_least(self.held.all(2).sum(1), self.draws, self.confidence)
+
+    @property
+    def margin(self) -> Float[np.ndarray, "D m"]:
+        """Room left at least, with the probability and confidence asked for, in the unit of each limit."""
+        return self.room_left(np.ones(self.room.shape[:2], bool))
+
+    @property
+    def allowed(self) -> Bool[np.ndarray, " D"]:
+        """Whether all limits together hold with the probability and confidence asked for."""
+        return self.held.all(2).sum(1) >= self.needed
+
+    def quantile(self, share: float) -> Float[np.ndarray, "D m"]:
+        """Room below which the given share of the draws falls, in the unit of each limit."""
+        return np.quantile(self.room, share, axis=1, method="lower")
+
+    def room_left(self, among: Bool[np.ndarray, "D S"]) -> Float[np.ndarray, "D m"]:
+        """Margins where draws not `among` those given count as broken."""
+        counted = np.where(among[..., None], self.room, -np.inf)
+        return np.partition(counted, self.draws - self.needed, axis=1)[:, self.draws - self.needed]
+
+    def words(self, design: int) -> tuple[str, ...]:
+        """One line for each limit, and one for all together."""
+        held, margin, at_least = self.held[design].sum(0), self.margin[design], self.at_least[design]
+        lines = [
+            f"{limit.words}: holds in {held[i]} of {self.draws} draws, probability at least {at_least[i]:.3f}, "
+            f"margin {margin[i]:.3g} {limit.unit}"
+            for i, limit in enumerate(self.limits)
+        ]
+        together = self.held[design].all(1).sum()
+        return (
+            *lines,
+            f"all together: in {together} of {self.draws} draws, probability at least {self.joint_at_least[design]:.3f} "
+            f"at {self.confidence:g} confidence, {self.probability:g} asked for"
+            + (f"; the motion diverges in {self.diverged[design]}" if self.diverged[design] else ""),
+        )
+
+
+def judge_safety(
+    plan: TrialPlan,
+    controls: Float[np.ndarray, "D n c"],
+    draws: Float[np.ndarray, "S k"],
+    limits: Sequence[MotionLimit],
+    probability: float = 0.95,
+    confidence: float = 0.95,
+) -> Safety:
+    """Simulate every design with every draw and count which limits hold from the first sample to the end of the last step.
+
+    Args:
+        plan: vehicle and start of the trial.
+        controls: every control of each design, held from each sample to the next, SI.
+        draws: coefficients drawn from what is believed, SI.
+        limits: limits of the motion.
+        probability: with which all must hold together.
+        confidence: of that claim.
+
+    Raises:
+        InputError: limits that the vehicle cannot have, arrays of other shapes or without a number, or so few draws that not even
+            limits that always hold could be claimed to hold.
+    """
+    check_motion_limits(plan.model, limits)
+    _check(probability, confidence, len(draws))
+    controls, draws = check_runs(plan, controls, draws)
+    judge = partial(_rooms, plan, tuple(limits), draws=jnp.asarray(draws))
+    least, finite = in_blocks(lambda control: judge(control), controls)
+    rooms = np.where(finite[..., None], least, -np.inf)
+    return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(1))
+
+
+def least_rooms(
+    plan: TrialPlan, limits: tuple[MotionLimit, ...], values: Float[Array, " k"], control: Float[Array, "n c"]
+) -> tuple[Float[Array, " m"], Bool[Array, ""]]:
+    """Least room of each limit over one trial, and whether the motion stays finite; traced, may be batched and differentiated.
+
+    Only the least room so far travels with the state, so that memory does not grow with the number of samples.
+
+    Args:
+        plan: vehicle and start.
+        limits: checked limits.
+        values: coefficients, SI.
+        control: every control, SI.
+    """
+    integrals = limit_integrals(plan.model, limits)
+
+    def narrowed(rooms: tuple, joint: tuple, held: tuple) -> tuple:
+        now = signals_at(plan, integrals, joint, held)
+        return tuple(jnp.minimum(least, room(limit, now)) for limit, least in zip(limits, rooms, strict=True))
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
+        (joint, rooms), (held, h) = carry, sample
+        return (joint_step(plan, integrals, values, joint, held, h), narrowed(rooms, joint, held)), None
+
+    columns = tuple(control[:, i] for i in range(control.shape[1]))
+    begin = (joint_start(plan, integrals), tuple(jnp.asarray(jnp.inf) for _ in limits))
+    (end, rooms), _ = jax.lax.scan(advance, begin, (columns, plan.step))
+    rooms = narrowed(rooms, end, tuple(column[-1] for column in columns))
+    return jnp.stack(rooms), jnp.isfinite(jnp.stack(end)).all()
+
+
+def probability_at_least(held: Int[np.ndarray, "*any"], draws: int, confidence: float) -> Float[np.ndarray, "*any"]:
+    """Lower bound of the probability of what held in so many of the draws (Clopper and Pearson, one-sided)."""
+    return np.where(held > 0, beta.ppf(1 - confidence, np.maximum(held, 1), draws - held + 1), 0.0)
+
+
+def check_runs(
+    plan: TrialPlan, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Designs and draws as arrays that fit the plan.
+
+    Raises:
+        InputError: another shape, or entries that are no finite numbers.
+    """
+    n, model = plan.step.shape[0], plan.model
+    expected = {
+        "controls": (controls, (n, len(model.controls)), f"designs of {n} samples of {', '.join(model.controls)}"),
+        "draws": (draws, (len(plan.names),), "rows of " + ", ".join(plan.names)),
+    }
+    for name, (given, shape, words) in expected.items():
+        array = np.asarray(given, float)
+        if array.ndim != len(shape) + 1 or array.shape[1:] != shape or not array.size:
+            raise InputError(
+                name, found=f"an array of shape {array.shape}", expected=words, remedy="put one design or draw in a row"
+            )
+        if not np.isfinite(array).all():
+            row = int(np.argmax(~np.isfinite(array.reshape(len(array), -1)).all(1)))
+            raise InputError(
+                name,
+                found=f"an entry that is no finite number in row {row}",
+                expected="finite numbers, SI",
+                remedy="check how the designs are made and whether the draws come from a proper prior",
+            )
+    return np.asarray(controls, float), np.asarray(draws, float)
+
+
+@jax.jit
+def _rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array) -> tuple[Array, Array]:
+    of_draws = jax.vmap(least_rooms, in_axes=(None, None, 0, None))
+    return jax.vmap(of_draws, in_axes=(None, None, None, 0))(plan, limits, draws, controls)
+
+
+def _check(probability: float, confidence: float, draws: int) -> None:
+    for name, value in (("probability", probability), ("confidence", confidence)):
+        if not 0 < value < 1:
+            raise InputError(
+                f"safety, {name}", found=f"{value:g}", expected="between 0 and 1", remedy="0.95 is a common choice"
+            )
+    if draws and probability_at_least(np.array(draws), draws, confidence) < probability:
+        most = float(probability_at_least(np.array(draws), draws, confidence))
+        raise InputError(
+            "safety, draws",
+            found=f"{draws} draws: if every limit held in all of them, that would show a probability of {most:.4g}",
+            expected=f"enough draws to show {probability:g} with confidence {confidence:g}",
+            remedy=f"take at least {ceil(log(1 - confidence) / log(probability))} draws, or ask for less",
+        )

@@ -1,0 +1,177 @@
+"""Cost of trials and when to stop them, against closed forms and brute force over every end."""
+
+from math import exp, sqrt
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.design.cost import (
+    ForcePower,
+    PropellerPower,
+    expected_cost,
+    gain_per_cost,
+    in_joules,
+    in_seconds,
+    per_trial,
+)
+from seatrial.design.plan import plan_trial
+from seatrial.design.stopping import stop_times
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from tests.cases import N0, RPM, TRUTH, U0, naive_rk4, paper_model, surge_rate
+
+MASS, DRAG, N, STEP = 20.0, 5.0, 120, 0.25
+LENGTH = N * STEP
+LINEAR = surge_vehicle(SurgeHull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"])
+PLAN = plan_trial(LINEAR, [0.0], {"u": 0.05}, N, STEP)
+PAPER = plan_trial(paper_model(), [U0], {"u": 0.05}, N, STEP)
+VALUES = np.array([[TRUTH[name] for name in PAPER.names]])
+POINT = PropellerPower(40.0, 1500 * RPM)
+
+
+def spent_on(force, drag, length):
+    """Integral of tau u for a step from rest."""
+    return force**2 / drag * (length - MASS / drag * (1 - exp(-length * drag / MASS)))
+
+
+def test_energy_of_a_constant_propeller():
+    speeds = np.array([0.0, 750.0, -1500.0, 3000.0]) * RPM
+    controls = np.tile(speeds[:, None, None], (1, N, 1))
+    found = expected_cost(PAPER, in_joules(10.0, POINT, fixed=600.0), controls, VALUES)
+    np.testing.assert_allclose(found.mean, 600 + LENGTH * (10 + 40 * np.array([0.0, 1 / 8, 1.0, 8.0])), rtol=1e-12)
+    assert found.error.tolist() == [0.0] * 4
+    assert (found.unit, found.diverged.tolist()) == ("J", [0] * 4)
+
+
+def test_energy_of_a_constant_force():
+    """Ahead or astern, power is that of the force along the motion; the integral of tau u is known for a step."""
+    controls = np.tile(np.array([4.0, -8.0])[:, None, None], (1, N, 1))
+    found = expected_cost(PLAN, in_joules(3.0, ForcePower(0.5)), controls, np.array([[-DRAG]]))
+    expected = [3 * LENGTH + spent_on(force, DRAG, LENGTH) / 0.5 for force in (4.0, 8.0)]
+    np.testing.assert_allclose(found.mean, expected, rtol=1e-5)
+    assert np.isnan(found.error).all()
+
+
+def test_expectation_over_draws_and_its_error():
+    draws = -np.random.default_rng(0).normal(DRAG, 0.8, (200, 1))
+    found = expected_cost(PLAN, in_joules(0.0, ForcePower(0.5)), np.full((1, N, 1), 8.0), draws)
+    each = np.array([spent_on(8.0, -draw, LENGTH) / 0.5 for draw in draws[:, 0]])
+    assert found.mean[0] == pytest.approx(each.mean(), rel=1e-5)
+    assert found.error[0] == pytest.approx(each.std(ddof=1) / sqrt(200), rel=1e-4)
+
+
+def test_energy_of_a_motion_that_diverges_is_infinite():
+    found = expected_cost(PLAN, in_joules(1.0, ForcePower(0.5)), np.full((1, N, 1), 8.0), np.array([[-DRAG], [1e6]]))
+    assert (found.mean[0], found.error[0], found.diverged[0]) == (np.inf, np.inf, 1)
+    assert gain_per_cost(np.array([3.0]), found.mean)[0] == 0.0
+
+
+def test_seconds_and_trials():
+    controls = np.full((2, N, 1), N0)
+    assert expected_cost(PAPER, in_seconds(fixed=60.0), controls, VALUES).mean.tolist() == [60 + LENGTH] * 2
+    assert expected_cost(PAPER, per_trial(), controls, VALUES).mean.tolist() == [1.0] * 2
+    assert gain_per_cost(np.array([3.0, 0.0]), np.array([60.0, 90.0])).tolist() == [0.05, 0.0]
+
+
+PRIOR = np.diag([0.3, 0.6, 2e-4]) ** 2
+
+
+def entropy_reduction(information):
+    """0.5 ln det(I + P0 F)."""
+    return 0.5 * np.linalg.slogdet(np.eye(len(PRIOR)) + PRIOR @ information)[1]
+
+
+def doublet():
+    return np.where(np.arange(N) % 40 < 20, 1.0, -1.0) * 200 * RPM + N0
+
+
+def test_best_stop_against_brute_force_over_all_ends():
+    """Sensitivities by central differences of a plain loop; information and energy of every shortened trial by themselves."""
+    control = doublet()
+    cost = in_joules(20.0, POINT, ForcePower(1.0, "n", "u"), fixed=2000.0)
+    found = stop_times(PAPER, control[:, None], VALUES, entropy_reduction, cost)
+
+    def shown(moved):
+        speed = [U0]
+        for n in control / (2 * np.pi):
+            scaled = {"x_u": moved[0], "x_uu": moved[1], "thrust": moved[2] * (2 * np.pi) ** 2}
+            speed.append(naive_rk4(lambda u, n=n, scaled=scaled: surge_rate(u, n, **scaled), speed[-1], STEP))
+        return np.array(speed)
+
+    size = 1e-4 * np.abs(VALUES[0])
+    slopes = np.stack([(shown(VALUES[0] + d) - shown(VALUES[0] - d)) for d in np.diag(size)], -1)[:N] / (
+        2 * size * 0.05
+    )
+    speed, rates = shown(VALUES[0]), []
+    for end in range(1, N + 1):
+        gain = entropy_reduction(slopes[:end].T @ slopes[:end])
+        power = 40 * np.abs(control[:end] / (1500 * RPM)) ** 3 + 20
+        trapezoid = np.abs(control[:end]) * (speed[:end] + speed[1 : end + 1]) / 2
+        rates.append(gain / (2000 + (power + trapezoid).sum() * STEP))
+    np.testing.assert_allclose(found.rate, rates, rtol=2e-4, atol=1e-9)
+    assert found.best == int(np.argmax(rates))
+    assert 0 < found.best < N - 1
+    assert not found.worth_going_on
+    assert found.time[found.best] == pytest.approx((found.best + 1) * STEP)
+
+
+def test_information_at_the_end_is_that_of_the_plan():
+    seen = []
+    ends = np.array([40, 80, N])
+    stop_times(
+        PAPER, doublet()[:, None], VALUES, lambda f: (seen.append(f), entropy_reduction(f))[1], in_seconds(), ends
+    )
+    whole = np.asarray(PAPER.information(VALUES[0], doublet()[:, None]))
+    np.testing.assert_allclose(seen[-1][-1], whole, rtol=1e-9)
+    masked = plan_trial(PAPER.model, [U0], {"u": 0.05}, N, STEP, (np.arange(N) < 80)[:, None] * 1.0)
+    np.testing.assert_allclose(seen[-1][1], masked.information(VALUES[0], doublet()[:, None]), rtol=1e-9)
+
+
+def test_stop_over_draws_is_the_ratio_of_means():
+    draws = VALUES * (1 + 0.2 * np.random.default_rng(2).normal(size=(8, 3)))
+    cost, ends = in_joules(5.0, ForcePower(1.0, "n", "u")), np.array([40, 80, N])
+    found = stop_times(PAPER, doublet()[:, None], draws, entropy_reduction, cost, ends)
+    alone = [stop_times(PAPER, doublet()[:, None], draw[None], entropy_reduction, cost, ends) for draw in draws]
+    gains, costs = (np.array([getattr(each, name) for each in alone]) for name in ("gain", "cost"))
+    np.testing.assert_allclose(found.rate, gains.mean(0) / costs.mean(0), rtol=1e-10)
+    # The error of a ratio of means is that of leaving one draw out at a time, up to the curvature of the ratio.
+    rest = [np.delete(gains, i, 0).mean(0) / np.delete(costs, i, 0).mean(0) for i in range(8)]
+    jackknife = np.sqrt(7 / 8 * ((rest - np.mean(rest, 0)) ** 2).sum(0))
+    np.testing.assert_allclose(found.rate_error, jackknife, rtol=0.1)
+
+
+def test_each_trial_at_one_price_is_best_run_to_its_end():
+    assert stop_times(PAPER, doublet()[:, None], VALUES, entropy_reduction, per_trial()).worth_going_on
+
+
+@pytest.mark.parametrize(
+    ("cost", "where", "words"),
+    [
+        (in_joules(-1.0), "hotel load", "-1"),
+        (in_seconds(fixed=float("nan")), "fixed cost", "nan"),
+        (in_joules(0.0), "trial cost", "nothing that costs"),
+        (in_joules(1.0, PropellerPower(0.0, 10.0)), "PropellerPower", "0, 10"),
+        (in_joules(1.0, ForcePower(60.0, "n")), "ForcePower", "efficiency of 60"),
+        (in_joules(1.0, ForcePower(0.6)), "ForcePower", '"tau_X", which the vehicle "paper" does not have'),
+    ],
+)
+def test_costs_that_are_refused(cost, where, words):
+    with pytest.raises(InputError) as caught:
+        expected_cost(PAPER, cost, np.full((1, N, 1), N0), VALUES)
+    assert where in caught.value.where
+    assert words in caught.value.found
+
+
+def test_gains_and_stops_that_are_refused():
+    with pytest.raises(InputError, match=r"a least gain of -2"):
+        gain_per_cost(np.array([1.0, -2.0]), np.array([1.0, 1.0]))
+    with pytest.raises(InputError, match=r"a least cost of 0"):
+        gain_per_cost(np.array([1.0]), np.array([0.0]))
+    for ends in ([0, 5], [5, 5], [N + 1]):
+        with pytest.raises(InputError, match="ends of the trial"):
+            stop_times(PAPER, doublet()[:, None], VALUES, entropy_reduction, in_seconds(), np.array(ends))
+    with pytest.raises(InputError, match="-inf without information"), np.errstate(divide="ignore", invalid="ignore"):
+        stop_times(PAPER, doublet()[:, None], VALUES, lambda f: np.linalg.slogdet(f)[1], in_seconds())
+    runaway = np.vstack([VALUES, VALUES * [1, -1e6, 1]])
+    with pytest.raises(NumericalError, match="1 of 2 draws, first in row 1"):
+        stop_times(PAPER, doublet()[:, None], runaway, entropy_reduction, in_seconds(), np.array([40, 80, N]))

@@ -1,0 +1,330 @@
+"""Chance constraints against closed forms of a linear vehicle, exact probabilities and plain loops."""
+
+from math import exp, inf, sqrt
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.optimize import brentq
+
+from seatrial.core.errors import InputError
+from seatrial.design.conflicts import check_some_allowed, conflicting_pairs, least_miss
+from seatrial.design.duty import Duty, away_share, duty_excess, reversals_per_minute
+from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, StateBound
+from seatrial.design.plan import plan_trial
+from seatrial.design.safety import Safety, judge_safety, least_rooms, probability_at_least
+from seatrial.vehicles.axes import axes_vehicle
+from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.vehicles.catalogue import catalogue_longitudinal
+from seatrial.vehicles.longitudinal import longitudinal_vehicle
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+
+MASS, N, STEP = 20.0, 120, 0.25
+LENGTH = N * STEP
+LINEAR = surge_vehicle(SurgeHull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"])
+PLAN = plan_trial(LINEAR, [0.0], {"u": 0.05}, N, STEP)
+FORCES = np.array([4.0, 8.0, 16.0])
+STEPS = np.tile(FORCES[:, None, None], (1, N, 1))
+"""Steps from rest under m du/dt = -d u + tau, in closed form u = tau / d (1 - exp(-t d / m))."""
+WIDE = (StateBound("u", -10.0, 10.0), Distance(1e4))
+
+
+def drag_draws(count, seed=0, mean=5.0, sd=0.8):
+    return -np.random.default_rng(seed).normal(mean, sd, (count, 1))
+
+
+def top_speed(force, drag):
+    return force / drag * (1 - np.exp(-LENGTH * drag / MASS))
+
+
+def way(force, drag):
+    return force / drag * (LENGTH - MASS / drag * (1 - np.exp(-LENGTH * drag / MASS)))
+
+
+def judge(draws, *limits, controls=STEPS, plan=PLAN, **asked):
+    return judge_safety(plan, controls, draws, limits, **asked)
+
+
+def test_room_is_that_of_the_closed_form():
+    """RK4 at a tenth of the shortest time constant errs by less than 1e-5 of the speed."""
+    draws = drag_draws(60)
+    found = judge(draws, StateBound("u", -10.0, 2.0), Distance(40.0))
+    drag = -draws[:, 0]
+    for i, force in enumerate(FORCES):
+        np.testing.assert_allclose(found.room[i, :, 0], 2.0 - top_speed(force, drag), atol=1e-5 * force)
+        np.testing.assert_allclose(found.room[i, :, 1], 40.0 - way(force, drag), atol=1e-4 * force)
+    assert found.diverged.tolist() == [0, 0, 0]
+
+
+def test_one_force_there_and_back_is_travelled_but_not_advanced():
+    """Back and forth: the integral of |u| splits where u changes sign, in closed form of two steps."""
+    control = np.where(np.arange(N) < N // 2, 8.0, -8.0)[None, :, None]
+    found = judge(np.array([[-5.0]] * 60), Distance(1e3), Advance(-1e3, 1e3), controls=control)
+    rate, top, half = 5.0 / MASS, 1.6, LENGTH / 2
+    first = top * (half - (1 - exp(-rate * half)) / rate)
+    peak = top * (1 - exp(-rate * half))
+    stop = np.log((peak + top) / top) / rate
+    forward = -top * stop + (peak + top) * (1 - exp(-rate * stop)) / rate
+    back = top * (half - stop) - top * (1 - exp(-rate * (half - stop))) / rate
+    assert 1e3 - found.room[0, 0, 0] == pytest.approx(first + forward + back, abs=1e-3)
+    assert 1e3 - found.room[0, 0, 1] == pytest.approx(
+        first + forward, abs=1e-2
+    )  # largest at the sample next to the stop
+
+
+def test_slope_of_the_room_is_that_of_the_closed_form():
+    """Of the top speed under 8 N with the drag X_u = -d, for searches that climb."""
+    limits = (StateBound("u", upper=2.0), Distance(40.0))
+    slope = jax.jacfwd(lambda values: least_rooms(PLAN, limits, values, jnp.asarray(STEPS[1]))[0])(jnp.array([-5.0]))
+    h = 1e-5
+    expected = [(of(8.0, 5.0 + h) - of(8.0, 5.0 - h)) / (2 * h) for of in (top_speed, way)]
+    np.testing.assert_allclose(slope[:, 0], expected, rtol=1e-4)
+
+
+def test_share_of_draws_against_the_exact_probability():
+    """Normal drag: u stays below a bound where the drag exceeds one number; the share errs by four binomial deviations at most."""
+    count, bound = 4000, 1.6
+    found = judge(drag_draws(count), StateBound("u", upper=bound), Distance(1e4))
+    for i, force in enumerate(FORCES):
+        needed = brentq(lambda drag, force=force: top_speed(force, drag) - bound, 0.05, 50.0)
+        exact = stats.norm(5.0, 0.8).sf(needed)
+        assert abs(found.share[i, 0] - exact) <= 4 * sqrt(exact * (1 - exact) / count) + 1e-12
+        assert found.at_least[i, 0] <= found.share[i, 0]
+    assert 0.2 < found.share[1, 0] < 0.8
+    np.testing.assert_allclose(found.quantile(0.05)[:, 0], np.sort(found.room[..., 0], 1)[:, 199], rtol=0)
+
+
+def test_bound_of_the_probability_is_that_of_scipy():
+    for held, count in ((0, 30), (17, 30), (59, 59), (195, 200)):
+        peer = stats.binomtest(held, count, alternative="greater").proportion_ci(0.95, method="exact").low
+        assert probability_at_least(np.array(held), count, 0.95) == pytest.approx(peer, abs=1e-12)
+
+
+def test_claims_are_true_as_often_as_they_say():
+    """P(k >= needed) when the limit truly holds with just the probability asked for: 1 - confidence at most, by the binomial."""
+    for count, probability, confidence in ((59, 0.95, 0.95), (200, 0.95, 0.95), (400, 0.9, 0.99)):
+        needed = Safety(WIDE, probability, confidence, np.zeros((1, count, 2)), np.zeros(1, int)).needed
+        assert stats.binom(count, probability).sf(needed - 1) <= 1 - confidence
+        assert stats.binom(count, probability).sf(needed - 2) > 1 - confidence
+
+
+def test_margin_is_what_the_bound_could_give_up():
+    """With the bound tightened by the margin the design is just still allowed; by a little more it is not."""
+    draws = drag_draws(200)
+    margin = judge(draws, StateBound("u", upper=3.0)).margin[1, 0]
+    for change, allowed in ((margin - 1e-9, True), (margin + 1e-9, False)):
+        again = judge(draws, StateBound("u", upper=3.0 - change))
+        assert again.allowed[1] == allowed == (again.margin[1, 0] >= 0)
+
+
+def test_all_limits_together():
+    """Too much drag breaks one limit, too little the other: the joint share counts draws between two numbers."""
+    draws = drag_draws(500, seed=3)
+    found = judge(draws, StateBound("u", upper=1.8), Advance(lower=-1.0, upper=40.0), Distance(30.0))
+    fast = top_speed(8.0, -draws[:, 0]) <= 1.8
+    short = way(8.0, -draws[:, 0]) <= 30.0
+    assert found.joint_share[1] == (fast & short).mean()
+    assert found.joint_share[1] < found.share[1].min() + 1e-12
+    peer = (
+        stats.binomtest(int((fast & short).sum()), 500, alternative="greater").proportion_ci(0.95, method="exact").low
+    )
+    assert found.joint_at_least[1] == pytest.approx(peer, abs=1e-12)
+
+
+SHIP = axes_vehicle(
+    "ship",
+    (
+        axis_equation("X", ("X_u", "X_tau_X"), inertia=20.0),
+        axis_equation("Y", ("Y_v", "Y_ur"), inertia=40.0),
+        axis_equation("N", ("N_r", "N_tau_N"), inertia=5.0),
+    ),
+    per_unit_inertia=False,
+)
+SHIP_VALUES = {"X_u": -5.0, "X_tau_X": 1.0, "Y_v": -30.0, "Y_ur": -10.0, "N_r": -8.0, "N_tau_N": 1.0}
+
+
+def test_track_against_a_plain_loop():
+    """Euler steps of a hundredth of the sample time err by their step, 2.5 ms, times rates of about 1."""
+    plan = plan_trial(SHIP, [0.2, 0.0, 0.0], {"u": 0.05}, 60, STEP)
+    names = list(SHIP.controls)
+    control = np.stack(
+        [{"tau_X": np.full(60, 8.0), "tau_N": np.where(np.arange(60) < 30, 2.0, -3.0)}[c] for c in names], -1
+    )
+    draws = np.array(list(SHIP_VALUES.values())) * (1 + 0.1 * np.random.default_rng(1).normal(size=(59, 6)))
+    found = judge_safety(plan, control[None], draws, [Area((-5.0, 9.0), (-4.0, 6.0)), StateBound("r", -0.3, 0.2)])
+    for s in (0, 20, 58):
+        x_u, x_f, y_v, y_ur, n_r, n_t = draws[s]
+        u, v, r, x, y, psi, area, turn, h = 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf, STEP / 100
+        for k in range(61):
+            area = min(area, 9 - x, x + 5, 6 - y, y + 4)
+            turn = min(turn, 0.2 - r, r + 0.3)
+            for _ in range(100 if k < 60 else 0):
+                du = (x_u * u + x_f * 8.0) / 20
+                dv = (y_v * v + y_ur * u * r) / 40
+                dr = (n_r * r + n_t * (2.0 if k < 30 else -3.0)) / 5
+                dx, dy = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
+                u, v, r, x, y, psi = u + h * du, v + h * dv, r + h * dr, x + h * dx, y + h * dy, psi + h * r
+        assert found.room[0, s] == pytest.approx([area, turn], abs=0.01)
+
+
+def test_depth_and_altitude_of_a_diving_vehicle():
+    """Least rooms are those of the states that the plan itself shows, and of the state after its last step."""
+    entry = catalogue_longitudinal("remus100_longitudinal")
+    model = longitudinal_vehicle(entry.hull, tuple(entry.coefficients))
+    start = [entry.hull.trim.get(state, 10.0) for state in model.states]
+    longer, plan = (plan_trial(model, start, {"u": 0.05}, n, 0.1) for n in (51, 50))
+    control = np.stack([np.full(51, entry.hull.trim["n"]), np.where(np.arange(51) < 15, 0.1, -0.2)], -1)
+    values = np.array(list(entry.coefficients.values()))
+    limits = [Altitude(bottom=11.0, lower=0.5), StateBound("theta", -0.2, 0.2), StateBound("z", 9.0)]
+    found = judge_safety(plan, control[None, :50], np.tile(values, (59, 1)), limits).room[0, 0]
+    motion = np.asarray(longer.motion(values, control))
+    z, theta = motion[:, 3], motion[:, 4]
+    expected = [(11.0 - z).min() - 0.5, np.minimum(0.2 - theta, theta + 0.2).min(), z.min() - 9.0]
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+
+
+def test_draws_that_diverge_break_every_limit_and_are_told():
+    """Damping that drives instead of braking grows the speed without end; everything else about these draws is harmless."""
+    draws = np.vstack([drag_draws(95), np.full((5, 1), 1e6)])
+    found = judge(draws, *WIDE, StateBound("u", lower=-1.0))
+    assert found.diverged.tolist() == [5, 5, 5]
+    assert (found.share == 0.95).all()
+    assert (found.joint_share == 0.95).all()
+    assert (found.room[:, 95:] == -inf).all()
+    assert not found.allowed.any()
+    assert "diverges in 5" in found.words(0)[-1]
+    with pytest.raises(InputError, match="the motion of 3 designs diverges too often") as caught:
+        check_some_allowed(found)
+    assert "narrow the priors" in caught.value.remedy
+
+
+def test_words_of_one_design():
+    found = judge(drag_draws(200), StateBound("u", upper=10.0), Distance(40.0))
+    first, second, together = found.words(1)
+    assert first.startswith("u at most 10 m/s: holds in 200 of 200 draws, probability at least 0.985, margin ")
+    assert second.startswith("distance travelled at most 40 m: holds in ")
+    assert "0.95 asked for" in together
+
+
+def test_nothing_to_explain_where_a_design_is_allowed():
+    check_some_allowed(judge(drag_draws(59), *WIDE))
+
+
+def test_pair_that_conflicts():
+    """Gentle designs keep u low, strong ones advance far; none does both, and the misses are those of the closed form."""
+    draws = drag_draws(200, sd=0.1)
+    found = judge(draws, StateBound("u", upper=1.2), Advance(upper=1e3), StateBound("u", lower=-1.0), Distance(1e4))
+    assert found.allowed.tolist() == [True, False, False]
+    rooms = found.room.copy()
+    rooms[..., 1] = way(FORCES[:, None], -draws[:, 0]) - 30.0  # an advance of 30 m at least by the end
+    found = Safety((found.limits[0], Advance(lower=30.0), *found.limits[2:]), 0.95, 0.95, rooms, found.diverged)
+    assert conflicting_pairs(found) == [(0, 1)]
+    speed, far = top_speed(8.0, -draws[:, 0]), way(4.0, -draws[:, 0])
+    tail = found.draws - found.needed
+    assert least_miss(found, 0, (1,)) == (pytest.approx(np.sort(speed)[::-1][tail] - 1.2, abs=1e-4), 1)
+    assert least_miss(found, 1, (0,)) == (pytest.approx(30.0 - np.sort(far)[tail], abs=1e-9), 0)
+    with pytest.raises(InputError) as caught:
+        check_some_allowed(found)
+    told = caught.value.found
+    assert "no design of 3" in told
+    assert "u at most 1.2 m/s excludes 2" in told
+    assert (
+        "u at most 1.2 m/s and advance at least 30 m conflict: alone they leave 1 and 2 designs, together none" in told
+    )
+    assert f"is missed by {least_miss(found, 1, (0,))[0]:.3g} m by design 0" in told
+    assert f" or widen u at most 1.2 m/s by {least_miss(found, 0, (1,))[0]:.3g} m/s or more" in caught.value.remedy
+
+
+def test_two_limits_that_each_exclude_all_must_both_give_way():
+    with pytest.raises(InputError) as caught:
+        check_some_allowed(judge(drag_draws(59, sd=0.1), StateBound("u", upper=0.5), Distance(5.0)))
+    assert " and widen distance travelled at most 5 m by " in caught.value.remedy
+
+
+def test_limit_that_excludes_all():
+    draws = drag_draws(59, sd=0.1)
+    found = judge(draws, StateBound("u", upper=0.5), Distance(1e4))
+    assert conflicting_pairs(found) == []  # a limit that leaves no design conflicts with none
+    with pytest.raises(InputError) as caught:
+        check_some_allowed(found)
+    miss = top_speed(4.0, -draws.max()) - 0.5  # all 59 draws must hold
+    assert f"u at most 0.5 m/s is missed by {miss:.3g} m/s by design 0, the gentlest" in caught.value.found
+    assert "distance travelled at most 10000 m excludes 0" in caught.value.found
+    assert f"widen u at most 0.5 m/s by {miss:.3g} m/s or more" in caught.value.remedy
+
+
+def test_three_limits_of_which_every_two_leave_designs():
+    room = np.ones((3, 59, 3))
+    for i in range(3):
+        room[i, :, i] = -0.25 * (i + 1)
+    found = Safety((*WIDE, Advance(upper=9.0)), 0.95, 0.95, room, np.zeros(3, int))
+    with pytest.raises(InputError, match="every two limits leave designs") as caught:
+        check_some_allowed(found)
+    assert "beside all others advance at most 9 m is missed by 0.75 m by design 2" in caught.value.found
+
+
+def refuse(*limits, controls=STEPS, draws=None, plan=PLAN, **asked):
+    with pytest.raises(InputError) as caught:
+        judge(drag_draws(59) if draws is None else draws, *limits, controls=controls, plan=plan, **asked)
+    return caught.value
+
+
+def test_states_that_the_vehicle_lacks():
+    error = refuse(StateBound("theta", upper=0.3))
+    assert (error.where, error.expected) == ("limit on theta", "one of its states: u")
+    assert '"theta", which is no state of the vehicle "linear"' in error.found
+    assert "its states: u" in refuse(Altitude(30.0, 3.0)).expected
+    error = refuse(Area((-1.0, 1.0), (-1.0, 1.0)))
+    assert "has no v to integrate it from" in error.found
+    assert "has no r to integrate it from" in refuse(StateBound("psi", upper=0.3)).found
+
+
+@pytest.mark.parametrize(
+    ("limits", "asked", "words"),
+    [
+        ((), {}, "none"),
+        ((StateBound("u"),), {}, "from -inf to inf m/s"),
+        ((StateBound("u", 2.0, 1.0),), {}, "from 2 to 1 m/s"),
+        ((Distance(float("nan")),), {}, "to nan m"),
+        ((Area((0.0, 1.0), (-inf, inf)),), {"plan": plan_trial(SHIP, [0.0] * 3, {"u": 0.05}, N, STEP)}, "from -inf to inf"),
+        (WIDE, {"probability": 1.0}, "1"),
+        (WIDE, {"confidence": 0.0}, "0"),
+        (WIDE, {"draws": drag_draws(58)}, "58 draws: if every limit held in all of them, that would show a probability of 0.9497"),
+        (WIDE, {"draws": np.ones((59, 2))}, "shape (59, 2)"),
+        (WIDE, {"controls": STEPS[:, :-1]}, "shape (3, 119, 1)"),
+        (WIDE, {"controls": np.where(STEPS > 10, np.nan, STEPS)}, "no finite number in row 2"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(limits, asked, words):
+    error = refuse(*limits, **asked)
+    assert words in error.found
+    if "draws" in error.where and "58" in error.found:
+        assert "at least 59 draws" in error.remedy
+
+
+def test_more_designs_than_one_block_are_those_alone():
+    controls = np.linspace(1.0, 20.0, 90)[:, None, None] * np.ones((1, N, 1))
+    draws = drag_draws(60)
+    together = judge(draws, *WIDE, controls=controls)
+    np.testing.assert_allclose(judge(draws, *WIDE, controls=controls[85:86]).room[0], together.room[85], rtol=1e-12)
+
+
+def test_duty_of_a_doublet():
+    """Of 100 samples of 0.6 s: 20 at trim, 30 up, 10 at trim, 30 down, chatter inside the band for the rest; one reversal a minute."""
+    control = 5.0 + np.concatenate([np.zeros(20), np.full(30, 2.0), np.zeros(10), np.full(30, -2.0), [0.1, -0.1] * 5])
+    assert away_share(control, 5.0, 0.2) == 0.6
+    assert reversals_per_minute(control, 5.0, 0.2, 0.6) == 1.0
+    assert reversals_per_minute(control, 5.0, 0.05, 0.6) == 1.0 + 10.0
+    both = np.stack([control, np.full(100, 5.0)])
+    assert away_share(both, 5.0, 0.2).tolist() == [0.6, 0.0]
+    assert reversals_per_minute(both, 5.0, 0.2, 0.6).tolist() == [1.0, 0.0]
+
+
+def test_duty_that_is_exceeded():
+    control = np.tile([1.0, -1.0], 50)
+    assert duty_excess(Duty(0.0, 0.1, share=0.5, reversals=99.0), control, 0.6) == {"share away from trim": (1.0, 0.5)}
+    found = duty_excess(Duty(0.0, 0.1, reversals=30.0), control, 0.6)
+    assert found == {"reversals per minute": (99.0, 30.0)}
+    assert duty_excess(Duty(0.0, 0.1), control, 0.6) == {}
