@@ -121,6 +121,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         make_screened(),
         (),
         make_contenders(campaign, selection),
+        (),
         summary,
     )
 

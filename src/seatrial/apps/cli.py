@@ -8,6 +8,7 @@ import typer
 from seatrial import __version__
 from seatrial.apps.commands import check, data, infer, loop, plan
 from seatrial.apps.commands.paper import paper
+from seatrial.apps.commands.rehearse import rehearse
 from seatrial.apps.running import Exit
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
 
@@ -15,6 +16,7 @@ COMMANDS = {
     "init": plan.init,
     "prior": plan.prior,
     "design": plan.design,
+    "rehearse": rehearse,
     "simulate": data.simulate,
     "import": data.import_logs,
     "estimate": infer.estimate,
@@ -23,6 +25,7 @@ COMMANDS = {
     "criteria": infer.criteria,
     "tuning": check.tuning,
     "calibrate": check.calibrate,
+    "next": loop.next_trial,
     "report": loop.report,
     "run": loop.run,
     "paper": paper,

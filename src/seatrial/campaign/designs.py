@@ -10,12 +10,11 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.design_words import design_words
-from seatrial.campaign.shown import shown_unit
+from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
-from seatrial.core.files import write_text
 from seatrial.core.gaussian import Gaussian
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.vehicles.discretise import discretise
@@ -133,9 +132,8 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
         tuple(str(name) for name in data["coefficient"].values),
         np.asarray(data["sd_before"]),
     )
-    schedule, text = Store(campaign.folder).schedule(path), _schedule(found.best)
-    if not schedule.is_file() or schedule.read_bytes() != text.encode():
-        write_text(schedule, text)
+    sample_time = campaign.family.sample_time
+    write_schedule(Store(campaign.folder).schedule(path), found.best.best_manoeuvre(), sample_time)
     return found
 
 
@@ -210,13 +208,3 @@ def _sweep(
 def _words(sweep: Sweep) -> str:
     row, column = sweep.best
     return design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
-
-
-def _schedule(sweep: Sweep) -> str:
-    """Edges of the best trial in the unit of the trade: time and control, linear in between where the edges are ramps."""
-    factor, unit = shown_unit(sweep.family.control)
-    time, control = sweep.best_manoeuvre().sample(sweep.family.sample_time)
-    bend = np.abs(np.diff(control, n=2)) > 1e-9 * max(1.0, float(np.abs(control).max()))
-    corner = np.flatnonzero(np.concatenate([[True], bend, [True]]))
-    rows = "".join(f"{time[i]:.6g},{control[i] * factor:.10g}\n" for i in corner)
-    return f"time_s,{sweep.family.control}_{unit}\n{rows}"

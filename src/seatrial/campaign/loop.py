@@ -13,6 +13,7 @@ from seatrial.campaign.design_words import design_words
 from seatrial.campaign.designs import Designs, check_designable, design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
+from seatrial.campaign.left_out import LeftOut, left_out
 from seatrial.campaign.predict import Fit, fit_complaints, predict_all
 from seatrial.campaign.record_checks import record_cautions
 from seatrial.campaign.screen import Screened, screening_of, with_shortlist
@@ -48,6 +49,7 @@ class Outcome:
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure.
+        left_out: what the chosen structure lacks and its coefficients hide.
         summary: the machine-readable summary.
     """
 
@@ -66,6 +68,7 @@ class Outcome:
     screened: Screened | None
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None
+    left_out: tuple[LeftOut, ...]
     summary: dict[str, Any]
 
 
@@ -107,6 +110,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
         screened,
         tuple(screening_cautions),
         find_contenders(campaign, selection, trials, watch),
+        left_out(campaign, chosen, trials),
         {},
     )
     summary = summarise(outcome)
@@ -124,6 +128,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
+    cautions += [effect.sentence for effect in outcome.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
     return {
         "name": campaign.source.campaign.name,

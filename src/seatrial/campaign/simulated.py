@@ -22,6 +22,7 @@ from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.simulation import CURRENT
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.vehicles.simulate import simulate
 
 FIRST = "trial"
@@ -35,6 +36,11 @@ class Chosen:
     kind: str
     amplitude: float
     period: float
+
+    def manoeuvre(self, campaign: Campaign) -> Manoeuvre:
+        """The trial itself."""
+        family = next(one for one in campaign.families if one.kind == self.kind)
+        return family.manoeuvre(self.amplitude, self.period)
 
 
 def actuator_lag(control: str) -> str:
@@ -108,8 +114,7 @@ def _begun(campaign: Campaign) -> str:
 
 
 def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
-    family = next(one for one in campaign.families if one.kind == chosen.kind)
-    manoeuvre = family.manoeuvre(chosen.amplitude, chosen.period)
+    family, manoeuvre = campaign.family, chosen.manoeuvre(campaign)
     time, command = manoeuvre.sample(family.sample_time)
     mask, columns = campaign.measured_mask(time), {family.control: command}
     for index, (channel, exact) in enumerate(_shown(campaign, command, family.sample_time).items()):

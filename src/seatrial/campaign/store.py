@@ -47,6 +47,11 @@ class Store:
         return self.results / "sequence.json"
 
     @property
+    def proposed(self) -> Path:
+        """Schedule of the trial that is proposed."""
+        return self.results / "proposed_schedule.csv"
+
+    @property
     def known_design(self) -> Path:
         """What the best design would tell."""
         return self.results / "known" / "design.json"
@@ -54,6 +59,10 @@ class Store:
     def known(self, label: str) -> Path:
         """What the data tell about each parameter of one structure."""
         return self.results / "known" / f"{label}.json"
+
+    def left_out(self, label: str) -> Path:
+        """What one structure leaves out."""
+        return self.results / "known" / f"{label}-left-out.json"
 
     def profiles(self, label: str) -> Path:
         """Profile likelihoods of one structure's parameters."""
@@ -75,6 +84,11 @@ class Store:
     def calibration(self, method: str) -> Path:
         """Ranks of a calibration by one method."""
         return self.results / f"calibration-{method}.nc"
+
+    @property
+    def rehearsal(self) -> Path:
+        """Trials that each strategy needed, on vehicles drawn from the priors."""
+        return self.results / "rehearsal.nc"
 
     @property
     def predictions(self) -> Path:

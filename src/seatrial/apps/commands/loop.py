@@ -1,6 +1,6 @@
 """The whole loop, and its page."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -17,11 +17,46 @@ def run(folder: Folder, quiet: Quiet = False) -> None:
     with_campaign(folder, quiet, _run_and_report)
 
 
+def next_trial(
+    folder: Folder,
+    execute: Annotated[
+        bool, typer.Option("--run", help="Run the proposed trial on the simulated vehicle, and propose again.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say which trial to run next and what it promises, or why to stop."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.loop import run_loop
+        from seatrial.campaign.proposal import propose
+        from seatrial.campaign.schedules import write_schedule
+        from seatrial.campaign.simulated import add_trial, check_simulated
+        from seatrial.campaign.store import Store
+
+        if execute:
+            check_simulated(campaign)
+        outcome = run_loop(campaign, watch)
+        proposal = propose(outcome)
+        if execute and proposal.trial is not None:
+            typer.echo("\n".join(proposal.lines))
+            add_trial(campaign, proposal.trial)
+            outcome = run_loop(campaign, watch)
+            proposal = propose(outcome)
+        typer.echo("\n".join(proposal.lines))
+        if proposal.trial is not None:
+            typer.echo(
+                f"schedule: {write_schedule(Store(folder).proposed, proposal.trial.manoeuvre(campaign), campaign.family.sample_time)}"
+            )
+        return finish(outcome.summary["alarms"], outcome.summary["cautions"])
+
+    with_campaign(folder, quiet, work)
+
+
 def _run_and_report(campaign: Any, watch: Any) -> Exit:
-    from seatrial.campaign.loop import run_loop
+    from seatrial.campaign.sequence import run_sequence
     from seatrial.report.page import write_report
 
-    outcome = run_loop(campaign, watch)
+    outcome, proposal = run_sequence(campaign, watch)
     summary = outcome.summary
     for row in summary["coefficients"]:
         typer.echo(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
@@ -29,7 +64,8 @@ def _run_and_report(campaign: Any, watch: Any) -> Exit:
         typer.echo(f"  {_said_of(fit)}")
     for verdict in summary["verdicts"]:
         typer.echo(verdict)
-    typer.echo(f"next: {summary['next_trial']['words']}")
+    for line in proposal.lines:
+        typer.echo(f"next: {line}")
     typer.echo(f"report: {write_report(outcome)}")
     told = [fit.reason for fit in outcome.fits]
     return finish(

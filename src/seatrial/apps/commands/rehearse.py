@@ -1,0 +1,28 @@
+"""Before the campaign: how many trials its goal will take, and what choosing each trial anew saves."""
+
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
+
+
+def rehearse(
+    folder: Folder,
+    truths: Annotated[
+        int, typer.Option(min=2, max=10_000, help="How many vehicles are drawn from the priors and identified.")
+    ] = 20,
+    quiet: Quiet = False,
+) -> None:
+    """Rehearse the campaign on simulated vehicles: trials until the goal is met, chosen anew, repeated or at random."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.rehearsal import rehearse as run_rehearsal
+        from seatrial.report.rehearsal_picture import write_rehearsal_picture
+
+        found = run_rehearsal(campaign, truths, watch)
+        typer.echo("\n".join(found.lines()))
+        typer.echo(f"picture: {write_rehearsal_picture(campaign, found)}")
+        return finish(found.alarms(), [])
+
+    with_campaign(folder, quiet, work)

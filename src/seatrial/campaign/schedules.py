@@ -1,0 +1,34 @@
+"""A trial as the operator runs it: time and control where the control bends, in the units of the trade, as CSV and as JSON."""
+
+from pathlib import Path
+
+import numpy as np
+
+from seatrial.campaign.shown import shown_unit
+from seatrial.core.files import write_json, write_text
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
+
+
+def write_schedule(path: Path, manoeuvre: Manoeuvre, sample_time: float) -> Path:
+    """Write a schedule as CSV and beside it as JSON, where they are missing or not the same; returns the CSV file.
+
+    Between its rows the control is a straight line.
+    """
+    factor, unit = shown_unit(manoeuvre.control)
+    time, control = manoeuvre.sample(sample_time)
+    bend = np.abs(np.diff(control, n=2)) > 1e-9 * max(1.0, float(np.abs(control).max()))
+    corner = np.flatnonzero(np.concatenate([[True], bend, [True]]))
+    rows = [(f"{time[i]:.6g}", f"{control[i] * factor:.10g}") for i in corner]
+    text = f"time_s,{manoeuvre.control}_{unit}\n" + "".join(f"{t},{value}\n" for t, value in rows)
+    if not path.is_file() or path.read_bytes() != text.encode():
+        write_text(path, text)
+    content = {
+        "manoeuvre": manoeuvre.name,
+        "control": manoeuvre.control,
+        "unit": unit,
+        "settings_si": {name: float(value) for name, value in manoeuvre.parameters.items()},
+        "time_s": [float(t) for t, _ in rows],
+        "value": [float(value) for _, value in rows],
+    }
+    write_json(path.with_suffix(".json"), content)
+    return path

@@ -1,0 +1,128 @@
+"""How well cheap utilities agree with an expensive one over the same designs: by rank, and by what choosing with them loses.
+
+Spearman's rank correlation with a bootstrap interval over the designs (Efron and Tibshirani, 1993), and the regret
+max(expensive) - expensive[argmax(cheap)].
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import rankdata
+
+from seatrial.core.errors import InputError
+
+FEWEST = 5
+"""Designs below which a rank correlation says nothing."""
+RESAMPLES = 2000
+LEVEL = 0.95
+
+
+class Agreement(NamedTuple):
+    """What one cheap utility is worth beside the expensive one.
+
+    Attributes:
+        name: of the cheap utility.
+        correlation: Spearman's, NaN where one of the two is the same for all designs.
+        interval: of the correlation at `LEVEL`.
+        chosen: index of the design that the cheap utility chooses.
+        best: index of the design that the expensive one chooses.
+        regret: what the choice loses, in units of the expensive utility, 0 or more.
+        regret_error: Monte Carlo standard error of the regret.
+        words: all of it in a sentence.
+    """
+
+    name: str
+    correlation: float
+    interval: tuple[float, float]
+    chosen: int
+    best: int
+    regret: float
+    regret_error: float
+    words: str
+
+
+def compare_utilities(
+    cheap: Mapping[str, Float[np.ndarray, " D"]],
+    expensive: Float[np.ndarray, " D"],
+    std_error: Float[np.ndarray, " D"] | float = 0.0,
+    name: str = "expected information gain",
+    unit: str = "nat",
+    seed: int = 0,
+) -> tuple[Agreement, ...]:
+    """Compare cheap utilities with an expensive one; higher is better in all.
+
+    Args:
+        cheap: each utility by name, one number for each of D designs.
+        expensive: the utility that counts.
+        std_error: Monte Carlo standard error of each of its values; its error is taken as independent between designs, so that
+            common random numbers make the stated error of the regret too large, never too small.
+        name: of the expensive utility.
+        unit: of the expensive utility.
+        seed: of the bootstrap.
+
+    Raises:
+        InputError: fewer than five designs, lengths that differ, or values that are not finite.
+    """
+    expensive = np.asarray(expensive, float)
+    error = np.broadcast_to(np.asarray(std_error, float), expensive.shape)
+    for label, values in {name: expensive, **cheap}.items():
+        _check(label, np.asarray(values, float), expensive.size)
+    resampled = np.random.default_rng(seed).integers(expensive.size, size=(RESAMPLES, expensive.size))
+    best = int(np.argmax(expensive))
+    compared = []
+    for label, values in cheap.items():
+        values = np.asarray(values, float)
+        correlation = float(_spearman(values[None], expensive[None])[0])
+        spread = _spearman(values[resampled], expensive[resampled])
+        interval = _interval(spread[np.isfinite(spread)])
+        chosen = int(np.argmax(values))
+        regret = float(expensive[best] - expensive[chosen])
+        doubt = 0.0 if chosen == best else float(np.hypot(error[best], error[chosen]))
+        words = (
+            f"{label} beside {name}: {_of_ranks(correlation, interval)}; {_of_choice(regret, doubt, expensive, unit)}"
+        )
+        compared.append(Agreement(label, correlation, interval, chosen, best, regret, doubt, words))
+    return tuple(compared)
+
+
+def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Correlation of the ranks in every row, ties sharing their mean rank; NaN where a row has no spread."""
+    a, b = (rankdata(values, axis=1) for values in (x, y))
+    a, b = a - a.mean(1, keepdims=True), b - b.mean(1, keepdims=True)
+    scale = np.sqrt((a * a).sum(1) * (b * b).sum(1))
+    return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 0)
+
+
+def _interval(spread: np.ndarray) -> tuple[float, float]:
+    if spread.size < RESAMPLES / 2:
+        return float("nan"), float("nan")
+    low, high = np.quantile(spread, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2])
+    return float(low), float(high)
+
+
+def _of_ranks(correlation: float, interval: tuple[float, float]) -> str:
+    if not np.isfinite(correlation):
+        return "no rank correlation, since one of them is the same for all designs"
+    return f"rank correlation {correlation:.2f} ({LEVEL:.0%} interval {interval[0]:.2f} to {interval[1]:.2f})"
+
+
+def _of_choice(regret: float, error: float, expensive: np.ndarray, unit: str) -> str:
+    if regret == 0.0:
+        return "it chooses a design that is best"
+    span = float(np.ptp(expensive))
+    lost = f"{regret:.3g} {unit} ({regret / span:.1%} of the range over these designs)"
+    if regret <= 2.0 * error:
+        return f"its choice seems to lose {lost}, no more than the Monte Carlo error of {error:.2g} {unit} explains"
+    return f"its choice loses {lost}" + (f", Monte Carlo error {error:.2g}" if error else "")
+
+
+def _check(label: str, values: np.ndarray, designs: int) -> None:
+    if values.shape != (designs,) or designs < FEWEST or not np.isfinite(values).all():
+        raise InputError(
+            f"agreement of utilities, {label}",
+            found=f"shape {values.shape} with {np.sum(~np.isfinite(values))} values that are not finite",
+            expected=f"one finite number for each of {max(designs, FEWEST)} designs",
+            remedy=f"compare over {FEWEST} designs or more, and leave out those that break a limit, in all utilities alike",
+        )

@@ -1,0 +1,101 @@
+"""What is known of a plan's coefficients before a trial, and the vector z in which its components are independent.
+
+Under independent priors z is that of each prior; under a joint normal N(m, L L^T) the coefficients are m + L z. Either way z has
+mean 0 and standard deviation 1, or nearly, and every function here that compiled code calls acts on one z.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.gaussian import Gaussian
+from seatrial.design.plan import TrialPlan
+from seatrial.estimation.priors import Prior
+
+Belief = tuple[Prior, ...] | Gaussian
+"""What is known before: independent priors of the coefficients in the plan's order, or their joint normal distribution, SI."""
+
+
+def normal_belief(draws: Float[np.ndarray, "S k"]) -> Gaussian:
+    """Joint normal with the mean and covariance of draws of a posterior, SI.
+
+    Raises:
+        InputError: too few draws, or a coefficient or combination of them that does not vary.
+    """
+    draws = np.asarray(draws, float)
+    sd = draws.std(0)
+    if len(draws) <= draws.shape[1] or not (np.isfinite(sd).all() and (sd > 0).all()):
+        raise InputError(
+            "draws of the coefficients",
+            found=f"{len(draws)} draws of {draws.shape[1]} coefficients with standard deviations {sd}",
+            expected="more draws than coefficients, all finite and varying",
+            remedy="use more posterior draws, and leave out coefficients that are known exactly",
+        )
+    return Gaussian(jnp.asarray(draws.mean(0)), jnp.linalg.cholesky(jnp.asarray(np.atleast_2d(np.cov(draws.T)))))
+
+
+def prior_cov(belief: Belief) -> Float[np.ndarray, "k k"]:
+    """Covariance of the coefficients, SI."""
+    if isinstance(belief, Gaussian):
+        return np.asarray(belief.cov)
+    return np.diag([float(prior.sd) ** 2 for prior in belief])
+
+
+def draw_values(belief: Belief, key: jax.Array, n: int) -> Float[np.ndarray, "n k"]:
+    """Draws of the coefficients, SI: those of `draw_z` under the same key."""
+    return np.asarray(_draws(belief, key, n)[1])
+
+
+def draw_z(belief: Belief, key: jax.Array, n: int) -> Float[np.ndarray, "n k"]:
+    """Draws of z, in which a joint normal is standard normal."""
+    return np.asarray(_draws(belief, key, n)[0])
+
+
+def values_of(belief: Belief, z: Float[Array, " k"]) -> Float[Array, " k"]:
+    """Coefficients, SI, of one z."""
+    if isinstance(belief, Gaussian):
+        return belief.mean + belief.chol_cov @ z
+    return jnp.stack([prior.constrain(z[i]) for i, prior in enumerate(belief)])
+
+
+def log_priors(belief: Belief, z: Float[Array, " k"]) -> Float[Array, " k"]:
+    """Log prior density of each component of z."""
+    if isinstance(belief, Gaussian):
+        return -0.5 * (z * z + jnp.log(2 * jnp.pi))
+    return jnp.stack([prior.log_density(z[i]) for i, prior in enumerate(belief)])
+
+
+def entropies(belief: Belief) -> Float[np.ndarray, " k"]:
+    """Entropy of each component of z, nats, by quadrature: of unit variance, next to nothing of it lies beyond 20."""
+    k = belief.mean.size if isinstance(belief, Gaussian) else len(belief)
+    grid = np.linspace(-20.0, 20.0, 40001)
+    logs = np.asarray(_log_densities(belief, jnp.broadcast_to(grid[:, None], (grid.size, k))))
+    density = np.exp(logs)
+    return -np.trapezoid(density * np.where(density > 0, logs, 0.0), grid, axis=0)
+
+
+def outputs_of(
+    plan: TrialPlan, belief: Belief, control: Float[Array, "n c"], z: Float[Array, " k"]
+) -> Float[Array, " data"]:
+    """What all sensors would show at one z without noise, over their noise."""
+    return plan.outputs(values_of(belief, z), control).ravel()
+
+
+@partial(jax.jit, static_argnums=2)
+def _draws(belief: Belief, key: jax.Array, n: int) -> tuple[Array, Array]:
+    """Draws of z and of the coefficients."""
+    if isinstance(belief, Gaussian):
+        z = jax.random.normal(key, (n, belief.mean.size))
+    else:
+        keys = jax.random.split(key, len(belief))
+        z = jnp.stack([prior.sample(k, (n,)) for prior, k in zip(belief, keys, strict=True)], -1)
+    return z, jax.vmap(lambda one: values_of(belief, one))(z)
+
+
+@jax.jit
+def _log_densities(belief: Belief, z: Array) -> Array:
+    return jax.vmap(lambda one: log_priors(belief, one))(z)

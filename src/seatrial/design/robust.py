@@ -1,0 +1,114 @@
+"""A utility of many designs when the coefficients are uncertain: at one value, on average over the prior, and at its worst.
+
+The information of a nonlinear vehicle depends on the very coefficients the trial is to tell, so a design that is best at the
+mean may be poor where the truth lies (Pronzato and Walter, Math. Biosci. 75, 1985).
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.design.criteria import Criterion
+from seatrial.design.plan import TrialPlan
+from seatrial.design.sweep import in_blocks
+
+
+@dataclass(frozen=True, eq=False)
+class UtilityTable:
+    """Utility of D designs at S draws of the coefficients.
+
+    Attributes:
+        values: shape (D, S).
+        unit: of the utility.
+    """
+
+    values: Float[np.ndarray, "D S"]
+    unit: str
+
+    @property
+    def mean(self) -> Float[np.ndarray, " D"]:
+        """Average over the draws."""
+        return self.values.mean(1)
+
+    @property
+    def std_error(self) -> Float[np.ndarray, " D"]:
+        """Monte Carlo standard error of `mean`; between designs it is smaller, since all see the same draws."""
+        draws = self.values.shape[1]
+        return self.values.std(1, ddof=1) / np.sqrt(draws) if draws > 1 else np.full(len(self.values), np.nan)
+
+    def worst(self, quantile: float = 0.0) -> Float[np.ndarray, " D"]:
+        """Utility that all but a share `quantile` of the draws exceed; 0 for the minimum.
+
+        Raises:
+            InputError: a share outside [0, 1), or one of which fewer than one draw remains.
+        """
+        draws = self.values.shape[1]
+        if not 0.0 <= quantile < 1.0 or 0.0 < quantile * draws < 1.0:
+            raise InputError(
+                "worst case, quantile",
+                found=f"{quantile:g} of {draws} draws",
+                expected="0 for the minimum, or a share below 1 that holds one draw at least",
+                remedy="use more draws or another share",
+            )
+        return np.quantile(self.values, quantile, axis=1)
+
+
+def utility_table(
+    plan: TrialPlan,
+    controls: Float[np.ndarray, "D n c"],
+    draws: Float[np.ndarray, "S k"],
+    criterion: Criterion,
+) -> UtilityTable:
+    """Utility of every design at every draw.
+
+    Args:
+        plan: vehicle, start and sensors.
+        controls: designs, held from each sample to the next, SI.
+        draws: coefficients, SI: of the prior or of a posterior. The same draws for all designs compare them most sharply.
+        criterion: utility of an information matrix.
+
+    Raises:
+        InputError: shapes that do not fit the plan.
+        NumericalError: the simulation diverges; it says for how many draws. None is left out, since those left would look better
+            than the prior is.
+    """
+    controls, draws = np.asarray(controls, float), np.asarray(draws, float)
+    expected = (plan.step.shape[0], len(plan.model.controls))
+    if controls.ndim != 3 or controls.shape[1:] != expected:
+        raise _misfit("controls", controls, f"(designs, {expected[0]} samples, {expected[1]} controls)")
+    if draws.ndim != 2 or draws.shape[1] != len(plan.names):
+        raise _misfit("draws", draws, f"(draws, {len(plan.names)} coefficients: {', '.join(plan.names)})")
+    shape = (len(controls), len(draws))
+    design, draw = (index.ravel() for index in np.indices(shape))
+    held = jnp.asarray(controls)
+    information = in_blocks(lambda which, values: (_information(plan, held, which, values),), design, draws[draw])[0]
+    finite = np.isfinite(information).all((1, 2)).reshape(shape)
+    if not finite.all():
+        lost, worst = ~finite.all(0), int(np.argmin(finite.sum(1)))
+        at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(plan.names, draws[np.argmax(lost)], strict=True))
+        raise NumericalError(
+            f"the simulation diverges for {lost.sum()} of {shape[1]} draws of the coefficients in {(~finite).any(1).sum()} of "
+            f"{shape[0]} designs, most often in design {worst}; the first is {at} (SI): narrow the prior to damping that "
+            "dissipates, or excite less"
+        )
+    return UtilityTable(np.asarray(criterion(information)).reshape(shape), criterion.unit)
+
+
+def local_utility(
+    plan: TrialPlan, controls: Float[np.ndarray, "D n c"], values: Float[np.ndarray, " k"], criterion: Criterion
+) -> Float[np.ndarray, " D"]:
+    """Utility of every design were the coefficients `values`, SI; errors as `utility_table`."""
+    return utility_table(plan, controls, np.asarray(values, float)[None], criterion).values[:, 0]
+
+
+@jax.jit
+def _information(plan: TrialPlan, controls: Array, which: Array, values: Array) -> Array:
+    return jax.vmap(lambda i, point: plan.information(point, controls[i]))(which, values)
+
+
+def _misfit(what: str, found: np.ndarray, expected: str) -> InputError:
+    return InputError(what, found=f"shape {found.shape}", expected=expected, remedy="one row each, SI")

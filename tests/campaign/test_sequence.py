@@ -1,0 +1,114 @@
+"""Trial after trial: goals that are met, models that are wrong, records that are kept; settling by simulation."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.left_out import left_out
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.proposal import propose, settling
+from seatrial.campaign.schema import GoalTable
+from seatrial.campaign.sequence import run_sequence
+from seatrial.campaign.simulated import Chosen, _lagged, add_trial, later_trials
+from seatrial.campaign.trials import get_trials
+from seatrial.core.errors import InputError
+from tests.campaign.small import SMALL
+from tests.report.outcomes import make_outcome
+
+ONE = SMALL.replace('optional = ["X_u"]', "").replace('always = ["X_uabsu"', 'always = ["X_u", "X_uabsu"')
+
+
+def written(folder, text):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "campaign.toml").write_text(text)
+    return load_campaign(folder)
+
+
+@pytest.mark.thorough
+def test_the_goal_ends_a_sequence_and_records_are_kept(tmp_path):
+    campaign = written(tmp_path, ONE + '\n[goal]\nsd = { X_u = "15 %" }\ntrials = 3\n')
+    outcome, proposal = run_sequence(campaign)
+    labels = [record.label for record in outcome.trials.fit]
+    assert labels == ["trial", "trial-2"]
+    assert proposal.trial is None
+    assert proposal.lines[-1] == "stop: the goal is met"
+    row = next(row for row in outcome.summary["coefficients"] if row["name"] == "X_u")
+    assert row["sd"] < 0.15 * abs(row["mean"])
+    assert abs(row["mean"] + 1.21) < 4 * row["sd"]
+    first, second = (record.channel("u") for record in outcome.trials.fit)
+    assert not np.allclose(first, second)
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("*.nc")}
+    run_sequence(load_campaign(tmp_path))
+    assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("*.nc")}
+
+
+@pytest.mark.thorough
+def test_a_lag_that_no_structure_has_is_told_and_stops_the_sequence(tmp_path):
+    """A second of lag in four doublets of 30 s: every coefficient would be wrong by several of its standard deviations."""
+    text = ONE.replace("[truth]", "[truth]\nlag_n = 1.0").replace('noise = "0.05 m/s"', 'noise = "0.02 m/s"')
+    campaign = written(tmp_path, text + '\n[goal]\nsd = { X_u = "1 %" }\n')
+    outcome, proposal = run_sequence(campaign)
+    (effect, *_) = outcome.left_out
+    assert "a delay or lag of the actuator" in effect.words
+    assert abs(effect.by) > 1
+    assert proposal.trial is None
+    assert any("the model lacks" in line for line in proposal.lines)
+    assert any("the model lacks" in text for text in outcome.summary["cautions"])
+    assert left_out(campaign, outcome.chosen, outcome.trials) == outcome.left_out
+
+
+def test_a_changed_campaign_begins_anew(tmp_path):
+    campaign = written(tmp_path, ONE)
+    assert [record.label for record in get_trials(campaign).fit] == ["trial"]
+    add_trial(campaign, Chosen("repeated-doublet", 10.0, 8.0))
+    both = get_trials(campaign)
+    assert [record.label for record in both.fit] == ["trial", "trial-2"]
+    assert both.fit[1].provenance.options["amplitude"] == 10.0
+    assert later_trials(campaign) == (Chosen("repeated-doublet", 10.0, 8.0),)
+    assert later_trials(written(tmp_path, ONE.replace("X_u = -1.21", "X_u = -1.2"))) == ()
+
+
+def test_real_logs_cannot_be_run(tmp_path):
+    campaign = written(tmp_path, ONE)
+    real = replace(campaign, source=campaign.source.model_copy(update={"imported": object()}))
+    with pytest.raises(InputError, match="to simulate"):
+        add_trial(real, Chosen("step", 1.0, 1.0))
+
+
+def test_a_lagged_control_follows_its_equation():
+    """Against Euler steps of a hundredth of the sample time, of a first-order lag of a held random command."""
+    command, lag, step = np.random.default_rng(1).normal(size=30), 0.7, 0.1
+    acting, mean = _lagged(command, lag, step)
+    x, found = command[0], []
+    for held in command:
+        inner = []
+        for _ in range(1000):
+            inner.append(x)
+            x += 1e-3 * step / lag * (held - x)
+        found.append((inner[0], np.mean(inner)))
+    np.testing.assert_allclose(np.column_stack([acting, mean]), found, atol=2e-4)
+    assert all(np.array_equal(one, command) for one in _lagged(command, 0.0, step))
+
+
+@pytest.mark.parametrize("nats", [0.5, 3.0, 8.0])
+def test_settling_by_simulation(nats):
+    """Log Bayes factors of two normal means, drawn a hundred thousand times; to four standard errors."""
+    found = settling(SimpleNamespace(nats=nats), [0.7, 0.3])
+    rng, n = np.random.default_rng(2), 100_000
+    sign = np.where(rng.uniform(size=n) < 0.7, 1.0, -1.0)
+    odds = np.log(0.7 / 0.3) + sign * nats + np.sqrt(2 * nats) * rng.normal(size=n)
+    share = np.mean(np.abs(odds) > np.log(19))
+    assert abs(found - share) < 4 * np.sqrt(share * (1 - share) / n)
+
+
+def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
+    outcome = make_outcome(tmp_path)
+    assert propose(outcome).trial is not None
+    source = outcome.campaign.source.model_copy(update={"goal": GoalTable(sd={"X_u": "900 %"})})
+    met = replace(outcome, campaign=replace(outcome.campaign, source=source))
+    assert propose(met).lines[-1] == "stop: the goal is met"
+    little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
+    quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
+    assert "would teach little" in propose(quiet).lines[-1]

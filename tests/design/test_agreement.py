@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from seatrial.core.errors import InputError
+from seatrial.design.agreement import compare_utilities
+
+RNG = np.random.default_rng(0)
+EXPENSIVE = RNG.normal(size=30)
+CHEAP = EXPENSIVE + 0.5 * RNG.normal(size=30)
+
+
+def one(cheap, expensive=EXPENSIVE, **settings):
+    return compare_utilities({"cheap": np.asarray(cheap)}, np.asarray(expensive), **settings)[0]
+
+
+@pytest.mark.parametrize("cheap", [CHEAP, np.round(CHEAP)], ids=["all differ", "ties"])
+def test_correlation_is_spearmans(cheap):
+    found = one(cheap)
+    assert found.correlation == pytest.approx(spearmanr(cheap, EXPENSIVE).statistic, rel=1e-12)
+    assert found.interval[0] < found.correlation < found.interval[1]
+
+
+def test_interval_holds_the_correlation_of_the_population():
+    """Of normal variables of correlation 0.8, Spearman's is 6 / pi asin(0.4); 60 repeats of a 95 % interval."""
+    rng, population = np.random.default_rng(1), 6 / np.pi * np.arcsin(0.4)
+    inside = 0
+    for _ in range(60):
+        x, e = rng.normal(size=(2, 40))
+        low, high = one(0.8 * x + 0.6 * e, x).interval
+        inside += low <= population <= high
+    assert inside >= 50
+
+
+def test_monotone_utilities_choose_alike():
+    found = one(np.exp(EXPENSIVE))
+    assert (found.correlation, found.regret, found.chosen) == (pytest.approx(1.0), 0.0, found.best)
+    assert "chooses a design that is best" in found.words
+
+
+def test_regret_of_a_wrong_choice():
+    found = one([0, 1, 2, 3, 9, 4], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+    assert (found.chosen, found.best, found.regret) == (4, 5, 1.0)
+    assert "loses 1 nat (20.0% of the range over these designs)" in found.words
+
+
+def test_regret_within_the_monte_carlo_error():
+    found = one([0, 1, 2, 3, 9, 4], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], std_error=0.6)
+    assert found.regret_error == pytest.approx(0.6 * np.sqrt(2))
+    assert "no more than the Monte Carlo error of 0.85 nat" in found.words
+    assert "Monte Carlo error 0.14" in one([0, 1, 2, 3, 9, 4], range(6), std_error=0.1).words
+
+
+def test_utility_that_tells_nothing():
+    found = one(np.ones(30))
+    assert np.isnan(found.correlation)
+    assert np.isnan(found.interval).all()
+    assert "the same for all designs" in found.words
+
+
+def test_each_by_its_name_and_the_same_bits():
+    found = compare_utilities({"a": CHEAP, "b": -CHEAP}, EXPENSIVE, name="gain", seed=3)
+    assert [x.name for x in found] == ["a", "b"]
+    assert found[1].correlation == pytest.approx(-found[0].correlation)
+    assert found[0].words.startswith("a beside gain: rank correlation")
+    assert found == compare_utilities({"a": CHEAP, "b": -CHEAP}, EXPENSIVE, name="gain", seed=3)
+
+
+@pytest.mark.parametrize(
+    ("cheap", "expensive"),
+    [(CHEAP[:4], EXPENSIVE[:4]), (CHEAP[:9], EXPENSIVE), (np.where(CHEAP > 0, CHEAP, np.nan), EXPENSIVE)],
+    ids=["few", "lengths", "nan"],
+)
+def test_what_cannot_be_compared(cheap, expensive):
+    with pytest.raises(InputError, match=r"cheap|expected information gain"):
+        one(cheap, expensive)

@@ -1,0 +1,71 @@
+"""Utilities under uncertain coefficients, on a decay u' = c n u seen once at its end, whose information is a formula."""
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.design.criteria import find_criterion
+from seatrial.design.robust import UtilityTable, local_utility, utility_table
+from tests.design.test_expected_gain import DECAY_SD, N_DECAY, decay_plan, decay_slope
+
+PUSH = np.linspace(0.2, 3.0, 29)
+CONTROLS = np.tile(PUSH[:, None, None], (1, N_DECAY, 1))
+DRAWS = np.random.default_rng(3).normal(-1.0, 0.3, size=(40, 1))
+PRIOR = np.array([[0.09]])
+
+
+def exact(values):
+    """0.5 ln(1 + P0 F) of every design at every draw."""
+    slope = decay_slope(np.asarray(values)[None, :, 0], PUSH[:, None]) / DECAY_SD
+    return 0.5 * np.log1p(PRIOR[0, 0] * slope**2)
+
+
+def test_table_against_the_formula():
+    table = utility_table(decay_plan(), CONTROLS, DRAWS, find_criterion("fisher-d", PRIOR))
+    expected = exact(DRAWS)
+    assert table.unit == "nat"
+    np.testing.assert_allclose(table.values, expected, rtol=1e-9)
+    np.testing.assert_allclose(table.mean, expected.mean(1), rtol=1e-9)
+    np.testing.assert_allclose(table.std_error, expected.std(1, ddof=1) / np.sqrt(40), rtol=1e-9)
+    np.testing.assert_allclose(table.worst(), expected.min(1), rtol=1e-9)
+    np.testing.assert_allclose(table.worst(0.1), np.quantile(expected, 0.1, axis=1), rtol=1e-9)
+
+
+def test_best_local_design_is_the_known_one():
+    """T exp(-T) is largest at T = 1: the information of a decay, seen once, when the signal has fallen to 1/e."""
+    local = local_utility(decay_plan(), CONTROLS, np.array([-1.0]), find_criterion("fisher-d", PRIOR))
+    np.testing.assert_allclose(local, exact([[-1.0]])[:, 0], rtol=1e-9)
+    assert PUSH[np.argmax(local)] == pytest.approx(1.0, abs=0.051)
+
+
+def test_error_of_the_mean_is_that_of_repeats():
+    """Means of 200 sets of 40 draws spread as one set says; a spread of 200 has a relative error of 0.05, its own one more."""
+    rng = np.random.default_rng(4)
+    means = [exact(rng.normal(-1.0, 0.3, size=(40, 1))).mean(1) for _ in range(200)]
+    told = UtilityTable(exact(rng.normal(-1.0, 0.3, size=(4000, 1))), "nat").std_error * 10
+    np.testing.assert_allclose(np.std(means, 0), told, rtol=0.25)
+
+
+def test_one_draw_has_no_error():
+    assert np.isnan(UtilityTable(np.ones((2, 1)), "nat").std_error).all()
+
+
+def test_draws_that_diverge_are_counted():
+    draws = np.vstack([DRAWS, [[800.0], [900.0]]])
+    with pytest.raises(NumericalError, match=r"diverges for 2 of 42 draws .* in \d+ of 29 designs.*X_u = 800"):
+        utility_table(decay_plan(200), np.repeat(CONTROLS[:, :1], 200, 1), draws, find_criterion("fisher-d", PRIOR))
+
+
+@pytest.mark.parametrize("quantile", [-0.1, 1.0, 0.01])
+def test_share_of_no_draw(quantile):
+    with pytest.raises(InputError, match="quantile"):
+        UtilityTable(np.ones((2, 40)), "nat").worst(quantile)
+
+
+@pytest.mark.parametrize(
+    ("controls", "draws", "words"),
+    [(CONTROLS[0], DRAWS, "controls"), (CONTROLS[:, 1:], DRAWS, "controls"), (CONTROLS, DRAWS[:, 0], "draws")],
+)
+def test_shapes_that_do_not_fit(controls, draws, words):
+    with pytest.raises(InputError, match=words):
+        utility_table(decay_plan(), controls, draws, find_criterion("fisher-d", PRIOR))
