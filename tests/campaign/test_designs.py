@@ -70,3 +70,70 @@ def test_a_goal_names_what_is_not_known_well_enough(tmp_path):
 def test_goals_that_mean_nothing(tmp_path, goal, message):
     with pytest.raises(InputError, match=message):
         with_goal(tmp_path, goal)
+
+
+NARROW = SMALL.replace("lower = -3.6\nupper = 1.2", "lower = -1.6\nupper = -0.8").replace(
+    "lower = -8.8\nupper = 0.0", "lower = -3.3\nupper = -2.6"
+)
+
+
+def weighed(folder, design="", more=""):
+    (folder / "campaign.toml").write_text(NARROW.replace("[design]\n", f"[design]\n{design}\n") + more)
+    return design_first(load_campaign(folder))
+
+
+def fastest(family, amplitude, period, drag, thrust):
+    """Largest speed of one vehicle, by Euler steps of a hundredth of a second."""
+    _, control = family.manoeuvre(float(amplitude), float(period)).sample(0.1)
+    u, most = 1.541862, 0.0
+    for n in np.repeat(control, 10):
+        u += 0.01 * (drag[0] * u + drag[1] * u * abs(u) + 0.9 * thrust * n * abs(n)) / 31.41
+        most = max(most, u)
+    return most
+
+
+def test_limits_of_the_motion_leave_the_gentle_designs(tmp_path):
+    """All designs that the fastest vehicle of the priors can run are kept, none that one of ninety in a hundred cannot."""
+    sweep = (found := weighed(tmp_path, more="\n[limits.u]\nupper = '2.36 m/s'\n")).best
+    grid = [(a, p) for a in sweep.amplitude for p in sweep.period]
+    bold, quick = (
+        np.reshape([fastest(sweep.family, a, p, drag, thrust) for a, p in grid], sweep.gain.shape) > 2.36
+        for drag, thrust in (((-0.8, -2.6), 12e-4), ((-1.2, -2.95), 11e-4))
+    )
+    allowed = np.isfinite(sweep.gain)
+    assert allowed[~bold].all()
+    assert not allowed[quick].any()
+    assert 0 < allowed.sum() < allowed.size
+    assert any("u at most 2.36 m/s: holds in" in line for line in found.safety)
+
+
+def test_a_utility_and_a_battery_change_what_is_best(tmp_path):
+    plain = weighed(tmp_path)
+    thrifty = weighed(
+        tmp_path,
+        'utility = "fisher-d"\nper = "joule"',
+        '\n[power]\nhotel = "0 W"\npropulsion = "40 W"\nat = "1500 rpm"\n',
+    )
+    assert plain.best.utility is not None
+    assert np.array_equal(plain.best.worth[np.isfinite(plain.best.gain)], plain.best.gain[np.isfinite(plain.best.gain)])
+    row, column = thrifty.best.best
+    control = thrifty.best.best_manoeuvre().sample(0.1)[1]
+    joules = 0.1 * 40.0 * np.sum((control / (1500 * np.pi / 30)) ** 3)
+    assert thrifty.best.worth[row, column] * joules == pytest.approx(plain.best.gain[row, column], rel=0.1)
+    assert "nat/J" in thrifty.lines()[0]
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("[limits.v]\nupper = '1 m/s'", "the designed control, a state or a track: n, u, distance, advance"),
+        ("[limits.u]\nrate = '1 m/s'", "rates are limited of controls only"),
+        ("[limits.u]", "no bound"),
+        ("[limits.u]\nlower = '2 m/s'\nupper = '1 m/s'", "lower below upper"),
+        ("[limits.distance]\nlower = '2 m'", "expected: upper"),
+        ("[limits.u]\nupper = '1 m/s'", "at least one design that keeps all limits"),
+    ],
+)
+def test_limits_of_the_motion_that_cannot_be_kept(tmp_path, more, message):
+    with pytest.raises(InputError, match=message):
+        weighed(tmp_path, more=f"\n{more}\n")

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.goal import Goal, read_goal
+from seatrial.campaign.limit_tables import read_control_limits, read_motion_limits, read_power
 from seatrial.campaign.prior_tables import read_prior
 from seatrial.campaign.schema import CampaignFile, RangeTable
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.core.units import quantity
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.sensors import Sensor, bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
@@ -343,38 +345,16 @@ class Campaign:
 
     def limits(self) -> Limits:
         """Limits of the designed control."""
-        for name in self.source.limits:
-            if name != self.source.design.control:
-                raise InputError(
-                    self.where(f"limits.{name}"),
-                    found=f'control "{name}"',
-                    expected=f'the designed control, "{self.source.design.control}"',
-                    remedy=nearest(name, [self.source.design.control]),
-                )
-        table = self.source.limits.get(self.source.design.control)
-        if table is None:
-            return Limits()
-        unit = signal_unit(self.source.design.control)
-        rate_unit = "N/s" if self.source.design.control.startswith("tau") else "rad/s^2"
-        key = f"limits.{self.source.design.control}"
-        limits = Limits(
-            *(
-                None if text is None else self.si(text, at, f"{key}.{name}")
-                for name, text, at in (
-                    ("lower", table.lower, unit),
-                    ("upper", table.upper, unit),
-                    ("rate", table.rate, rate_unit),
-                )
-            )
-        )
-        if limits.lower is not None and limits.upper is not None and not limits.lower < limits.upper:
-            raise InputError(
-                self.where(key),
-                found=f"lower {table.lower}, upper {table.upper}",
-                expected="lower below upper",
-                remedy="swap or correct them",
-            )
-        return limits
+        return read_control_limits(self)
+
+    @cached_property
+    def motion_limits(self) -> tuple[MotionLimit, ...]:
+        """Limits of the motion."""
+        return read_motion_limits(self)
+
+    def power(self) -> tuple[float, float, float]:
+        """Propulsion, W, the control at which it is drawn, SI, and the hotel load, W."""
+        return read_power(self)
 
     def _range(self, table: RangeTable, unit: str, key: str) -> np.ndarray:
         start, stop = self.si(table.start, unit, f"{key}.from"), self.si(table.stop, unit, f"{key}.to")

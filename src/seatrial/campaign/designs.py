@@ -10,12 +10,15 @@ import xarray as xr
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.design_words import design_words
+from seatrial.campaign.problem import random_key
 from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
+from seatrial.campaign.weighing import SAFETY_DRAWS, plan_of, safety_lines, utility_unit, weigh
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
+from seatrial.design.known_before import draw_values
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
@@ -24,6 +27,7 @@ STATE_SD = 0.05
 """Standard deviation of the vehicle's own state about trim at the start of a designed trial, in its unit (m/s)."""
 SWEPT = {
     "gain": "entropy reduction of the coefficients",
+    "worth": "what makes a design the best",
     "peak_speed": "largest speed of the expected motion",
     "final_sd": "predicted sd after the trial",
 }
@@ -36,6 +40,7 @@ def design_key(campaign: Campaign) -> str:
     return key_of(
         "design",
         *(part.model_dump() for part in (source.vehicle, source.structure, source.design)),
+        None if source.power is None else source.power.model_dump(),
         {name: table.model_dump() for name, table in source.prior.items()},
         {name: table.model_dump() for name, table in source.sensors.items()},
         {name: table.model_dump() for name, table in source.limits.items()},
@@ -67,6 +72,8 @@ class Designs:
         basis: what the designs were swept from, in words.
         names: coefficients.
         sd_before: their standard deviations before the trial, SI.
+        unit: of what makes a design the best, where that is not the entropy reduction itself.
+        safety: how surely the best design keeps each limit of the motion.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -74,6 +81,8 @@ class Designs:
     basis: str
     names: tuple[str, ...]
     sd_before: np.ndarray
+    unit: str = "nat"
+    safety: tuple[str, ...] = ()
 
     @property
     def best(self) -> Sweep:
@@ -82,8 +91,12 @@ class Designs:
 
     def lines(self) -> list[str]:
         """The best of each family, and the families that have none."""
-        found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat" for sweep in self.sweeps]
+        found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
         return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
+
+    def _worth(self, sweep: Sweep) -> str:
+        worth, gain = sweep.worth[sweep.best], sweep.gain[sweep.best]
+        return "" if worth == gain else f", worth {worth:.3g} {self.unit}".rstrip()
 
 
 def design_first(campaign: Campaign, watch: Watch = SILENT) -> Designs:
@@ -93,9 +106,10 @@ def design_first(campaign: Campaign, watch: Watch = SILENT) -> Designs:
     if is_current(store.design, key):
         return read_designs(campaign, store.design)
     model = campaign.model(campaign.full)
-    priors = [campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients]
+    priors = tuple(campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients)
     belief = Gaussian(np.array([prior.mean for prior in priors]), np.diag([prior.sd for prior in priors]))
-    return _sweep(campaign, model, belief, store.design, key, "the priors", watch)
+    draws = draw_values(priors, random_key(campaign, "draws of the design"), 2 * SAFETY_DRAWS)
+    return _sweep(campaign, model, belief, draws, store.design, key, "the priors", watch)
 
 
 def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str, watch: Watch) -> Designs:
@@ -114,7 +128,9 @@ def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str,
         return read_designs(campaign, store.next_design)
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
     basis = f"the posterior of {structure.label}"
-    return _sweep(campaign, campaign.model(structure), belief, store.next_design, stamp, basis, watch)
+    order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * SAFETY_DRAWS]
+    model = campaign.model(structure)
+    return _sweep(campaign, model, belief, draws[order], store.next_design, stamp, basis, watch)
 
 
 def read_designs(campaign: Campaign, path: Path) -> Designs:
@@ -122,15 +138,21 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     data, families = open_dataset(path), {family.kind: family for family in campaign.families}
     grid = np.asarray(data["amplitude"]), np.asarray(data["period"])
     sweeps = [
-        Sweep(families[str(kind)], *grid, *(np.asarray(data[name].sel(family=kind)) for name in SWEPT))
+        Sweep(
+            families[str(kind)],
+            *grid,
+            *(np.asarray(data[name].sel(family=kind)) for name in ("gain", "peak_speed", "final_sd", "worth")),
+        )
         for kind in data["family"].values
     ]
     found = Designs(
-        tuple(sorted(sweeps, key=lambda sweep: -sweep.gain[sweep.best])),
+        tuple(sorted(sweeps, key=lambda sweep: -sweep.worth[sweep.best])),
         json.loads(data.attrs["refused"]),
         data.attrs["basis"],
         tuple(str(name) for name in data["coefficient"].values),
         np.asarray(data["sd_before"]),
+        utility_unit(campaign),
+        tuple(json.loads(data.attrs["safety"])),
     )
     sample_time = campaign.family.sample_time
     write_schedule(Store(campaign.folder).schedule(path), found.best.best_manoeuvre(), sample_time)
@@ -138,7 +160,14 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
 
 
 def _sweep(
-    campaign: Campaign, model: VehicleModel, belief: Gaussian, path: Path, key: str, basis: str, watch: Watch
+    campaign: Campaign,
+    model: VehicleModel,
+    belief: Gaussian,
+    draws: np.ndarray,
+    path: Path,
+    key: str,
+    basis: str,
+    watch: Watch,
 ) -> Designs:
     """Run the filter in units of the current standard deviations, where every coefficient is of order one."""
     families, (amplitude, period) = campaign.families, campaign.grid()
@@ -160,10 +189,11 @@ def _sweep(
     space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
     report = watch.progress(f"design: {len(families) * amplitude.size * period.size} trials")
     report(0, len(families))
-    mask, sweeps, refused = campaign.measured_mask(campaign.family.time()), [], {}
+    mask, sweeps, refused, plan = campaign.measured_mask(campaign.family.time()), [], {}, plan_of(campaign, model)
     for done, family in enumerate(families, 1):
         try:
-            sweeps.append(sweep_family(space, family, amplitude, period, campaign.limits(), measured=mask))
+            found = sweep_family(space, family, amplitude, period, campaign.limits(), measured=mask)
+            sweeps.append(weigh(campaign, plan, found, draws))
         except InputError as error:
             if len(families) == 1:
                 raise
@@ -176,8 +206,9 @@ def _sweep(
             expected="one design at least that fits and is inside the limits",
             remedy="lower the amplitudes, choose other periods, or widen the limits if the vehicle allows it",
         )
-    axes = {"gain": (), "peak_speed": (), "final_sd": ("coefficient",)}
-    units = {"gain": "nat", "peak_speed": "m/s", "final_sd": "SI"}
+    best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
+    axes = {"gain": (), "worth": (), "peak_speed": (), "final_sd": ("coefficient",)}
+    units = {"gain": "nat", "worth": utility_unit(campaign), "peak_speed": "m/s", "final_sd": "SI"}
     dataset = xr.Dataset(
         {
             name: (
@@ -199,6 +230,7 @@ def _sweep(
             "control": campaign.family.control,
             "trim": campaign.family.trim,
             "refused": json.dumps(refused),
+            "safety": json.dumps(list(safety_lines(campaign, plan, best, draws))),
         },
     )
     write_dataset(path, dataset, key)

@@ -70,7 +70,9 @@ def _check(campaign: Campaign) -> None:
                 expected="a prior from 0 up",
                 remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
             )
-    _ = campaign.families, campaign.grid(), campaign.limits(), campaign.goal
+    _ = campaign.families, campaign.grid(), campaign.limits(), campaign.motion_limits, campaign.goal
+    if campaign.source.design.per == "joule":
+        campaign.power()
     _check_source(campaign, names | beyond_structures(campaign))
 
 

@@ -94,7 +94,8 @@ class SensorTable(Table):
 
 
 class LimitsTable(Table):
-    """`[limits.CONTROL]`: bounds of a control and of its rate of change."""
+    """`[limits.NAME]`: bounds of a control and of its rate of change, of a state of the motion (`u`), of the distance travelled
+    (`distance`) or of the advance along the course (`advance`)."""
 
     lower: Quantity | None = None
     upper: Quantity | None = None
@@ -109,11 +110,29 @@ class RangeTable(Table):
     points: int = Field(ge=1, le=1000)
 
 
+class PowerTable(Table):
+    """`[power]`: what a trial draws from the battery: the hotel load, and the propulsion at one operating point (~ cube of the
+    control)."""
+
+    hotel: Quantity
+    propulsion: Quantity
+    at: Quantity
+
+
 class DesignTable(Table):
-    """`[design]`: families of inputs that are swept over one grid of amplitudes and periods."""
+    """`[design]`: families of inputs that are swept over one grid of amplitudes and periods, and what makes one of them the best.
+
+    `utility` is the entropy reduction by the filter, or a criterion of the Fisher information: `fisher-d` (nats), `fisher-a` (mean
+    variance), `fisher-e` (least known combination), `fisher-me` (balance), `over` the mean of draws of what is believed, at its mean
+    (`local`) or at the worst draw; `per` trial or joule. Limits on the motion are kept with `probability`.
+    """
 
     control: str
     families: list[str] = Field(default=["repeated-doublet"], min_length=1)
+    utility: Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me"] = "entropy"
+    over: Literal["mean", "local", "worst"] = "mean"
+    per: Literal["trial", "joule"] = "trial"
+    probability: float = Field(default=0.95, gt=0.0, lt=0.99)
     trim: Quantity | None = None
     duration: Quantity
     active: Quantity
@@ -214,6 +233,7 @@ class CampaignFile(Table):
     sensors: dict[str, SensorTable] = Field(min_length=1)
     limits: dict[str, LimitsTable] = {}
     design: DesignTable
+    power: PowerTable | None = None
     goal: GoalTable | None = None
     truth: dict[str, float] = {}
     imported: ImportTable | None = Field(default=None, alias="import")

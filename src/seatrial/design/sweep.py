@@ -35,6 +35,7 @@ class Sweep:
         gain: entropy reduction, nats, NaN where the design breaks a limit, shape (A, P).
         peak_speed: largest |u| of the predicted motion, m/s, shape (A, P).
         final_sd: predicted standard deviation of each coefficient in filter units, shape (A, P, k).
+        utility: what makes a design the best, where that is not the gain; NaN as there, shape (A, P).
     """
 
     family: Family
@@ -43,15 +44,21 @@ class Sweep:
     gain: Float[np.ndarray, "A P"]
     peak_speed: Float[np.ndarray, "A P"]
     final_sd: Float[np.ndarray, "A P k"]
+    utility: Float[np.ndarray, "A P"] | None = None
+
+    @property
+    def worth(self) -> Float[np.ndarray, "A P"]:
+        """What makes a design the best: the utility, or the gain."""
+        return self.gain if self.utility is None else self.utility
 
     @property
     def best(self) -> tuple[int, int]:
-        """Indices of the most informative design inside the limits."""
-        row, column = np.unravel_index(np.nanargmax(self.gain), self.gain.shape)
+        """Indices of the best design inside the limits."""
+        row, column = np.unravel_index(np.nanargmax(self.worth), self.gain.shape)
         return int(row), int(column)
 
     def best_manoeuvre(self) -> Manoeuvre:
-        """The most informative design."""
+        """The best design."""
         row, column = self.best
         return self.family.manoeuvre(float(self.amplitude[row]), float(self.period[column]))
 

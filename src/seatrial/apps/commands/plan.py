@@ -45,10 +45,8 @@ def design(folder: Folder, quiet: Quiet = False) -> None:
 
         designs = design_first(campaign, watch)
         first, *others = designs.lines()
-        typer.echo(
-            f"best design: {first} of entropy reduction; schedule in {Store(folder).schedule(Store(folder).design)}"
-        )
-        for line in others:
+        typer.echo(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
+        for line in (*others, *designs.safety):
             typer.echo(f"  {line}")
         promised = known_before(campaign, designs.best)
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")

@@ -1,0 +1,115 @@
+"""Limits and power of a campaign file in SI: of the designed control, of the motion, of the battery."""
+
+from math import inf
+from typing import TYPE_CHECKING
+
+from seatrial.campaign.schema import LimitsTable
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import signal_unit
+from seatrial.design.motion_limits import Advance, Distance, MotionLimit, StateBound
+from seatrial.manoeuvres.manoeuvre import Limits
+
+if TYPE_CHECKING:
+    from seatrial.campaign.config import Campaign
+
+TRACKS = ("distance", "advance")
+"""Limits of the way travelled, m."""
+
+
+def read_control_limits(campaign: "Campaign") -> Limits:
+    """Limits of the designed control.
+
+    Raises:
+        InputError: a name that is neither the control nor a quantity of the motion, units that do not fit, or lower above upper.
+    """
+    control = campaign.source.design.control
+    states = campaign.model(campaign.full).states
+    known = [control, *states, *TRACKS]
+    for name in campaign.source.limits:
+        if name not in known:
+            raise InputError(
+                campaign.where(f"limits.{name}"),
+                found=f'"{name}"',
+                expected="the designed control, a state or a track: " + ", ".join(known),
+                remedy=nearest(name, known),
+            )
+    table = campaign.source.limits.get(control)
+    if table is None:
+        return Limits()
+    lower, upper = _bounds(campaign, control, table, signal_unit(control))
+    rate = None if table.rate is None else campaign.si(table.rate, f"{_text(control)}/s", f"limits.{control}.rate")
+    return Limits(None if lower == -inf else lower, None if upper == inf else upper, rate)
+
+
+def read_motion_limits(campaign: "Campaign") -> tuple[MotionLimit, ...]:
+    """Limits of the motion, in the order of the file.
+
+    Raises:
+        InputError: a rate, a lower bound of the distance, no bound at all, units that do not fit, or lower above upper.
+    """
+    found: list[MotionLimit] = []
+    for name, table in campaign.source.limits.items():
+        if name == campaign.source.design.control:
+            continue
+        if (
+            table.rate is not None
+            or (table.lower is None and table.upper is None)
+            or (name == "distance" and (table.upper is None or table.lower is not None))
+        ):
+            raise InputError(
+                campaign.where(f"limits.{name}"),
+                found=", ".join(key for key in ("lower", "upper", "rate") if getattr(table, key) is not None)
+                or "no bound",
+                expected="upper" if name == "distance" else "lower, upper or both",
+                remedy="rates are limited of controls only",
+            )
+        lower, upper = _bounds(campaign, name, table, "m" if name in TRACKS else signal_unit(name))
+        if name == "distance":
+            found.append(Distance(upper))
+        else:
+            found.append(Advance(lower, upper) if name == "advance" else StateBound(name, lower, upper))
+    return tuple(found)
+
+
+def read_power(campaign: "Campaign") -> tuple[float, float, float]:
+    """Propulsion, W, the control at which it is drawn, SI, and the hotel load, W.
+
+    Raises:
+        InputError: no table, or numbers that are not positive.
+    """
+    table = campaign.source.power
+    if table is None:
+        raise InputError(
+            campaign.where("design.per"),
+            found='"joule" without [power]',
+            expected="what the vehicle draws",
+            remedy='add [power] with hotel = "20 W", propulsion = "40 W" and at = "1500 rpm"',
+        )
+    unit = signal_unit(campaign.source.design.control)
+    power = campaign.si(table.propulsion, "W", "power.propulsion")
+    at, hotel = campaign.si(table.at, unit, "power.at"), campaign.si(table.hotel, "W", "power.hotel")
+    if not (power > 0 and at != 0 and hotel >= 0):
+        raise InputError(
+            campaign.where("power"),
+            found=f"propulsion {table.propulsion} at {table.at}, hotel {table.hotel}",
+            expected="positive power at a control that is not 0, and a hotel load of 0 W or more",
+            remedy="read one operating point off the battery's telemetry",
+        )
+    return power, at, hotel
+
+
+def _bounds(campaign: "Campaign", name: str, table: LimitsTable, unit: str) -> tuple[float, float]:
+    lower = -inf if table.lower is None else campaign.si(table.lower, unit, f"limits.{name}.lower")
+    upper = inf if table.upper is None else campaign.si(table.upper, unit, f"limits.{name}.upper")
+    if not lower < upper:
+        raise InputError(
+            campaign.where(f"limits.{name}"),
+            found=f"lower {table.lower}, upper {table.upper}",
+            expected="lower below upper",
+            remedy="swap or correct them",
+        )
+    return lower, upper
+
+
+def _text(control: str) -> str:
+    return f"({signal_unit(control)})"
