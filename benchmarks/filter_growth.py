@@ -8,10 +8,11 @@ from timing import Row, alternate, row
 
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.state_space import StateSpace
-from seatrial.design.sweep import DoubletFamily, Sweep, sweep_doublets
+from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.filters.belief import Filter
 from seatrial.filters.large import LargeUnscentedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
@@ -30,7 +31,7 @@ TERMS = {
 HULL = SurgeHull(
     name="benchmark", mass=30.48, fixed={"X_udot": -0.93}, thrust_deduction=0.1, trim={"u": 1.54, "n": 125.0}
 )
-FAMILY = DoubletFamily("n", 125.0, duration=60.0, active=40.0, sample_time=0.1)
+FAMILY = Family("n", 125.0, duration=60.0, active=40.0, sample_time=0.1)
 AMPLITUDES, PERIODS = np.linspace(5.0, 30.0, 10), np.linspace(3.0, 20.0, 16)
 ON_SCALARS, ON_ARRAYS = (4, 6, 8), (4, 6, 8, 10)
 """States: the speed and its coefficients. Ten on scalars take minutes to compile."""
@@ -68,4 +69,4 @@ def space_of(states: int) -> StateSpace:
 
 def sweep(space: StateSpace, method: Filter) -> Sweep:
     """All designs."""
-    return sweep_doublets(space, FAMILY, AMPLITUDES, PERIODS, method=method)
+    return sweep_family(space, FAMILY, AMPLITUDES, PERIODS, method=method)

@@ -6,7 +6,7 @@ from problems import ENTRY, MASS, SCALES, SHARE, STEP, family, grid, state_space
 from scipy.integrate import solve_ivp
 from timing import Ratio, Row, agree, alternate, row
 
-from seatrial.design.sweep import sweep_doublets
+from seatrial.design.sweep import sweep_family
 from seatrial.filters.run import run_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.vehicles.simulate import simulate
@@ -56,7 +56,7 @@ def filters(cores: int) -> list[Row | Ratio]:
     agree("standard deviations of seatrial and filterpy", ours(), peer(), 0.02, relative=True)
     doublets, designs = family(1_500), grid(20, 20, 5.0)
     seconds = alternate({"ours": ours, "peer": peer}, 5)
-    lane = alternate({"": lambda: sweep_doublets(space, doublets, *designs)}, 5)[""] / (400 * 1_500)
+    lane = alternate({"": lambda: sweep_family(space, doublets, *designs)}, 5)[""] / (400 * 1_500)
     return [
         row(FILTER, "seatrial, covariance form, whole trace", cores, US, seconds["ours"], 1e-6 * n),
         row(FILTER, "seatrial, square root, in a sweep of 400", cores, US, lane, 1e-6),

@@ -35,6 +35,7 @@ MEASUREMENTS = {
     "filter_growth.seconds": (1,),
     "subsets.speed": (1, 2),
     "structure_recovery.recovered": (1,),
+    "design_peers.reached": (2,),
 }
 NEEDS = {
     "kernels.surge": ("gcc",),
@@ -43,6 +44,7 @@ NEEDS = {
     "peer_chains.effective": ("g++", "peers"),
     "subsets.speed": ("gcc",),
     "structure_recovery.recovered": ("peers",),
+    "design_peers.reached": ("peers",),
 }
 OUTPUT = Path(__file__).parents[1] / "outputs" / "benchmarks.json"
 

@@ -20,7 +20,25 @@ def main() -> None:
     # The command line on what those lines left: nothing is computed again.
     run_campaign("remus100", needs_data=False)
     select_terms("select_surge")
+    design_trials("design_trial")
     run_campaign("pool_auv", needs_data=True)
+
+
+def design_trials(name: str) -> None:
+    """Design one campaign's trials in families and free, run them one after another, and rehearse that with other vehicles."""
+    folder = OUTPUTS / name
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(EXAMPLES / name / "campaign.toml", folder)
+    for words in (["design"], ["design", "--free-form", "12"], ["run"], ["next"], ["rehearse", "--truths", "3"]):
+        command = [sys.executable, "-m", "seatrial", words[0], str(folder), *words[1:]]
+        code = subprocess.run(command).returncode
+        assert code in (0, 3), f"example {name}, {' '.join(words)}: exit code {code}"
+    free = json.loads((folder / "results" / "free_form.json").read_text())
+    assert free["utility"] > free["beside"]
+    summary = json.loads((folder / "results" / "summary.json").read_text())
+    assert [row["name"] for row in summary["coefficients"]][:3] == ["X_u", "X_uabsu", "T_nabsn"]
+    assert (folder / "results" / "records" / "trial-2.nc").is_file()
+    assert (folder / "rehearsal.svg").is_file()
 
 
 def select_terms(name: str) -> None:

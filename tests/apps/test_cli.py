@@ -45,6 +45,8 @@ def test_unknown_command_names_the_nearest(monkeypatch, capsys):
         "estimate",
         "profile",
         "calibrate",
+        "next",
+        "rehearse",
         "select",
         "criteria",
         "tuning",

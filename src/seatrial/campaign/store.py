@@ -42,6 +42,11 @@ class Store:
         return self.results / "next.nc"
 
     @property
+    def free_design(self) -> Path:
+        """The free-form trial."""
+        return self.results / "free_form.json"
+
+    @property
     def sequence(self) -> Path:
         """Trials decided after the first, of a simulated vehicle."""
         return self.results / "sequence.json"

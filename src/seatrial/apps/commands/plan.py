@@ -35,10 +35,23 @@ def prior(folder: Folder, quiet: Quiet = False) -> None:
     with_campaign(folder, quiet, work)
 
 
-def design(folder: Folder, quiet: Quiet = False) -> None:
-    """Find the most informative trial of the family, inside the limits."""
+def design(
+    folder: Folder,
+    free_form: Annotated[
+        int, typer.Option(min=0, max=200, help="Also search so many levels one by one, by gradients.")
+    ] = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Find the most informative trial of the families, inside the limits."""
 
     def work(campaign: Any, watch: Any) -> Exit:
+        if free_form:
+            from seatrial.campaign.free_trial import design_free_trial
+
+            found, schedule = design_free_trial(campaign, free_form, watch)
+            typer.echo("\n".join(found.lines()))
+            typer.echo(f"schedule: {schedule}")
+            return Exit.OK
         from seatrial.campaign.designs import design_first
         from seatrial.campaign.known import known_before
         from seatrial.campaign.store import Store

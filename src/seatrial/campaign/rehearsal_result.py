@@ -1,0 +1,160 @@
+"""What a rehearsal found: trials each strategy needed, what the adaptive one saves, and whether the stated uncertainty held."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float, Int
+from scipy.stats import beta
+
+ADAPTIVE = "adaptive"
+WITHIN = 1.64
+"""Standard deviations of an estimate within which the truth lies with 90 % probability."""
+HONEST = 0.9
+SURE = 3.0
+"""Standard errors beyond which a difference is not chance."""
+
+
+class Mean(NamedTuple):
+    """A mean over vehicles and its standard error."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """V vehicles, S strategies, at most N trials of each, k coefficients.
+
+    Attributes:
+        data: as stored: `trials`, `met`, `estimate`, `sd` and the designs by vehicle and strategy, `truth` and `refused` by vehicle.
+    """
+
+    data: xr.Dataset
+
+    @property
+    def strategies(self) -> tuple[str, ...]:
+        """Names of the strategies, the adaptive one first."""
+        return tuple(map(str, self.data["strategy"].values))
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients."""
+        return tuple(map(str, self.data["coefficient"].values))
+
+    @property
+    def vehicles(self) -> int:
+        """V."""
+        return self.data.sizes["vehicle"]
+
+    @property
+    def most(self) -> int:
+        """N."""
+        return self.data.sizes["trial"]
+
+    @property
+    def needed(self) -> Int[np.ndarray, "V S"]:
+        """Trials run; N also where the goal was never met."""
+        return self.data["trials"].values
+
+    @property
+    def met(self) -> Bool[np.ndarray, "V S"]:
+        """Whether the goal was met."""
+        return self.data["met"].values > 0
+
+    @property
+    def refused(self) -> int:
+        """Draws from the prior that ran away and were drawn again."""
+        return int(self.data["refused"].sum())
+
+    def trials_of(self, strategy: str) -> Mean:
+        """Trials needed; a vehicle that never met the goal counts as N."""
+        return _mean(self.needed[:, self.strategies.index(strategy)])
+
+    def saved_against(self, strategy: str) -> Mean:
+        """Trials that the adaptive strategy needed less on the same vehicles."""
+        return _mean(self.needed[:, self.strategies.index(strategy)] - self.needed[:, self.strategies.index(ADAPTIVE)])
+
+    def share_met(self, strategy: str) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "2 N"]]:
+        """Share of the vehicles that met the goal after 1, 2, … trials, and the binomial 90 % band (Jeffreys)."""
+        column = self.strategies.index(strategy)
+        after = np.arange(1, self.most + 1)
+        count = (self.met[:, column, None] & (self.needed[:, column, None] <= after)).sum(0)
+        a, b = count + 0.5, self.vehicles - count + 0.5
+        return count / self.vehicles, np.stack([beta.ppf(0.05, a, b), beta.ppf(0.95, a, b)])
+
+    def median_sd(self, strategy: str) -> Float[np.ndarray, "N k"]:
+        """Median over vehicles of what is known after 1, 2, … trials, SI; a vehicle that has stopped keeps its last."""
+        column = self.strategies.index(strategy)
+        sd, last = self.data["sd"].values[:, column], self.needed[:, column] - 1
+        kept = np.minimum(np.arange(self.most), last[:, None])
+        return np.median(np.take_along_axis(sd, kept[..., None], 1), 0)
+
+    def honest_share(self, strategy: str) -> Mean:
+        """Share of the coefficients whose truth lies within 1.64 sd of the last estimate; should be 0.9.
+
+        The error counts vehicles, since the coefficients of one vehicle are estimated from the same data.
+        """
+        column = self.strategies.index(strategy)
+        last = (np.arange(self.vehicles), column, self.needed[:, column] - 1)
+        distance = np.abs(self.data["estimate"].values[last] - self.data["truth"].values)
+        return _mean((distance <= WITHIN * self.data["sd"].values[last]).mean(1))
+
+    def lines(self) -> list[str]:
+        """A table of the strategies, and what was found in words."""
+        heads = ("", "trials", "never met", "adaptive saves", "truth within 1.64 sd", *self.coefficients)
+        rows = [heads] + [self._row(name) for name in self.strategies]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        said = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+        said.append(
+            f"columns of coefficients: median sd at the end, SI; {self.vehicles} vehicles, {self.most} trials at most"
+        )
+        return [*said, *self.verdicts()]
+
+    def verdicts(self) -> list[str]:
+        """One sentence for each strategy that the adaptive one is compared with, and one about those that never met the goal."""
+        said = [self._compared(name) for name in self.strategies if name != ADAPTIVE]
+        if not self.met.all():
+            said.append(f"a vehicle that never met the goal counts as {self.most} trials: it would have needed more")
+        if self.refused:
+            drawn = self.vehicles + self.refused
+            said.append(f"{self.refused} of {drawn} draws from the prior ran away and were drawn again")
+        return said
+
+    def alarms(self) -> list[str]:
+        """Strategies after which the stated uncertainty does not hold."""
+        found = {name: self.honest_share(name) for name in self.strategies}
+        return [
+            f"{name}: the truth lies within 1.64 sd in {share.value:.0%} ± {share.error:.0%} of the cases, and should in 90 %: "
+            "the posterior is not normal about its mode, and goals may have been met too early"
+            for name, share in found.items()
+            if share.value + SURE * share.error < HONEST
+        ]
+
+    def _row(self, name: str) -> Sequence[str]:
+        column = self.strategies.index(name)
+        saved = "-" if name == ADAPTIVE else _signed(self.saved_against(name))
+        never = int((~self.met[:, column]).sum())
+        sds = (f"{sd:.3g}" for sd in self.median_sd(name)[-1])
+        return (name, _said(self.trials_of(name)), str(never), saved, _said(self.honest_share(name)), *sds)
+
+    def _compared(self, name: str) -> str:
+        saved, of = self.saved_against(name), self.trials_of(name)
+        if abs(saved.value) <= 2.0 * saved.error:
+            return f"against {name}: no difference beyond chance, {_signed(saved)} trials of {of.value:.1f}"
+        verb = "saves" if saved.value > 0 else "costs"
+        return f"against {name}: choosing each trial anew {verb} {abs(saved.value):.2f} ± {saved.error:.2f} trials of {of.value:.1f}"
+
+
+def _mean(values: np.ndarray) -> Mean:
+    return Mean(float(values.mean()), float(values.std(ddof=1) / np.sqrt(values.size)))
+
+
+def _said(mean: Mean) -> str:
+    return f"{mean.value:.2f} ± {mean.error:.2f}"
+
+
+def _signed(mean: Mean) -> str:
+    return f"{mean.value:+.2f} ± {mean.error:.2f}"

@@ -1,0 +1,222 @@
+"""The most informative free-form input inside hard limits: many starts, gradients through the simulator, rounding to the bounds.
+
+    max  mean over points of 1/2 ln det(I + P0^-1) + 1/2 ln det P0   (nats)
+    s.t. bounds of amplitude and rate, return to trim, limits of motion and cost at every sample
+
+Each start is followed by sequential quadratic programming (Kraft, 1988; SciPy's SLSQP) with exact derivatives. The optimum of an
+input bounded in amplitude is mostly at its bounds, so that levels are then exchanged for bounds, one by one, while that helps.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+from seatrial.design.free_form_climb import ROUNDING, Climb
+from seatrial.design.free_form_problem import FreeFormProblem, check_problem
+from seatrial.design.free_form_starts import gentled, ready_starts
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.sampling.target import Progress, no_progress
+
+TIGHT = 1e-3
+"""A limit is active when less than this share of its room is left."""
+ALIKE = 0.05
+"""Designs this close in nats are as good as each other: five per cent of one standard deviation."""
+
+
+class Margin(NamedTuple):
+    """One limit of the design, SI.
+
+    Attributes:
+        limit: what is bounded.
+        reached: the worst value over all samples, and over all draws but those that may break it.
+        bound: the limit.
+        left: distance to the bound, never negative.
+        active: whether the limit holds the design back.
+    """
+
+    limit: str
+    reached: float
+    bound: float
+    left: float
+    active: bool
+
+
+class Outcome(NamedTuple):
+    """What became of one start; utilities in nats.
+
+    Attributes:
+        name: of the start.
+        before: utility of the start, drawn towards trim where it broke a limit.
+        climbed: after the gradient search.
+        utility: after rounding to the bounds.
+        levels: final levels, SI, shape (m,).
+        steps: of the gradient search.
+        converged: whether that ended by itself.
+    """
+
+    name: str
+    before: float
+    climbed: float
+    utility: float
+    levels: Float[np.ndarray, " m"]
+    steps: int
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class FreeFormDesign:
+    """The best design found.
+
+    Attributes:
+        manoeuvre: the input.
+        levels: its levels, SI, shape (m,).
+        utility: expected gain, nats.
+        margins: of every limit.
+        outcomes: of every start.
+        broken: share of the draws that break a limit of motion or cost.
+        broken_error: its Monte Carlo error, if the draws are a sample from the prior.
+        at_bounds: share of the levels at a bound of the amplitude.
+        status: in words.
+    """
+
+    manoeuvre: Manoeuvre
+    levels: Float[np.ndarray, " m"]
+    utility: float
+    margins: tuple[Margin, ...]
+    outcomes: tuple[Outcome, ...]
+    broken: float
+    broken_error: float
+    at_bounds: float
+    status: str
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Limits that hold the design back."""
+        return tuple(margin.limit for margin in self.margins if margin.active)
+
+
+def design_free_form(
+    problem: FreeFormProblem,
+    seed: int,
+    starts: Mapping[str, Float[np.ndarray, " m"]] | None = None,
+    random: int = 2,
+    steps: int = 150,
+    progress: Progress = no_progress,
+) -> FreeFormDesign:
+    """Find the levels that teach most.
+
+    Args:
+        problem: what is to be learned, and the limits.
+        seed: of random starts; the same seed gives the same design.
+        starts: levels by name, SI; none for the best doublet, the best of many multisines, and random binary levels.
+        random: number of random binary starts, where `starts` is not given.
+        steps: most steps of the gradient search from each start.
+        progress: called with the steps done and the steps in all.
+
+    Raises:
+        InputError: limits that admit nothing (the two that conflict are named, and by how much), or settings that do not fit.
+        NumericalError: the vehicle diverges inside the limits.
+    """
+    rooms, setup = check_problem(problem), problem.setup()
+    everyone = Climb(problem, setup, problem.watched(), rooms, np.ones(problem.safe_for.shape[0], bool))
+    if starts is None:
+        chosen = ready_starts(problem, setup, np.random.default_rng(seed), random)
+    else:
+        chosen = {name: gentled(problem, _change(problem, name, levels)) for name, levels in starts.items()}
+    if not chosen:
+        raise InputError("free-form design, starts", found="none", expected="at least one", remedy="give a start")
+    found = []
+    for i, (name, x) in enumerate(chosen.items()):
+        climb = replace(everyone, kept=_kept(everyone, x))
+        begin = climb.pulled_in(x)
+        climbed, done, converged = climb.gradient_search(
+            x, steps, lambda done, i=i: progress(i * steps + done, len(chosen) * steps)
+        )
+        before, after = climb.utilities(np.array([begin, climbed]))
+        final, gain = climb.rounded(climbed if after >= before else begin)
+        levels = problem.form.trim + problem.span * final
+        found.append((Outcome(name, float(before), float(after), gain, levels, done, converged), climb, final))
+        progress((i + 1) * steps, len(chosen) * steps)
+    best, climb, x = max(found, key=lambda each: each[0].utility)
+    outcomes = tuple(outcome for outcome, _, _ in found)
+    broken = float((climb.draw_excess(x) > ROUNDING).mean())
+    low, high = problem.box
+    return FreeFormDesign(
+        problem.form.manoeuvre(best.levels),
+        best.levels,
+        best.utility,
+        _margins(climb, x),
+        outcomes,
+        broken,
+        float(np.sqrt(broken * (1 - broken) / climb.kept.size)),
+        float(((x <= low + ROUNDING) | (x >= high - ROUNDING)).mean()),
+        _status(best, outcomes),
+    )
+
+
+def _change(problem: FreeFormProblem, name: str, levels: np.ndarray) -> np.ndarray:
+    """Levels of a start as changes from trim over the span."""
+    levels = np.asarray(levels, float)
+    if levels.shape != (problem.form.size,) or not np.isfinite(levels).all():
+        raise InputError(
+            f"free-form design, start {name}",
+            found=f"shape {levels.shape}, {int((~np.isfinite(levels)).sum())} not finite",
+            expected=f"{problem.form.size} finite levels",
+            remedy="`nearest_levels` finds those nearest to a sampled control",
+        )
+    return (levels - problem.form.trim) / problem.span
+
+
+def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
+    """All draws but those that fare worst under a start, as many as may; one that trim itself endangers fares worst of all."""
+    left_out = everyone.problem.left_out
+    if not left_out:
+        return everyone.kept
+    worst = everyone.draw_excess(x) + np.where(everyone.draw_excess(np.zeros_like(x)) > 0, np.inf, 0.0)
+    kept = np.ones(everyone.kept.size, bool)
+    kept[np.argsort(-worst, kind="stable")[:left_out]] = False
+    return kept
+
+
+def _margins(climb: Climb, x: np.ndarray) -> tuple[Margin, ...]:
+    problem, limits = climb.problem, climb.problem.limits
+    _, control = problem.form.manoeuvre(problem.form.trim + problem.span * x).sample(float(climb.setup.plan.step[0]))
+    found = [
+        _margin(f"upper limit of {problem.form.control}", float(control.max()), limits.upper, 1.0, problem.span),
+        _margin(f"lower limit of {problem.form.control}", float(control.min()), limits.lower, -1.0, problem.span),
+    ]
+    if limits.rate is not None:
+        fastest = float(np.abs(np.diff(control)).max() / float(climb.setup.plan.step[0]))
+        found.append(_margin(f"rate limit of {problem.form.control}", fastest, limits.rate, 1.0, limits.rate))
+    course = climb.course(x)
+    for room in climb.rooms:
+        reached = room.side * float((room.side * room.reached(course)).max())
+        found.append(_margin(room.name, reached, room.bound, room.side, room.scale))
+    if problem.cost is not None:
+        found.append(
+            _margin(f"budget in {problem.cost.unit}", float(course.spent.max()), problem.budget, 1.0, problem.budget)
+        )
+    return tuple(found)
+
+
+def _margin(name: str, reached: float, bound: float, side: float, scale: float) -> Margin:
+    left = max(0.0, side * (bound - reached))  # rounding may leave it an ulp beyond
+    return Margin(name, reached, bound, left, left <= TIGHT * scale)
+
+
+def _status(best: Outcome, outcomes: tuple[Outcome, ...]) -> str:
+    gains = np.array([outcome.utility for outcome in outcomes])
+    said = [f"{best.utility:.3f} nats from {best.name}"]
+    if gains.size > 1:
+        alike = int((gains > best.utility - ALIKE).sum())
+        said.append(
+            f"{alike} of {gains.size} starts end within {ALIKE:g} nat of it, the worst {np.ptp(gains):.3f} below"
+        )
+    stopped = [outcome.name for outcome in outcomes if not outcome.converged]
+    if stopped:
+        said.append(f"the gradient search had not settled from {', '.join(stopped)}: more steps may help")
+    return "; ".join(said)

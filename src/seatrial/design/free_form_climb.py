@@ -1,0 +1,187 @@
+"""From one start to a local optimum: gradient steps inside the limits, then levels exchanged for bounds while that helps."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import minimize
+
+from seatrial.core.errors import NumericalError
+from seatrial.design.free_form_course import (
+    Course,
+    Setup,
+    Watched,
+    courses,
+    utilities,
+    utility,
+    utility_slope,
+    worst_course,
+    worst_course_slope,
+)
+from seatrial.design.free_form_problem import FreeFormProblem, Room
+from seatrial.design.sweep import LANES, in_blocks
+
+ROUNDING = 1e-9
+"""Shares of a limit's room, and nats, that are not told from zero."""
+SETTLED = 1e-5
+"""Nats by which a step of the gradient search must still gain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """A problem for one set of draws; inputs x are changes of the levels from trim over the span, limits are g(x) <= 0.
+
+    Attributes:
+        problem: what is to be learned, and the limits.
+        setup: its numbers.
+        watched: what is looked at on the way.
+        rooms: bounds of the motion.
+        kept: draws for which bounds must hold, shape (S,).
+    """
+
+    problem: FreeFormProblem
+    setup: Setup
+    watched: Watched
+    rooms: tuple[Room, ...]
+    kept: Bool[np.ndarray, " S"]
+
+    def utilities(self, x: Float[np.ndarray, "lanes m"]) -> Float[np.ndarray, " lanes"]:
+        """Utilities of several inputs, nats.
+
+        Raises:
+            NumericalError: the vehicle diverges.
+        """
+        (gain,) = in_blocks(lambda lanes: utilities(self.setup, lanes, self.problem.block), x)
+        return _finite(gain)
+
+    def excess(self, x: Float[np.ndarray, "lanes m"]) -> Float[np.ndarray, " lanes"]:
+        """How far several inputs are beyond the worst of all limits, as a share of its room; negative inside."""
+        low, high = self.problem.box
+        rows, most = self._linear
+        worst = np.concatenate([x - high, low - x, x @ rows.T - most], 1).max(1)
+        if self._follows_course:
+            course = self._course(x)
+            worst = np.maximum(worst, np.where(self.kept, self._beyond(course).max(-1), -np.inf).max(-1))
+        return worst
+
+    def draw_excess(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " S"]:
+        """How far one input takes every draw beyond the worst bound of motion or cost, as a share of its room."""
+        if not self._follows_course:
+            return np.full(self.kept.size, -np.inf)
+        return self._beyond(self._course(x[None])).max(-1)[0]
+
+    def course(self, x: Float[np.ndarray, " m"]) -> Course:
+        """Where one input takes the draws that are kept: they lead each shape."""
+        found = courses(self.setup, self.watched, jnp.asarray(x)[None], self.problem.block)
+        return Course(*(np.asarray(each)[0][self.kept] for each in found))
+
+    def pulled_in(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """The input drawn towards trim, which is inside, as little as the limits ask for.
+
+        Raises:
+            NumericalError: not even trim is inside, for the draws that are kept.
+        """
+        shrink = np.append(0.0, np.logspace(-12, 0, LANES - 1))
+        tried = (1 - shrink)[:, None] * np.clip(x, *self.problem.box)
+        inside = self.excess(tried) <= ROUNDING
+        if not inside.any():
+            raise NumericalError("trim breaks a limit by no more than rounding: leave it more room")
+        return tried[int(np.argmax(inside))]
+
+    def gradient_search(
+        self, x: Float[np.ndarray, " m"], steps: int, notify: Callable[[int], None]
+    ) -> tuple[Float[np.ndarray, " m"], int, bool]:
+        """Sequential quadratic programming with exact derivatives; its end, drawn inside; its steps; whether it ended by itself."""
+        rows, most = self._linear
+        done = [0]
+
+        def count(_: np.ndarray) -> None:
+            done[0] += 1
+            notify(min(done[0], steps))
+
+        def gain(x: np.ndarray) -> float:
+            return float(_finite(np.asarray(utility(self.setup, jnp.asarray(x), self.problem.block))))
+
+        def slope(x: np.ndarray) -> np.ndarray:
+            return np.asarray(utility_slope(self.setup, jnp.asarray(x), self.problem.block))
+
+        constraints = []
+        if most.size:
+            constraints.append({"type": "ineq", "fun": lambda x: most - rows @ x, "jac": lambda x: -rows})
+        if self._follows_course:
+            constraints.append(
+                {"type": "ineq", "fun": lambda x: -self._worst(x), "jac": lambda x: -self._worst_slope(x)}
+            )
+        found = minimize(
+            lambda x: -gain(x),
+            x,
+            jac=lambda x: -slope(x),
+            method="SLSQP",
+            bounds=[self.problem.box] * x.size,
+            constraints=constraints,
+            callback=count,
+            options={"maxiter": steps, "ftol": SETTLED},
+        )
+        return self.pulled_in(found.x), done[0], bool(found.success)
+
+    def rounded(self, x: Float[np.ndarray, " m"]) -> tuple[Float[np.ndarray, " m"], float]:
+        """Exchange levels for bounds, all at once and then the best one at a time, while that raises the utility; and the utility."""
+        low, high = self.problem.box
+        best = float(self.utilities(x[None])[0])
+        together = np.where(x > 0.5 * (low + high), high, low)[None]
+        while True:
+            alone = np.concatenate([np.where(np.eye(x.size, dtype=bool), bound, x) for bound in (low, high)])
+            candidates = np.concatenate([together, alone])
+            candidates = candidates[np.abs(candidates - x).max(1) > ROUNDING]
+            gain = self.utilities(candidates)
+            better = np.flatnonzero(gain > best + ROUNDING)
+            inside = better[self.excess(candidates[better]) <= ROUNDING] if better.size else better
+            if not inside.size:
+                return x, best
+            chosen = inside[int(np.argmax(gain[inside]))]
+            x, best = candidates[chosen], float(gain[chosen])
+
+    @cached_property
+    def _linear(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.problem.linear()
+
+    @property
+    def _follows_course(self) -> bool:
+        return bool(self.rooms) or self.problem.cost is not None
+
+    def _course(self, x: np.ndarray) -> Course:
+        return Course(*in_blocks(lambda lanes: courses(self.setup, self.watched, lanes, self.problem.block), x))
+
+    def _beyond(self, course: Course) -> np.ndarray:
+        """Shares by which bounds of motion, block by block, and cost are exceeded, the last axis over all of them."""
+        found = [room.shortfall(course) for room in self.rooms]
+        if self.problem.cost is not None:
+            found.append(np.asarray(course.spent)[..., None] / self.problem.budget - 1.0)
+        return np.concatenate(found, -1)
+
+    def _worst(self, x: np.ndarray) -> np.ndarray:
+        """The same of the worst draw that is kept."""
+        found = worst_course(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
+        return self._beyond(Course(*map(np.asarray, found)))
+
+    def _worst_slope(self, x: np.ndarray) -> np.ndarray:
+        """Its Jacobian."""
+        slope = worst_course_slope(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
+        found = [
+            room.side * np.asarray(slope.highest if room.side > 0 else slope.lowest)[:, room.index] / room.scale
+            for room in self.rooms
+        ]
+        if self.problem.cost is not None:
+            found.append(np.asarray(slope.spent)[None] / self.problem.budget)
+        return np.concatenate(found)
+
+
+def _finite(gain: np.ndarray) -> np.ndarray:
+    if not np.isfinite(gain).all():
+        raise NumericalError(
+            "the vehicle diverges under an input inside the limits, or its information is not finite; narrow the prior or the limits"
+        )
+    return gain

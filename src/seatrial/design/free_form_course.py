@@ -1,0 +1,207 @@
+"""What one free-form input teaches and where it takes the vehicle, with exact derivatives in the levels and flat memory.
+
+    utility = mean over points of 1/2 ln det(1 + L^T I L),  P0 = L L^T,  I the Fisher information at the point
+
+Time is cut into blocks. Derivatives of the utility run backwards and keep the state only where blocks begin; derivatives of the
+course, many numbers, run forwards. Measured on 6 000 samples, 60 levels and 3 coefficients: 4 ms backwards, 17 ms forwards.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from seatrial.design.cost import TrialCost
+from seatrial.design.integrals import joint_start, joint_step, signals_at
+from seatrial.design.motion_limits import MotionLimit, limit_integrals
+from seatrial.design.plan import TrialPlan
+from seatrial.numerics.integrate import rk4_step
+
+
+class Setup(NamedTuple):
+    """Numbers of one search; n samples, c controls, m levels, P points, S draws, k coefficients.
+
+    Attributes:
+        plan: vehicle, sensors and times.
+        trim: every control at trim, shape (c,).
+        span: change of each control for a change of one, SI; 0 but for the one that is driven, shape (c,).
+        basis: change of that control at every sample for a change of one of each level, shape (n, m).
+        points: coefficients over which the utility is averaged, shape (P, k).
+        factor: Cholesky factor L of the prior covariance, shape (k, k).
+    """
+
+    plan: TrialPlan
+    trim: Float[Array, " c"]
+    span: Float[Array, " c"]
+    basis: Float[Array, "n m"]
+    points: Float[Array, "P k"]
+    factor: Float[Array, "k k"]
+
+
+class Watched(NamedTuple):
+    """What is looked at on the way.
+
+    Attributes:
+        motion: limits whose quantities are followed.
+        cost: of the trial, if it is bounded.
+        draws: coefficients for which both must hold, shape (S, k).
+    """
+
+    motion: tuple[MotionLimit, ...]
+    cost: TrialCost | None
+    draws: Float[Array, "S k"]
+
+
+class Course(NamedTuple):
+    """Where an input takes the vehicle; B blocks of time, q quantities of all limits of the motion, one after another.
+
+    Attributes:
+        highest: largest value in each block, from its first sample to the end of its last step, shape (B, q), after draws if
+            there are several.
+        lowest: smallest, likewise.
+        spent: cost of the trial.
+    """
+
+    highest: Array
+    lowest: Array
+    spent: Array
+
+
+@partial(jax.jit, static_argnames="block")
+def utility(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, ""]:
+    """Utility, nats, of one input: x are the levels' changes from trim over the span."""
+    return _utility(setup, x, block)
+
+
+@partial(jax.jit, static_argnames="block")
+def utility_slope(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, " m"]:
+    """Gradient of the utility in x."""
+    return jax.grad(lambda x: _utility(setup, x, block))(x)
+
+
+@partial(jax.jit, static_argnames="block")
+def utilities(setup: Setup, x: Float[Array, "lanes m"], block: int) -> tuple[Float[Array, " lanes"]]:
+    """Utilities of several inputs, nats."""
+    return (jax.vmap(lambda x: _utility(setup, x, block))(x),)
+
+
+@partial(jax.jit, static_argnames="block")
+def courses(setup: Setup, watched: Watched, x: Float[Array, "lanes m"], block: int) -> Course:
+    """Courses of several inputs for every draw: lanes and draws lead each shape."""
+    return jax.vmap(lambda x: _courses(setup, watched, x, block))(x)
+
+
+@partial(jax.jit, static_argnames="block")
+def worst_course(setup: Setup, watched: Watched, x: Float[Array, " m"], kept: Float[Array, " S"], block: int) -> Course:
+    """Worst of the draws that are kept, number by number."""
+    return _worst_course(setup, watched, x, kept, block)
+
+
+@partial(jax.jit, static_argnames="block")
+def worst_course_slope(
+    setup: Setup, watched: Watched, x: Float[Array, " m"], kept: Float[Array, " S"], block: int
+) -> Course:
+    """Its Jacobian in x, along the last axis."""
+    return jax.jacfwd(lambda x: _worst_course(setup, watched, x, kept, block))(x)
+
+
+def _worst_course(setup: Setup, watched: Watched, x: Array, kept: Array, block: int) -> Course:
+    course = _courses(setup, watched, x, block)
+    in_blocks = kept[:, None, None]
+    return Course(
+        jnp.where(in_blocks, course.highest, -jnp.inf).max(0),
+        jnp.where(in_blocks, course.lowest, jnp.inf).min(0),
+        jnp.where(kept, course.spent, -jnp.inf).max(),
+    )
+
+
+def _utility(setup: Setup, x: Array, block: int) -> Array:
+    control = _control(setup, x)
+
+    def at(values: Array) -> Array:
+        seen = setup.factor.T @ _information(setup.plan, values, control, block) @ setup.factor
+        return 0.5 * jnp.linalg.slogdet(jnp.eye(seen.shape[0]) + seen)[1]
+
+    return jax.vmap(at)(setup.points).mean()
+
+
+def _courses(setup: Setup, watched: Watched, x: Array, block: int) -> Course:
+    control = _control(setup, x)
+    return jax.vmap(lambda values: _course(setup.plan, watched, values, control, block))(watched.draws)
+
+
+def _control(setup: Setup, x: Array) -> Array:
+    return setup.trim + (setup.basis @ x)[:, None] * setup.span
+
+
+def _information(plan: TrialPlan, values: Array, control: Array, block: int) -> Array:
+    """`TrialPlan.information` in blocks that are computed anew on the way back."""
+    model, names = plan.model, plan.names
+    k = len(names)
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
+        state, slopes, total = carry
+        held, h, counts = sample
+
+        def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
+            named = dict(zip(names, point, strict=True))
+            shown = jnp.stack([model.output(name, named, state, held) for name in plan.channels]) * counts
+            return rk4_step(lambda s: model.derivative(named, s, held), state, h), shown
+
+        def along(direction: tuple, slope: tuple) -> tuple:
+            (moved, _), (moved_slope, shown_slope) = jax.jvp(moved_and_shown, (point, state), (direction, slope))
+            return moved, moved_slope, shown_slope
+
+        state, slopes, shown = jax.vmap(along, out_axes=(None, 0, 0))(directions, slopes)
+        return (state, slopes, total + shown @ shown.T), None
+
+    point = tuple(values[i] for i in range(k))
+    directions = tuple(jnp.eye(k)[i] for i in range(k))
+    start = tuple(plan.start[i] for i in range(plan.start.shape[0]))
+    begin = (start, tuple(jnp.zeros(k) for _ in start), jnp.zeros((k, k)))
+    over_block = jax.checkpoint(lambda carry, samples: jax.lax.scan(advance, carry, samples))
+    (_, _, total), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
+    return total
+
+
+def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, block: int) -> Course:
+    integrals = dict(limit_integrals(plan.model, watched.motion))
+    if watched.cost is not None:
+        integrals["spent"] = watched.cost.per_second
+
+    def quantities(joint: tuple, held: tuple) -> Array:
+        now: Mapping = signals_at(plan, integrals, joint, held)
+        return jnp.stack([value for limit in watched.motion for value in limit.quantities(now)] or [jnp.zeros(())])
+
+    def widened(extremes: tuple, joint: tuple, held: tuple) -> tuple:
+        found = quantities(joint, held)
+        return jnp.maximum(extremes[0], found), jnp.minimum(extremes[1], found)
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
+        (joint, extremes), (held, h, _) = carry, sample
+        return (joint_step(plan, integrals, values, joint, held, h), widened(extremes, joint, held)), None
+
+    def over_block(joint: tuple, samples: tuple) -> tuple[tuple, tuple]:
+        first, last = (tuple(column[i] for column in samples[0]) for i in (0, -1))
+        found = quantities(joint, first)
+        (joint, extremes), _ = jax.lax.scan(advance, (joint, (found, found)), samples)
+        return joint, widened(extremes, joint, last)
+
+    joint, (highest, lowest) = jax.lax.scan(over_block, joint_start(plan, integrals), _blocks(plan, control, block))
+    return Course(highest, lowest, watched.cost.fixed + joint[-1] if watched.cost is not None else jnp.zeros(()))
+
+
+def _blocks(plan: TrialPlan, control: Array, block: int) -> tuple:
+    """Controls, steps and weights in blocks; the last is filled with samples of no duration that nobody measures."""
+    n = control.shape[0]
+    missing = -n % block
+
+    def cut(rows: Array, last: Array) -> Array:
+        filled = jnp.concatenate([rows, jnp.broadcast_to(last, (missing, *rows.shape[1:]))])
+        return filled.reshape(-1, block, *rows.shape[1:])
+
+    columns = tuple(cut(control[:, i], control[-1, i]) for i in range(control.shape[1]))
+    return columns, cut(plan.step, jnp.zeros(())), cut(plan.weight, jnp.zeros(plan.weight.shape[1]))

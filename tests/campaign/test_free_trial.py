@@ -1,0 +1,34 @@
+"""The free-form trial of a campaign: better than the families, inside its limits, kept, and refused without bounds."""
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.free_trial import design_free_trial
+from seatrial.campaign.load import load_campaign
+from seatrial.core.errors import InputError
+from tests.campaign.test_designs import NARROW
+
+
+def campaign(folder, old="", new=""):
+    (folder / "campaign.toml").write_text(NARROW.replace(old, new))
+    return load_campaign(folder)
+
+
+def test_a_free_form_teaches_more_than_the_families_inside_the_limits(tmp_path):
+    made = campaign(tmp_path, 'lower = "0 rpm"\nupper = "1500 rpm"', 'lower = "994 rpm"\nupper = "1394 rpm"')
+    found, schedule = design_free_trial(made, 6)
+    assert found.utility > found.beside + 0.05
+    rpm = np.array(found.levels) * 30 / np.pi
+    assert (rpm >= 994 - 1e-6).all()
+    assert (rpm <= 1394 + 1e-6).all()
+    time, value = np.loadtxt(schedule, delimiter=",", skiprows=1).T
+    assert np.interp(1.0 + 29.0 / 6 * (np.arange(6) + 0.5), time, value) == pytest.approx(rpm)
+    assert value[0] == pytest.approx(125.0 * 30 / np.pi)
+    again, _ = design_free_trial(made, 6)
+    assert again == found
+    assert any("the best repeated doublet" in line for line in found.lines())
+
+
+def test_a_control_without_bounds_is_refused(tmp_path):
+    with pytest.raises(InputError, match="a free form goes as far as it may"):
+        design_free_trial(campaign(tmp_path, 'lower = "0 rpm"\n', ""), 6)

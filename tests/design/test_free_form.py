@@ -1,0 +1,318 @@
+"""Free-form designs: derivatives, exhaustive search over binary inputs, limits at every sample, and the golden problem."""
+
+from dataclasses import replace
+from itertools import product
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError
+from seatrial.design.cost import PropellerPower, in_joules
+from seatrial.design.free_form import design_free_form
+from seatrial.design.free_form_course import (
+    utilities,
+    utility,
+    utility_slope,
+    worst_course,
+    worst_course_slope,
+)
+from seatrial.design.free_form_problem import FreeFormProblem, check_problem
+from seatrial.design.free_form_starts import doublets, gentled
+from seatrial.design.motion_limits import Distance, StateBound
+from seatrial.design.plan import plan_trial
+from seatrial.design.sweep import LANES
+from seatrial.manoeuvres.free_form import SplineInput, SteppedInput, nearest_levels
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from tests.cases import N0, RPM, TRUTH, U0, paper_model
+from tests.estimation_cases import SIGMA, THRUST_UNIT, naive_doublets, naive_speed
+
+SCALE = {"X_u": 1.0, "X_uabsu": 1.0, "T_nabsn": THRUST_UNIT, "X_du3": 1.0}
+"""SI value of one printed unit."""
+WIDE = 1e4
+"""Prior standard deviation in printed units: as good as none."""
+LIMITS = Limits(N0 - 200 * RPM, N0 + 200 * RPM)
+TIME = np.arange(240) * 0.25
+
+
+def surge_problem(form=None, n=240, duration=60.0, terms=("X_u", "X_uabsu", "T_nabsn"), prior_sd=WIDE, **settings):
+    """The golden vehicle, u measured; by default at 4 Hz, 20 intervals of 3 s."""
+    model = paper_model(*terms)
+    values = np.array([TRUTH.get(name, 0.1) for name in terms])
+    scale = np.array([SCALE[name] for name in terms])
+    form = form or SteppedInput("n", N0, duration, 0.0, duration, 20)
+    defaults = {"limits": LIMITS, "points": values[None], "prior_cov": np.diag((prior_sd * scale) ** 2)}
+    return FreeFormProblem(plan_trial(model, [U0], {"u": SIGMA}, n, duration / n), form, **defaults | settings)
+
+
+def half_log_det(problem, design):
+    """Of the information alone, in printed units, from the plan's own information at the control as it is sampled."""
+    _, control = design.manoeuvre.sample(float(problem.plan.step[0]))
+    found = problem.plan.information(jnp.asarray(problem.points[0]), jnp.asarray(control)[:, None])
+    scale = np.array([SCALE[name] for name in problem.plan.names])
+    return 0.5 * np.linalg.slogdet(np.asarray(found) * np.outer(scale, scale))[1]
+
+
+POINTS = np.array([TRUTH[name] for name in SCALE if name in TRUTH]) * np.array(
+    [[1.0, 1.0, 1.0], [1.3, 0.9, 1.05], [0.8, 1.1, 0.95]]
+)
+
+
+COST = in_joules(1.0, PropellerPower(10.0, N0), fixed=5.0)
+
+
+def joules(control):
+    """What a trial of one minute takes, written out: 665 J at trim."""
+    return 5.0 + 60.0 * np.mean(1.0 + 10.0 * (control / N0) ** 3)
+
+
+def test_utility_is_that_of_the_information_at_every_point():
+    problem = surge_problem(points=POINTS, prior_sd=2.0)
+    x = np.random.default_rng(0).uniform(-1, 1, 20)
+    control = N0 + 200 * RPM * np.repeat(x, 12)
+    prior = np.linalg.inv(problem.prior_cov)
+    gains = [
+        0.5 * np.linalg.slogdet(np.asarray(problem.plan.information(point, jnp.asarray(control)[:, None])) + prior)[1]
+        + 0.5 * np.linalg.slogdet(problem.prior_cov)[1]
+        for point in jnp.asarray(POINTS)
+    ]
+    found = utility(problem.setup(), jnp.asarray(x), problem.block)
+    assert float(found) == pytest.approx(np.mean(gains), abs=1e-9)
+    (batch,) = utilities(problem.setup(), jnp.asarray(np.tile(x, (LANES, 1))), problem.block)
+    assert float(batch[0]) == pytest.approx(float(found), abs=1e-9)
+
+
+@pytest.mark.parametrize("block", [12, pytest.param(1000, marks=pytest.mark.thorough)])
+def test_gradient_against_differences_whatever_the_blocks(block):
+    """Central differences with steps of 1e-5 of utilities of order 10 are right to about 1e-8."""
+    problem = surge_problem(points=POINTS, prior_sd=2.0)
+    setup, x = problem.setup(), np.random.default_rng(1).uniform(-1, 1, 20)
+    moved = x + 1e-5 * np.concatenate([np.eye(20), -np.eye(20)])
+    (gain,) = utilities(setup, jnp.asarray(np.tile(moved, (LANES // 40, 1))), 12)
+    expected = (np.asarray(gain)[:20] - np.asarray(gain)[20:40]) / 2e-5
+    np.testing.assert_allclose(utility_slope(setup, jnp.asarray(x), block), expected, atol=1e-7)
+
+
+def test_course_against_a_plain_loop_and_its_slope_against_differences():
+    problem = surge_problem(points=POINTS, motion=(StateBound("u", upper=9.0), Distance(1e3)), cost=COST, budget=1e9)
+    setup, watched, x = problem.setup(), problem.watched(), np.random.default_rng(2).uniform(-1, 1, 20)
+    kept = jnp.array([True, True, False])
+    found = worst_course(setup, watched, jnp.asarray(x), kept, problem.block)
+    rev_per_s = 12.5 + 200 / 60 * np.repeat(x, 12)
+    scale = (1.0, 1.0, (2 * np.pi) ** 2)
+    speed = []
+    for point in POINTS[:2] * scale:
+        named = dict(zip(("x_u", "x_uu", "thrust"), point, strict=True))
+        speed.append(naive_speed(np.append(rev_per_s, 0.0), np.full(240, 0.25), **named))
+    blocks = np.array([[one[12 * i : 12 * i + 13] for i in range(20)] for one in speed])
+    np.testing.assert_allclose(np.asarray(found.highest)[:, 0], blocks.max((0, 2)), rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(found.lowest)[:, 0], blocks.min((0, 2)), rtol=1e-12)
+    # The trapezoidal rule misses the curvature of the speed, of the order of 1 m/s over 3 s squared, by 60 * 0.25^2 / 12 of it.
+    travelled = max(np.trapezoid(one, dx=0.25) for one in speed)
+    assert float(found.highest[-1, 1]) == pytest.approx(travelled, abs=0.03)
+    assert float(found.spent) == pytest.approx(joules(2 * np.pi * rev_per_s), rel=1e-12)
+    slope = worst_course_slope(setup, watched, jnp.asarray(x), kept, problem.block)
+    moved = [
+        worst_course(setup, watched, jnp.asarray(x + h * np.eye(20)[4]), kept, problem.block) for h in (1e-6, -1e-6)
+    ]
+    for each, one, other in zip(slope, *moved, strict=True):
+        np.testing.assert_allclose(np.asarray(each)[..., 4], (np.asarray(one) - np.asarray(other)) / 2e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize(("m", "terms"), [(9, 2), pytest.param(8, 1, marks=pytest.mark.thorough)])
+def test_first_order_linear_system_against_all_binary_inputs(m, terms):
+    """m du/dt = X_u u + tau_X, drag unknown, thrust scale too: the optimum is bang-bang, and the search finds the best of 2^m."""
+    fixed = {} if terms == 2 else {"T_tau_X": 1.0}
+    model = surge_vehicle(SurgeHull("linear", 30.0, fixed=fixed), ("X_u", "T_tau_X"))
+    plan = plan_trial(model, [0.2], {"u": 0.05}, 90, 0.2)
+    form = SteppedInput("tau_X", 2.0, 18.0, 0.0, 18.0, m)
+    points = np.array([[-10.0, 1.0][:terms]])
+    problem = FreeFormProblem(plan, form, Limits(-10.0, 14.0), points, np.diag([25.0, 1.0][:terms]))
+    found = design_free_form(problem, seed=0)
+    binary = np.array(list(product([-10.0, 14.0], repeat=m)))
+    (gain,) = utilities(problem.setup(), jnp.asarray((binary - 2.0) / 12.0), problem.block)
+    assert found.at_bounds == 1.0
+    assert found.utility == pytest.approx(float(np.max(gain)), abs=1e-9)
+    np.testing.assert_allclose(found.levels, binary[int(np.argmax(gain))], atol=1e-9)
+
+
+def naive_peak(point, rev_per_s, step):
+    named = dict(zip(("x_u", "x_uu", "thrust"), point * (1.0, 1.0, (2 * np.pi) ** 2), strict=True))
+    return naive_speed(rev_per_s, np.full(rev_per_s.size, step), **named)
+
+
+def test_limits_hold_at_every_sample():
+    """Ramps, a rate, a speed that is not to be exceeded at any of three points, and energy; and margins are what was reached."""
+    form = SteppedInput("n", N0, 60.0, 0.0, 58.0, 20, edge=1.0)
+    limits = Limits(LIMITS.lower, LIMITS.upper, rate=250 * RPM)
+    motion = (StateBound("u", lower=1.4, upper=2.5), Distance(97.0))
+    start = 2 * np.pi * naive_doublets(TIME, 200, 18, active=54)
+    problem = surge_problem(form, limits=limits, points=POINTS, motion=motion, cost=COST, budget=690.0)
+    found = design_free_form(problem, 0, {"doublet": nearest_levels(form, TIME, start)}, steps=40)
+    _, control = found.manoeuvre.sample(0.25)
+    assert limits.excess(control, 0.25) == {}
+    assert control[[0, -4, -1]] == pytest.approx(N0, abs=1e-6)
+    speed = np.array([naive_peak(point, control / (2 * np.pi), 0.25) for point in POINTS])
+    assert speed.max() <= 2.5
+    assert speed.min() >= 1.4 - 1e-9
+    margins = {margin.limit: margin for margin in found.margins}
+    assert margins["upper bound 2.5 m/s of u"].reached == pytest.approx(speed.max(), abs=1e-9)
+    assert margins["lower bound 1.4 m/s of u"].reached == pytest.approx(speed.min(), abs=1e-9)
+    assert margins["upper bound 97 m of travelled"].reached == pytest.approx(speed.sum(1).max() * 0.25, abs=0.05)
+    assert margins["upper bound 97 m of travelled"].left >= 0
+    assert margins["budget in J"].reached == pytest.approx(joules(control), rel=1e-9)
+    assert joules(control) <= 690.0 * (1 + 1e-9)
+    assert margins["rate limit of n"].left >= 0
+    assert {name for name, margin in margins.items() if margin.active} == set(found.active)
+    assert {"lower bound 1.4 m/s of u", "budget in J"} <= set(found.active)
+    assert "upper bound 2.5 m/s of u" not in found.active
+    assert found.utility > found.outcomes[0].before + 0.1
+
+
+@pytest.mark.thorough
+def test_a_share_of_the_draws_may_break_a_bound():
+    """Twenty draws, a tenth at risk: all but two stay slow, and more is learned than if all had to."""
+    rng = np.random.default_rng(3)
+    draws = POINTS[0] * (1 + 0.05 * rng.normal(size=(20, 3)))
+    start = {"doublet": nearest_levels(surge_problem().form, TIME, 2 * np.pi * naive_doublets(TIME, 200, 20, 60, 0.0))}
+    bounds = (StateBound("u", upper=2.0),)
+    found = {}
+    for risk in (0.0, 0.1):
+        problem = surge_problem(points=POINTS[:1], draws=draws, motion=bounds, risk=risk)
+        found[risk] = design_free_form(problem, 0, start, steps=30)
+        _, control = found[risk].manoeuvre.sample(0.25)
+        peaks = np.array([naive_peak(point, control / (2 * np.pi), 0.25).max() for point in draws])
+        assert found[risk].broken == (peaks > 2.0 + 1e-9).mean()
+        assert found[risk].broken <= risk
+    assert found[0.1].broken > 0
+    assert found[0.1].broken_error == pytest.approx(np.sqrt(found[0.1].broken * (1 - found[0.1].broken) / 20))
+    assert found[0.1].utility > found[0.0].utility
+
+
+def test_same_seed_same_design_and_what_is_said():
+    seen = []
+    one, same = (
+        design_free_form(surge_problem(points=POINTS), 7, steps=20, progress=lambda *p: seen.append(p))
+        for _ in range(2)
+    )
+    assert np.array_equal(one.levels, same.levels)
+    assert one.status == same.status
+    assert seen[-1] == (80, 80)
+    assert all(done <= total for done, total in seen)
+    names = [outcome.name for outcome in one.outcomes]
+    assert names == ["best doublet", "best multisine", "random binary 1", "random binary 2"]
+    for outcome in one.outcomes:
+        assert outcome.before <= outcome.utility <= one.utility
+        assert outcome.climbed <= outcome.utility + 1e-9
+    assert "of 4 starts end within" in one.status
+
+
+def test_best_doublet_is_the_best_of_all_whole_ones():
+    """Every half period, number and first side that fit eight levels, written out."""
+    found = {tuple(row) for row in doublets(8, -1.0, 1.0)}
+    expected = set()
+    for half, count in [(1, 1), (1, 2), (1, 3), (1, 4), (2, 1), (2, 2), (3, 1), (4, 1)]:
+        signs = ([1.0] * half + [-1.0] * half) * count
+        signs += [0.0] * (8 - len(signs))
+        expected |= {tuple(signs), tuple(-s + 0.0 for s in signs)}
+    assert found == expected
+
+
+def test_starts_are_brought_inside_near_by():
+    """A full swing in one edge becomes two half swings about trim; what is inside stays as it is."""
+    form = SteppedInput("n", N0, 60.0, 1.0, 57.0, 19, edge=1.0)
+    problem = surge_problem(form, limits=Limits(LIMITS.lower, LIMITS.upper, rate=200 * RPM))
+    swing = np.concatenate([np.full(9, 1.0), np.full(10, -1.0)])
+    inside = gentled(problem, swing)
+    rows, most = problem.linear()
+    assert (rows @ inside <= most + 1e-9).all()
+    np.testing.assert_allclose(inside[[8, 9]], [0.5, -0.5], atol=1e-6)
+    np.testing.assert_allclose(inside[:8], 1.0, atol=1e-6)
+    np.testing.assert_allclose(gentled(problem, 0.5 * inside), 0.5 * inside, atol=1e-12)
+
+
+def test_spline_keeps_its_limits():
+    form = SplineInput("n", N0, 60.0, 0.0, 60.0, 20)
+    limits = Limits(LIMITS.lower, LIMITS.upper, rate=60 * RPM)
+    found = design_free_form(
+        surge_problem(form, limits=limits, points=POINTS), 0, {"near trim": np.full(20, N0 + 1.0)}, steps=60
+    )
+    time = np.arange(6000) * 0.01
+    control = found.manoeuvre.signal(time)
+    assert limits.excess(control, 0.01) == {}
+    assert found.utility > found.outcomes[0].before + 3
+
+
+@pytest.mark.thorough
+def test_golden_free_form_beats_the_doublets_by_the_golden_margin():
+    """60 intervals, 6 000 samples: 12.14 was the best of four local searches, 10.9 and 11.75 doublets of 10 and 20 s."""
+    problem = surge_problem(SteppedInput("n", N0, 60.0, 0.0, 60.0, 60), n=6000)
+    found = design_free_form(problem, seed=0)
+    golden = half_log_det(problem, found)
+    assert found.utility - 3 * np.log(WIDE) == pytest.approx(golden, abs=1e-4)
+    assert golden > 12.14
+    for period, doublet in ((10, 10.9), (20, 11.75)):
+        control = 2 * np.pi * naive_doublets(np.arange(6000) * 0.01, 200, period)
+        seen = np.asarray(problem.plan.information(jnp.asarray(problem.points[0]), jnp.asarray(control)[:, None]))
+        gain = 0.5 * np.linalg.slogdet(seen * np.outer([1, 1, THRUST_UNIT], [1, 1, THRUST_UNIT]))[1]
+        assert golden - gain > 12.14 - doublet - 0.02
+    assert found.at_bounds == 1.0
+    assert found.utility > found.outcomes[0].before
+
+
+@pytest.mark.thorough
+def test_golden_standard_deviations_of_the_doubted_term():
+    """Free form brings X_du3 from 5.61 (doublet of 10 s) to 0.67 or below, and X_u from 0.37 to 0.13."""
+    problem = surge_problem(
+        SteppedInput("n", N0, 60.0, 0.0, 60.0, 60), n=6000, terms=("X_u", "X_uabsu", "T_nabsn", "X_du3")
+    )
+    found = design_free_form(problem, seed=0)
+    _, control = found.manoeuvre.sample(0.01)
+    seen = problem.plan.information(jnp.asarray(problem.points[0]), jnp.asarray(control)[:, None])
+    sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(seen))))
+    assert sd[3] < 0.67
+    assert sd[0] < 0.13
+
+
+IMPOSSIBLE = [
+    ({"limits": Limits(90.0, 80.0)}, "lower limit 90 above upper limit 80 by 10"),
+    ({"limits": Limits(80.0, 90.0)}, r"lower limit 80 above trim 78\.5398 by 1\.46018"),
+    ({"limits": Limits(60.0, 70.0)}, r"trim 78\.5398 above upper limit 70 by 8\.53982"),
+    ({"limits": Limits(N0, N0)}, "room between them"),
+    ({"limits": Limits(60.0, None)}, "upper limit None"),
+    ({"limits": Limits(60.0, 90.0, rate=0.0)}, "no way back to trim"),
+    ({"limits": Limits(60.0, 90.0, rate=10.0)}, "edges of 3 s for the full swing of 30"),
+    ({"motion": (StateBound("u", upper=1.5),)}, r"trim breaks the upper bound 1\.5 m/s of u by 0\.0418615"),
+    ({"motion": (StateBound("u", lower=1.6),)}, r"trim breaks the lower bound 1\.6 m/s of u by 0\.0581385"),
+    ({"motion": (Distance(90.0),)}, r"trim breaks the upper bound 90 m of travelled by 2\.51169"),
+    ({"cost": COST, "budget": 600.0}, "trim breaks the budget of 600 J by 65 "),
+    ({"budget": 600.0}, "a cost and a finite budget"),
+    ({"motion": (StateBound("w", upper=1.5),)}, "states: u"),
+    ({"risk": 1.0}, "below 1"),
+    ({"points": np.zeros((1, 2))}, r"points \(P, 3\)"),
+    ({"prior_cov": np.zeros((3, 3))}, "positive definite"),
+    ({"form": SteppedInput("tau", N0, 60.0, 0.0, 60.0, 20)}, "one of n"),
+    ({"form": SteppedInput("n", N0, 50.0, 0.0, 50.0, 20)}, "60 s of the plan"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), IMPOSSIBLE)
+def test_limits_that_admit_nothing(change, message):
+    with pytest.raises(InputError, match=message):
+        check_problem(replace(surge_problem(), **change))
+
+
+def test_bounds_that_trim_breaks_for_too_many_draws():
+    draws = np.tile(POINTS[0], (10, 1))
+    draws[:3, 2] *= 1.5
+    bound = (StateBound("u", upper=1.7),)
+    check_problem(surge_problem(draws=draws, motion=bound, risk=0.3))
+    with pytest.raises(InputError, match="3 of 10 draws break a bound, 2 may"):
+        check_problem(surge_problem(draws=draws, motion=bound, risk=0.2))
+
+
+@pytest.mark.parametrize("levels", [np.zeros(3), np.full(20, np.nan)])
+def test_impossible_start(levels):
+    with pytest.raises(InputError, match="20 finite levels"):
+        design_free_form(surge_problem(), 0, {"mine": levels})
