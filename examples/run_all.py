@@ -25,20 +25,17 @@ def main() -> None:
 
 
 def design_trials(name: str) -> None:
-    """Design one campaign's trials in families and free, run them one after another, and rehearse that with other vehicles."""
+    """Design one campaign's trial in families and free of them; what follows, `run`, `next` and `rehearse`, takes minutes."""
     folder = OUTPUTS / name
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(EXAMPLES / name / "campaign.toml", folder)
-    for words in (["design"], ["design", "--free-form", "12"], ["run"], ["next"], ["rehearse", "--truths", "3"]):
+    for words in (["design"], ["design", "--free-form", "12"]):
         command = [sys.executable, "-m", "seatrial", words[0], str(folder), *words[1:]]
         code = subprocess.run(command).returncode
         assert code in (0, 3), f"example {name}, {' '.join(words)}: exit code {code}"
     free = json.loads((folder / "results" / "free_form.json").read_text())
     assert free["utility"] > free["beside"]
-    summary = json.loads((folder / "results" / "summary.json").read_text())
-    assert [row["name"] for row in summary["coefficients"]][:3] == ["X_u", "X_uabsu", "T_nabsn"]
-    assert (folder / "results" / "records" / "trial-2.nc").is_file()
-    assert (folder / "rehearsal.svg").is_file()
+    assert (folder / "results" / "free_form_schedule.csv").is_file()
 
 
 def select_terms(name: str) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from seatrial.campaign.designs import design_first
 from seatrial.campaign.load import load_campaign
+from seatrial.campaign.measures import compare_measures
 from seatrial.campaign.store import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL
@@ -137,3 +138,17 @@ def test_a_utility_and_a_battery_change_what_is_best(tmp_path):
 def test_limits_of_the_motion_that_cannot_be_kept(tmp_path, more, message):
     with pytest.raises(InputError, match=message):
         weighed(tmp_path, more=f"\n{more}\n")
+
+
+def test_cheap_measures_are_held_against_the_expected_gain(tmp_path):
+    """Vehicles known to a few per cent: the posterior is normal, so that all measures of information are nearly one."""
+    (tmp_path / "campaign.toml").write_text(NARROW)
+    found = compare_measures(load_campaign(tmp_path), 6)
+    gain, error = found.data["expected information gain"].values, found.data["error"].values
+    over_draws = found.data["fisher-d over 32 draws"].values
+    assert gain.size >= 5
+    assert np.abs(gain - over_draws).max() < 0.5
+    assert (error < 0.02 * gain).all()
+    assert "has the largest expected information gain" in found.lines()[0]
+    assert len(found.agreements) == 6
+    assert all(-1 <= one.correlation <= 1 for one in found.agreements)

@@ -22,7 +22,7 @@ class Known:
 ALIKE = [Uniform(1.0, 2.0), LogUniform(1.0, 2.0), Normal(1.0, 2.0), LogNormal(1.0, 2.0), Cooled(1.0, 2.0), (1.0, 2.0)]
 
 
-@pytest.mark.parametrize(("one", "other"), combinations(ALIKE, 2), ids=str)
+@pytest.mark.parametrize(("one", "other"), list(combinations(ALIKE, 2)), ids=str)
 def test_two_classes_never_share_what_was_compiled(one, other):
     """JAX compares structures by this equality where their hashes meet."""
     assert jax.tree.structure(one) != jax.tree.structure(other)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.trees import compiled_tree
 from seatrial.sampling.tempered_ladder import LadderSettings
 from seatrial.sampling.tempered_smc import SMCSettings
 from seatrial.selection.agreement import AgreementSettings, agreed_evidence, judge
@@ -57,7 +58,7 @@ def test_value_is_the_other_methods_where_importance_sampling_complains():
     assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@jax.tree_util.register_dataclass
+@compiled_tree()
 @dataclass(frozen=True)
 class Bare:
     """A target that is no posterior: standard normal prior in two dimensions, log L = -x.x / 2, so Z = 1/2."""

@@ -47,6 +47,11 @@ class Store:
         return self.results / "free_form.json"
 
     @property
+    def measures(self) -> Path:
+        """Every measure of some designs side by side."""
+        return self.results / "measures.nc"
+
+    @property
     def sequence(self) -> Path:
         """Trials decided after the first, of a simulated vehicle."""
         return self.results / "sequence.json"

@@ -40,11 +40,22 @@ def design(
     free_form: Annotated[
         int, typer.Option(min=0, max=200, help="Also search so many levels one by one, by gradients.")
     ] = 0,
+    compare: Annotated[
+        int,
+        typer.Option(
+            min=0, max=1000, help="Also compute the expected information gain of so many designs, 5 at least."
+        ),
+    ] = 0,
     quiet: Quiet = False,
 ) -> None:
     """Find the most informative trial of the families, inside the limits."""
 
     def work(campaign: Any, watch: Any) -> Exit:
+        if compare:
+            from seatrial.campaign.measures import compare_measures
+
+            typer.echo("\n".join(compare_measures(campaign, max(compare, 5), watch).lines()))
+            return Exit.OK
         if free_form:
             from seatrial.campaign.free_trial import design_free_trial
 
