@@ -124,6 +124,18 @@ def test_a_utility_and_a_battery_change_what_is_best(tmp_path):
     assert "nat/J" in thrifty.lines()[0]
 
 
+def test_energy_needs_a_propeller_and_its_power(tmp_path):
+    with pytest.raises(InputError, match="without"):
+        weighed(tmp_path, 'per = "joule"')
+    force = NARROW.replace("T_nabsn", "X_tau_X").replace("2.0e-4", "0.5").replace("12.0e-4", "1.5")
+    force = force.replace('control = "n"', 'control = "tau_X"\nper = "joule"').replace("limits.n", "limits.tau_X")
+    for rpm, newtons in (("1500", "30"), ("100", "5"), ("200", "20"), ("0", "-30")):
+        force = force.replace(f"{rpm} rpm", f"{newtons} N")
+    (tmp_path / "campaign.toml").write_text(force.replace("T_nabsn = 6.28e-4", "X_tau_X = 1.0"))
+    with pytest.raises(InputError, match="the propeller n"):
+        load_campaign(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [

@@ -8,6 +8,8 @@ from seatrial.campaign.load import load_campaign
 from seatrial.core.errors import InputError
 from tests.campaign.test_designs import NARROW
 
+pytestmark = pytest.mark.thorough
+
 
 def campaign(folder, old="", new=""):
     (folder / "campaign.toml").write_text(NARROW.replace(old, new))

@@ -28,6 +28,8 @@ from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, THRUST_UNIT, naive_doublets, naive_speed
 
+pytestmark = pytest.mark.thorough
+
 SCALE = {"X_u": 1.0, "X_uabsu": 1.0, "T_nabsn": THRUST_UNIT, "X_du3": 1.0}
 """SI value of one printed unit."""
 WIDE = 1e4
@@ -170,7 +172,6 @@ def test_limits_hold_at_every_sample():
     assert found.utility > found.outcomes[0].before + 0.1
 
 
-@pytest.mark.thorough
 def test_a_share_of_the_draws_may_break_a_bound():
     """Twenty draws, a tenth at risk: all but two stay slow, and more is learned than if all had to."""
     rng = np.random.default_rng(3)
@@ -244,7 +245,6 @@ def test_spline_keeps_its_limits():
     assert found.utility > found.outcomes[0].before + 3
 
 
-@pytest.mark.thorough
 def test_golden_free_form_beats_the_doublets_by_the_golden_margin():
     """60 intervals, 6 000 samples: 12.14 was the best of four local searches, 10.9 and 11.75 doublets of 10 and 20 s."""
     problem = surge_problem(SteppedInput("n", N0, 60.0, 0.0, 60.0, 60), n=6000)
@@ -261,7 +261,6 @@ def test_golden_free_form_beats_the_doublets_by_the_golden_margin():
     assert found.utility > found.outcomes[0].before
 
 
-@pytest.mark.thorough
 def test_golden_standard_deviations_of_the_doubted_term():
     """Free form brings X_du3 from 5.61 (doublet of 10 s) to 0.67 or below, and X_u from 0.37 to 0.13."""
     problem = surge_problem(

@@ -75,9 +75,16 @@ def read_power(campaign: "Campaign") -> tuple[float, float, float]:
     """Propulsion, W, the control at which it is drawn, SI, and the hotel load, W.
 
     Raises:
-        InputError: no table, or numbers that are not positive.
+        InputError: no table, a control that is no propeller, or numbers that are not positive.
     """
     table = campaign.source.power
+    if campaign.source.design.control != "n":
+        raise InputError(
+            campaign.where("design.per"),
+            found=f'"joule" with the control {campaign.source.design.control}',
+            expected="the propeller n, whose power grows with its cube",
+            remedy='set per = "trial"',
+        )
     if table is None:
         raise InputError(
             campaign.where("design.per"),
