@@ -124,6 +124,14 @@ def test_a_utility_and_a_battery_change_what_is_best(tmp_path):
     assert "nat/J" in thrifty.lines()[0]
 
 
+@pytest.mark.parametrize("utility", ["fisher-a", "fisher-e", "fisher-me"])
+def test_every_utility_may_be_counted_per_joule(tmp_path, utility):
+    """Also those that are negative, or one, where nothing is learned."""
+    power = '\n[power]\nhotel = "20 W"\npropulsion = "40 W"\nat = "1500 rpm"\n'
+    worth = weighed(tmp_path, f'utility = "{utility}"\nper = "joule"', power).best.worth
+    assert np.nanmin(worth) > 0
+
+
 def test_energy_needs_a_propeller_and_its_power(tmp_path):
     with pytest.raises(InputError, match="without"):
         weighed(tmp_path, 'per = "joule"')

@@ -91,14 +91,9 @@ def expected_nats(
     """Expected log Bayes factor between two structures for every design of a grid, NaN where it breaks a limit."""
     a, b = set(best.structure.terms), set(runner.structure.terms)
     pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
-    allowed = np.isfinite(sweep.gain)
-    rows, columns = np.nonzero(allowed)
-    time = sweep.family.time()
-    controls = np.asarray(
-        sweep.family.signal(sweep.amplitude[rows][:, None], sweep.period[columns][:, None], time[None, :])
-    )
+    (rows, columns, controls), time = sweep.inside(), sweep.family.time()
     nats = np.full(sweep.gain.shape, np.nan)
-    nats[allowed] = np.min(
+    nats[rows, columns] = np.min(
         [_nats(campaign, best, truth, other, trials, time, controls) for truth, other in pairs], axis=0
     )
     return nats

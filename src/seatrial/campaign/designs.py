@@ -18,7 +18,7 @@ from seatrial.campaign.weighing import SAFETY_DRAWS, plan_of, safety_lines, util
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.known_before import draw_values
+from seatrial.design.prior_belief import draw_values
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
@@ -67,7 +67,7 @@ class Designs:
     """What was swept: one sweep for each family that has a design inside the limits.
 
     Attributes:
-        sweeps: the most informative first.
+        sweeps: that of the best design first.
         refused: families without a design inside the limits, and why.
         basis: what the designs were swept from, in words.
         names: coefficients.

@@ -19,7 +19,7 @@ from seatrial.core.errors import InputError
 from seatrial.design.criteria import find_criterion
 from seatrial.design.free_form import FreeFormDesign, design_free_form
 from seatrial.design.free_form_problem import FreeFormProblem
-from seatrial.design.known_before import draw_values, prior_cov
+from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels

@@ -22,7 +22,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.design.agreement import Agreement, compare_utilities
 from seatrial.design.criteria import find_criterion
 from seatrial.design.expected_gain import GainSettings, importance_gain
-from seatrial.design.known_before import draw_values, prior_cov
+from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import local_utility, utility_table
 
 FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")

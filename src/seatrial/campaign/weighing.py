@@ -17,7 +17,7 @@ from seatrial.design.sweep import Sweep
 from seatrial.vehicles.model import VehicleModel
 
 SAFETY_DRAWS = 400
-"""Draws of what is believed behind each probability of staying inside the limits."""
+"""Draws of what is believed behind each probability of staying inside the limits, where a posterior has twice as many."""
 UTILITY_DRAWS = 32
 """Draws over which a utility is averaged, the same for all designs."""
 
@@ -37,7 +37,7 @@ def weigh(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: Float[np.nda
         campaign: limits, utility and power.
         plan: of its trials.
         sweep: entropy reduction of each design.
-        draws: coefficients drawn from what is believed, SI, `SAFETY_DRAWS` at least.
+        draws: coefficients drawn from what is believed, SI; half of them choose.
 
     Raises:
         InputError: no design keeps the limits of the motion with the probability asked for, or limits the vehicle cannot have.
@@ -46,21 +46,23 @@ def weigh(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: Float[np.nda
     limits, table = campaign.motion_limits, campaign.source.design
     if not limits and table.utility == "entropy" and table.per == "trial":
         return sweep
-    controls, where = _controls(sweep)
+    rows, columns, control = sweep.inside()
     if limits:
-        safety = judge_safety(plan, controls, draws[:SAFETY_DRAWS], limits, table.probability)
+        safety = judge_safety(plan, control[..., None], _for_choice(draws), limits, table.probability)
         check_some_allowed(safety)
-        sweep = _only(sweep, where, safety.allowed)
-        controls, where = _controls(sweep)
-    utility = sweep.gain[where]
+        sweep = _only(sweep, rows, columns, safety.allowed)
+        rows, columns, control = sweep.inside()
+    controls, utility = control[..., None], sweep.gain[rows, columns]
     if table.utility != "entropy":
         utility = _utility(campaign, plan, controls, draws)
     if table.per == "joule":
         power, at, hotel = campaign.power()
         cost = in_joules(hotel, PropellerPower(power, at, sweep.family.control))
-        utility = gain_per_cost(utility, expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean)
+        utility = gain_per_cost(
+            utility - _of_no_trial(campaign, draws), expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean
+        )
     found = np.full(sweep.gain.shape, np.nan)
-    found[where] = utility
+    found[rows, columns] = utility
     return replace(sweep, utility=found)
 
 
@@ -69,9 +71,13 @@ def safety_lines(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: Float
     if not campaign.motion_limits:
         return ()
     control = sweep.best_manoeuvre().sample(sweep.family.sample_time)[1]
-    fresh = draws[SAFETY_DRAWS : 2 * SAFETY_DRAWS]
-    probability = campaign.source.design.probability
+    fresh, probability = draws[len(_for_choice(draws)) :], campaign.source.design.probability
     return judge_safety(plan, control[None, :, None], fresh, campaign.motion_limits, probability).words(0)
+
+
+def _for_choice(draws: np.ndarray) -> np.ndarray:
+    """The half of the draws by which designs are chosen; the other half judges the one that is."""
+    return draws[: len(draws) // 2]
 
 
 def utility_unit(campaign: Campaign) -> str:
@@ -80,6 +86,12 @@ def utility_unit(campaign: Campaign) -> str:
     units = {"entropy": "nat", "fisher-d": "nat", "fisher-me": "nat"}
     unit = units.get(table.utility, "")
     return f"{unit}/J" if table.per == "joule" else unit
+
+
+def _of_no_trial(campaign: Campaign, draws: np.ndarray) -> float:
+    """Utility without information: what is counted for a joule is the gain beyond it."""
+    name, cov = campaign.source.design.utility, np.atleast_2d(np.cov(draws, rowvar=False))
+    return 0.0 if name == "entropy" else float(find_criterion(name, cov)(np.zeros_like(cov)))
 
 
 def _utility(campaign: Campaign, plan: TrialPlan, controls: np.ndarray, draws: np.ndarray) -> np.ndarray:
@@ -91,14 +103,7 @@ def _utility(campaign: Campaign, plan: TrialPlan, controls: np.ndarray, draws: n
     return found.worst() if table.over == "worst" else found.mean
 
 
-def _controls(sweep: Sweep) -> tuple[Float[np.ndarray, "D n c"], tuple[np.ndarray, np.ndarray]]:
-    """Controls of the designs inside the limits, and their places in the grid."""
-    rows, columns = np.nonzero(np.isfinite(sweep.gain))
-    amplitude, period = sweep.amplitude[rows][:, None], sweep.period[columns][:, None]
-    return np.asarray(sweep.family.signal(amplitude, period, sweep.family.time()[None, :]))[..., None], (rows, columns)
-
-
-def _only(sweep: Sweep, where: tuple[np.ndarray, np.ndarray], allowed: np.ndarray) -> Sweep:
+def _only(sweep: Sweep, rows: np.ndarray, columns: np.ndarray, allowed: np.ndarray) -> Sweep:
     gain = sweep.gain.copy()
-    gain[where[0][~allowed], where[1][~allowed]] = np.nan
+    gain[rows[~allowed], columns[~allowed]] = np.nan
     return replace(sweep, gain=gain)

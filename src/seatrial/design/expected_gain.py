@@ -27,8 +27,8 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.known_before import Belief, draw_z, entropies, outputs_of, values_of
 from seatrial.design.plan import TrialPlan
+from seatrial.design.prior_belief import Belief, draw_z, entropies, outputs_of, values_of
 from seatrial.design.simulated_evidence import explain, noise_of
 from seatrial.design.sweep import in_blocks
 

@@ -3,7 +3,7 @@
     utility = mean over points of 1/2 ln det(1 + L^T I L),  P0 = L L^T,  I the Fisher information at the point
 
 Time is cut into blocks. Derivatives of the utility run backwards and keep the state only where blocks begin; derivatives of the
-course, many numbers, run forwards. Measured on 6 000 samples, 60 levels and 3 coefficients: 4 ms backwards, 17 ms forwards.
+course, many numbers, run forwards.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_start, joint_step, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
 from seatrial.design.plan import TrialPlan
-from seatrial.numerics.integrate import rk4_step
+from seatrial.estimation.information import sensitivity_loop
 
 
 class Setup(NamedTuple):
@@ -139,29 +139,7 @@ def _control(setup: Setup, x: Array) -> Array:
 
 def _information(plan: TrialPlan, values: Array, control: Array, block: int) -> Array:
     """`TrialPlan.information` in blocks that are computed anew on the way back."""
-    model, names = plan.model, plan.names
-    k = len(names)
-
-    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-        state, slopes, total = carry
-        held, h, counts = sample
-
-        def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
-            named = dict(zip(names, point, strict=True))
-            shown = jnp.stack([model.output(name, named, state, held) for name in plan.channels]) * counts
-            return rk4_step(lambda s: model.derivative(named, s, held), state, h), shown
-
-        def along(direction: tuple, slope: tuple) -> tuple:
-            (moved, _), (moved_slope, shown_slope) = jax.jvp(moved_and_shown, (point, state), (direction, slope))
-            return moved, moved_slope, shown_slope
-
-        state, slopes, shown = jax.vmap(along, out_axes=(None, 0, 0))(directions, slopes)
-        return (state, slopes, total + shown @ shown.T), None
-
-    point = tuple(values[i] for i in range(k))
-    directions = tuple(jnp.eye(k)[i] for i in range(k))
-    start = tuple(plan.start[i] for i in range(plan.start.shape[0]))
-    begin = (start, tuple(jnp.zeros(k) for _ in start), jnp.zeros((k, k)))
+    begin, advance = sensitivity_loop(plan.model, plan.channels, plan.named(values), plan.start)
     over_block = jax.checkpoint(lambda carry, samples: jax.lax.scan(advance, carry, samples))
     (_, _, total), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
     return total

@@ -67,14 +67,15 @@ class TrialPlan:
             values: coefficients about which it is linearised, SI.
             control: every control, held from each sample to the next, SI.
         """
-        params = self._named(values)
+        params = self.named(values)
         return coefficient_information(self.model, self.channels, params, control, self.step, self.start, self.weight)
 
-    def _named(self, values: Array) -> dict[str, Array]:
+    def named(self, values: Float[Array, " k"]) -> dict[str, Array]:
+        """Coefficients by name, SI."""
         return {name: values[i] for i, name in enumerate(self.names)}
 
     def _run(self, values: Array, control: Array) -> tuple[Array, Array]:
-        params = self._named(values)
+        params = self.named(values)
 
         def advance(state: tuple, sample: tuple) -> tuple:
             held, h, counts = sample

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.special import logsumexp
 
-from seatrial.design.known_before import Belief, log_priors, outputs_of
 from seatrial.design.plan import TrialPlan
+from seatrial.design.prior_belief import Belief, log_priors, outputs_of
 
 FREEDOM = 8
 """Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of a posterior."""

@@ -9,7 +9,7 @@ from functools import lru_cache
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.state_space import StateSpace
@@ -56,6 +56,12 @@ class Sweep:
         """Indices of the best design inside the limits."""
         row, column = np.unravel_index(np.nanargmax(self.worth), self.gain.shape)
         return int(row), int(column)
+
+    def inside(self) -> tuple[Int[np.ndarray, " D"], Int[np.ndarray, " D"], Float[np.ndarray, "D n"]]:
+        """Rows and columns of the designs inside the limits, and their controls, SI."""
+        rows, columns = np.nonzero(np.isfinite(self.gain))
+        amplitude, period = self.amplitude[rows][:, None], self.period[columns][:, None]
+        return rows, columns, np.asarray(self.family.signal(amplitude, period, self.family.time()[None, :]))
 
     def best_manoeuvre(self) -> Manoeuvre:
         """The best design."""

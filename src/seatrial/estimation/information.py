@@ -5,7 +5,7 @@ the log-likelihood of data that are the simulation itself: every term with a res
 be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -93,9 +93,24 @@ def coefficient_information(
         start: state at the first sample.
         weight: one over the standard deviation of each channel at each sample, SI; 0 where it is not measured.
     """
+    begin, advance = sensitivity_loop(model, channels, params, start)
+    columns = tuple(control[:, i] for i in range(control.shape[1]))
+    (_, _, total), _ = jax.lax.scan(advance, begin, (columns, step, weight))
+    return total
+
+
+def sensitivity_loop(
+    model: VehicleModel, channels: tuple[str, ...], params: Mapping[str, Any], start: Float[Array, " n_states"]
+) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
+    """Time loop that sums the information of `coefficient_information`: its first carry, and its step.
+
+    The carry is the state, its slopes along the k coefficients and the information so far, shape (k, k); a sample is the controls, the
+    time to the next sample and the weights.
+    """
     names = tuple(coefficient.text for coefficient in model.coefficients)
-    point = tuple(params[name] for name in names)
+    point = tuple(jnp.asarray(params[name], float) for name in names)
     k = len(names)
+    directions = tuple(jnp.eye(k)[i] for i in range(k))
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total = carry
@@ -113,13 +128,8 @@ def coefficient_information(
         state, slopes, shown = jax.vmap(along, out_axes=(None, 0, 0))(directions, slopes)
         return (state, slopes, total + shown @ shown.T), None
 
-    point = tuple(jnp.asarray(value, float) for value in point)
-    directions = tuple(jnp.eye(k)[i] for i in range(k))
-    begin = tuple(start[i] for i in range(start.shape[0]))
-    columns = tuple(control[:, i] for i in range(control.shape[1]))
-    still = tuple(jnp.zeros(k) for _ in begin)
-    (_, _, total), _ = jax.lax.scan(advance, (begin, still, jnp.zeros((k, k))), (columns, step, weight))
-    return total
+    state = tuple(start[i] for i in range(start.shape[0]))
+    return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k))), advance
 
 
 @jax.jit

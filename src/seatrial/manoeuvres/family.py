@@ -64,7 +64,7 @@ class Family:
     def fits(self, period: Float[np.ndarray, "*p"]) -> Bool[np.ndarray, "*p"]:
         """Whether the whole shape fits into the active time, and its edges and samples between its turns."""
         period = np.asarray(period, float)
-        turns = self.shape.shortest(period, self.active) * (1 + 1e-9)
+        turns = self.shape.shortest(period) * (1 + 1e-9)
         within = (period > 0) & (period <= self.shape.longest(self.active) * (1 + 1e-9))
         return within & (turns >= max(self.ramp, self.sample_time))
 
@@ -93,7 +93,7 @@ class Family:
 
     def expected(self) -> dict[str, str]:
         """What a period has to be, and how to mend one that is not, for errors."""
-        shortest = max(self.ramp, self.sample_time) / float(self.shape.shortest(1.0, self.active))
+        shortest = max(self.ramp, self.sample_time) / float(self.shape.shortest(1.0))
         return {
             "expected": f"a {self.shape.period_is} from {shortest:.4g} s, where its edges take {self.ramp:g} s and samples "
             f"{self.sample_time:g} s, to {self.shape.longest(self.active):.4g} s, so that it fits into {self.active:g} s",

@@ -42,7 +42,7 @@ class Shape(Protocol):
         """
         ...
 
-    def shortest(self, period: Any, active: float) -> Any:
+    def shortest(self, period: Any) -> Any:
         """Shortest time between two turns of the input, s: what a ramp must fit into."""
         ...
 

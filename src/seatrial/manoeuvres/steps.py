@@ -59,7 +59,7 @@ class Steps:
         share = before + (here - before) * done(until - index * hold)
         return share * (1.0 - done(elapsed - active)) if self.runs == "cut" else share
 
-    def shortest(self, period: Any, active: float) -> Any:
+    def shortest(self, period: Any) -> Any:
         """See `Shape.shortest`."""
         return period / self.parts
 

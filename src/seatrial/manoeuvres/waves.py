@@ -40,7 +40,7 @@ class Multisine:
         inside = (elapsed >= 0) & (elapsed < period * jnp.floor(active / period + NANOSECOND))
         return jnp.where(inside, wave, 0.0)
 
-    def shortest(self, period: Any, active: float) -> Any:
+    def shortest(self, period: Any) -> Any:
         """See `Shape.shortest`: half the shortest wave."""
         return period / (2 * max(self.harmonics))
 
@@ -76,7 +76,7 @@ class Chirp:
         done = jnp.expm1(growth * jnp.clip(elapsed, 0.0, active)) / (self.ratio - 1.0)
         return jnp.sin(2 * jnp.pi * waves * done)
 
-    def shortest(self, period: Any, active: float) -> Any:
+    def shortest(self, period: Any) -> Any:
         """See `Shape.shortest`: half the shortest wave."""
         return period / (2 * self.ratio)
 

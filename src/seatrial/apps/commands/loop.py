@@ -9,12 +9,26 @@ from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
 
 def report(folder: Folder, quiet: Quiet = False) -> None:
     """Write report.html from the results; whatever is missing is computed first."""
-    with_campaign(folder, quiet, _run_and_report)
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.loop import run_loop
+        from seatrial.campaign.proposal import propose
+
+        outcome = run_loop(campaign, watch)
+        return _tell_and_report(outcome, propose(outcome))
+
+    with_campaign(folder, quiet, work)
 
 
 def run(folder: Folder, quiet: Quiet = False) -> None:
-    """Run the whole loop, resuming where it stopped, and write report.html."""
-    with_campaign(folder, quiet, _run_and_report)
+    """Run the whole loop, resuming where it stopped, and write report.html; simulated trials go on to the goal."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.sequence import run_sequence
+
+        return _tell_and_report(*run_sequence(campaign, watch))
+
+    with_campaign(folder, quiet, work)
 
 
 def next_trial(
@@ -52,11 +66,9 @@ def next_trial(
     with_campaign(folder, quiet, work)
 
 
-def _run_and_report(campaign: Any, watch: Any) -> Exit:
-    from seatrial.campaign.sequence import run_sequence
+def _tell_and_report(outcome: Any, proposal: Any) -> Exit:
     from seatrial.report.page import write_report
 
-    outcome, proposal = run_sequence(campaign, watch)
     summary = outcome.summary
     for row in summary["coefficients"]:
         typer.echo(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")

@@ -51,18 +51,6 @@ def design(
     """Find the most informative trial of the families, inside the limits."""
 
     def work(campaign: Any, watch: Any) -> Exit:
-        if compare:
-            from seatrial.campaign.measures import compare_measures
-
-            typer.echo("\n".join(compare_measures(campaign, max(compare, 5), watch).lines()))
-            return Exit.OK
-        if free_form:
-            from seatrial.campaign.free_trial import design_free_trial
-
-            found, schedule = design_free_trial(campaign, free_form, watch)
-            typer.echo("\n".join(found.lines()))
-            typer.echo(f"schedule: {schedule}")
-            return Exit.OK
         from seatrial.campaign.designs import design_first
         from seatrial.campaign.known import known_before
         from seatrial.campaign.store import Store
@@ -75,6 +63,16 @@ def design(
         promised = known_before(campaign, designs.best)
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
         typer.echo("\n".join(promised.lines()))
+        if free_form:
+            from seatrial.campaign.free_trial import design_free_trial
+
+            found, schedule = design_free_trial(campaign, free_form, watch)
+            typer.echo("\n".join(found.lines()))
+            typer.echo(f"schedule: {schedule}")
+        if compare:
+            from seatrial.campaign.measures import compare_measures
+
+            typer.echo("\n".join(compare_measures(campaign, max(compare, 5), watch).lines()))
         return Exit.OK
 
     with_campaign(folder, quiet, work)
