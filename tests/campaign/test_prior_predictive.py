@@ -80,13 +80,15 @@ def test_vehicles_that_run_away_are_told_apart():
     params = {name: np.array([value, value]) for name, value in TRUTH.items()}
     params["X_uabsu"] = np.array([TRUTH["X_uabsu"], 3.0])
     control = 2 * np.pi * naive_doublets(time, 200, 10)[:, None]
-    speed, lost = speeds(paper_model(), params, None, np.full((2, 1), U0), control, np.full(600, 0.1), [0, 100, 599])
+    speed, lost = speeds(
+        paper_model(), "u", params, None, np.full((2, 1), U0), control, np.full(600, 0.1), [0, 100, 599]
+    )
     assert lost.tolist() == [False, True]
     assert speed[0] == pytest.approx(
         naive_speed(control[:, 0] / (2 * np.pi), np.full(600, 0.1))[[0, 100, 599]], rel=1e-9
     )
     late, _ = speeds(
-        paper_model(), params, np.array([0.2, 0.2]), np.full((2, 1), U0), control, np.full(600, 0.1), range(600)
+        paper_model(), "u", params, np.array([0.2, 0.2]), np.full((2, 1), U0), control, np.full(600, 0.1), range(600)
     )
     shifted = np.concatenate([control[:2, 0], control[:-2, 0]]) / (2 * np.pi)
     assert late[0] == pytest.approx(naive_speed(shifted, np.full(600, 0.1)), rel=1e-9)

@@ -3,7 +3,7 @@ from math import pi
 import pytest
 
 from seatrial.campaign.loop import ENOUGH, next_words
-from seatrial.campaign.shown import shown_unit
+from seatrial.core.shown import shown_unit
 from seatrial.manoeuvres.family import Family
 
 

@@ -339,7 +339,15 @@ def _designs(campaign: Campaign, gain: float) -> Designs:
     values = gain * np.linspace(0.5, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
     values[amplitude > 20.0] = np.nan
     sd = np.full((*values.shape, 3), 0.01)
-    sweep = Sweep(campaign.family, amplitude, period, values, np.ones(values.shape), sd)
+    sweep = Sweep(
+        campaign.family,
+        amplitude,
+        period,
+        values,
+        np.ones(values.shape),
+        sd,
+        ((campaign.family.control, campaign.family.trim),),
+    )
     names = ("X_tau_X", "X_u", "X_uabsu")
     return Designs((sweep,), {"chirp": "its periods are too long"}, "a posterior", names, np.full(3, 0.02))
 

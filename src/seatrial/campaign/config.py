@@ -16,6 +16,7 @@ from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.motion_limits import MotionLimit
+from seatrial.design.sweep import Trim
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.sensors import Sensor, bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
@@ -126,8 +127,28 @@ class Campaign:
 
     @property
     def is_surge(self) -> bool:
-        """Whether the vehicle only moves along X: what designs, the report and `run` know so far."""
+        """Whether the vehicle only moves along X."""
         return self.axes == ("X",)
+
+    @property
+    def leading(self) -> str:
+        """The state that is shown where one alone is: the surge speed, or the first."""
+        states = self.model(self.full).states
+        return "u" if "u" in states else states[0]
+
+    def check_surge(self, what: str) -> None:
+        """Check that the vehicle only moves along X, for what knows no other.
+
+        Raises:
+            InputError: it has other axes.
+        """
+        if not self.is_surge:
+            raise InputError(
+                self.where("structure"),
+                found=f"terms on the axes {' '.join(self.axes)}",
+                expected=f"terms on X and T only, of which alone {what} knows so far",
+                remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
+            )
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
         """Equations of motion of one candidate, one for each axis, by terms linear in their coefficients."""
@@ -327,6 +348,27 @@ class Campaign:
             )
         return family
 
+    def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
+        """Trim value of every state of a model, SI; 0 for those of which [vehicle.trim] says nothing."""
+        return tuple(self.hull.trim.get(state, 0.0) for state in model.states)
+
+    def control_trim(self, model: VehicleModel) -> Trim:
+        """Every control of a model with its trim value, SI; what a designed trial leaves alone stays there.
+
+        Raises:
+            InputError: a control without a trim value.
+        """
+        known = {**self.hull.trim, self.family.control: self.family.trim}
+        for name in model.controls:
+            if name not in known:
+                raise InputError(
+                    self.where(f"vehicle.trim.{name}"),
+                    found="nothing",
+                    expected=f"the value at which {name} is held while {self.family.control} is driven",
+                    remedy=f'add {name} = "… {signal_unit(name)}" to [vehicle.trim]',
+                )
+        return tuple((name, known[name]) for name in model.controls)
+
     @cached_property
     def goal(self) -> Goal | None:
         """What ends the campaign; None where nothing is said."""
@@ -339,7 +381,7 @@ class Campaign:
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes (SI) and periods (s) of the sweep."""
         table = self.source.design
-        return self._range(table.amplitude, signal_unit(table.control), "design.amplitude"), self._range(
+        return self.range(table.amplitude, signal_unit(table.control), "design.amplitude"), self.range(
             table.period, "s", "design.period"
         )
 
@@ -356,7 +398,8 @@ class Campaign:
         """Propulsion, W, the control at which it is drawn, SI, and the hotel load, W."""
         return read_power(self)
 
-    def _range(self, table: RangeTable, unit: str, key: str) -> np.ndarray:
+    def range(self, table: RangeTable, unit: str, key: str) -> np.ndarray:
+        """An evenly spaced range of positive quantities, SI."""
         start, stop = self.si(table.start, unit, f"{key}.from"), self.si(table.stop, unit, f"{key}.to")
         if not 0 < start <= stop:
             raise InputError(

@@ -6,7 +6,7 @@ measurements and the sensitivities J of the structure that re-fits, both over th
 since the larger can always follow it; of others either does, and the smaller number counts.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -67,21 +67,21 @@ def compare_speeds(
     best: Estimate,
     runner: Estimate,
     trials: Trials,
-    design: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
+    sweep: Sweep,
 ) -> list[SpeedDifference]:
-    """Compare speeds over the inputs of each fitted record, and then over a design from trim.
+    """Compare speeds over the inputs of each fitted record, and then over the best design from trim.
 
     Args:
         campaign: configuration.
         best: posterior of one structure.
         runner: posterior of the other.
         trials: records.
-        design: times, s, and control, SI.
+        sweep: designs of the next trial.
 
     Raises:
         NumericalError: a structure runs away at its posterior mean.
     """
-    pairs = zip(_speeds(campaign, best, trials, design), _speeds(campaign, runner, trials, design), strict=True)
+    pairs = zip(_speeds(campaign, best, trials, sweep), _speeds(campaign, runner, trials, sweep), strict=True)
     return [_difference(time, a, b) for time, a, b in ((a[0], a[1], b[1]) for a, b in pairs)]
 
 
@@ -91,7 +91,8 @@ def expected_nats(
     """Expected log Bayes factor between two structures for every design of a grid, NaN where it breaks a limit."""
     a, b = set(best.structure.terms), set(runner.structure.terms)
     pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
-    (rows, columns, controls), time = sweep.inside(), sweep.family.time()
+    every = campaign.control_trim(campaign.model(campaign.full))
+    (rows, columns, controls), time = sweep.inside(every), sweep.family.time()
     nats = np.full(sweep.gain.shape, np.nan)
     nats[rows, columns] = np.min(
         [_nats(campaign, best, truth, other, trials, time, controls) for truth, other in pairs], axis=0
@@ -124,7 +125,7 @@ def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
 
 
 def _speeds(
-    campaign: Campaign, estimate: Estimate, trials: Trials, design: tuple[np.ndarray, np.ndarray]
+    campaign: Campaign, estimate: Estimate, trials: Trials, sweep: Sweep
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
     model, table = campaign.model(estimate.structure), estimate.draws()
@@ -133,17 +134,18 @@ def _speeds(
     output, data = _output(campaign, estimate, trials)
     apart, starts = jax.vmap(lambda one: (output.apart(one), output.starts(one, data)))(values)
     here = [{**values, **{name: np.asarray(c)[:, i] for name, c in apart.items()}} for i in range(len(trials.fit))]
-    trim = np.tile(_trim(campaign, model.states), (1 + len(draws), 1))
+    trim = np.tile(campaign.state_trim(model), (1 + len(draws), 1))
     runs = [
         (one, np.asarray(starts)[:, i], record.time, np.column_stack([record.channel(name) for name in model.controls]))
         for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
     ]
     found = []
-    for one, start, time, control in [*runs, (values, trim, design[0], design[1][:, None])]:
+    designed = sweep.family.time(), sweep.best_controls(campaign.control_trim(model))
+    for one, start, time, control in [*runs, (values, trim, *designed)]:
         coefficients = {term.text: np.asarray(one[term.text]) for term in model.coefficients}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)
-        speed, lost = speeds(model, coefficients, delay, start, control, step, range(time.size))
+        speed, lost = speeds(model, campaign.leading, coefficients, delay, start, control, step, range(time.size))
         if lost[0]:
             raise NumericalError(
                 f"{estimate.structure.label} runs away at its posterior mean, so that its speed cannot be compared: "
@@ -185,16 +187,21 @@ def _nats(
     memory = [
         _memory(best, channel, step * (at[1] - at[0])) for channel, at in zip(campaign.channels, samples, strict=True)
     ]
-    start = _trim(campaign, campaign.model(best.structure).states)
-    run = _follow(*simulators, campaign.source.estimation.initial != "trim")
+    start = np.array(campaign.state_trim(campaign.model(best.structure)))
+    every = campaign.model(campaign.full).controls
+    places = [tuple(every.index(name) for name in simulator.model.controls) for simulator in simulators]
+    run = _follow(*simulators, *places, campaign.source.estimation.initial != "trim")
     values = _of_new_trial(campaign, truth), _of_new_trial(campaign, other)
     fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
     return in_blocks(lambda control: (run(control, *fixed),), controls)[0]
 
 
 @lru_cache(maxsize=16)
-def _follow(truth: Simulator, other: Simulator, free_start: bool):
-    """Half the squared residual that is left when `other` follows `truth`, over a batch of controls."""
+def _follow(truth: Simulator, other: Simulator, drives: tuple[int, ...], follows: tuple[int, ...], free_start: bool):
+    """Half the squared residual that is left when `other` follows `truth`, over a batch of all controls.
+
+    `drives` are the places of those of `truth` among them, `follows` of those of `other`.
+    """
 
     def one(
         control, made_by: dict, known: dict, start: Array, step: Array, samples: tuple, noise: Array, memory: Array
@@ -213,12 +220,13 @@ def _follow(truth: Simulator, other: Simulator, free_start: bool):
 
         def follow(vector: Array) -> tuple[Array, Array]:
             values, begin = back(vector)
-            shown = white(other.outputs(values, begin, (control,), step))
+            shown = white(other.outputs(values, begin, tuple(control[:, i] for i in follows), step))
             return shown, shown
 
         sensitivities, shown = jax.jacfwd(follow, has_aux=True)(vector)
         free = sensitivities if free_start else sensitivities[:, : vector.size - start.size]
-        rest = absorbed(white(truth.outputs(made_by, start, (control,), step)) - shown, free)
+        made = truth.outputs(made_by, start, tuple(control[:, i] for i in drives), step)
+        rest = absorbed(white(made) - shown, free)
         return 0.5 * (rest @ rest)
 
     return jax.jit(jax.vmap(one, in_axes=(0, *(None,) * 7)))
@@ -242,7 +250,3 @@ def _memory(estimate: Estimate, channel: str, gap: float) -> float:
     """Correlation of one sample's noise with the next one's."""
     name = correlation_name(channel)
     return float(np.exp(-gap / estimate.draws([name]).mean())) if name in estimate.names else 0.0
-
-
-def _trim(campaign: Campaign, states: Sequence[str]) -> np.ndarray:
-    return np.array([campaign.hull.trim.get(state, 0.0) for state in states])

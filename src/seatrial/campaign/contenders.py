@@ -122,10 +122,9 @@ def change_words(best: Sequence[str], other: Sequence[str]) -> str:
 def find_contenders(
     campaign: Campaign, selection: Selection, trials: Trials, watch: Watch = SILENT
 ) -> Contenders | None:
-    """Estimate the two contenders where that has not been done, and compare them; None where there is one structure only, or the
-    vehicle does not only move along X."""
+    """Estimate the two contenders where that has not been done, and compare them; None where there is one structure only."""
     pair = contending(selection)
-    if len(pair) < 2 or not campaign.is_surge:
+    if len(pair) < 2:
         return None
     best, runner = estimate_all(replace(campaign, shortlist=pair), trials, watch)
     terms = [term for term in best.structure.terms if term in best.names]
@@ -157,7 +156,7 @@ def compare_contenders(
 
 
 def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> xr.Dataset:
-    found = compare_speeds(campaign, best, runner, trials, sweep.best_manoeuvre().sample(sweep.family.sample_time))
+    found = compare_speeds(campaign, best, runner, trials, sweep)
     join = {name: np.concatenate([getattr(one, name) for one in found]) for name in found[0].CURVES}
     control = sweep.family.control
     commands, nats = (
@@ -184,7 +183,9 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "best": best.structure.label,
             "runner_up": runner.structure.label,
             "change": change_words(best.structure.terms, runner.structure.terms),
-            "noise": noise_of(campaign, best, "u") if "u" in campaign.channels else float("nan"),
+            "noise": noise_of(campaign, best, campaign.leading)
+            if campaign.leading in campaign.channels
+            else float("nan"),
             "control": control,
             "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },

@@ -1,6 +1,6 @@
 """Designs in words, in the units of the boundary."""
 
-from seatrial.campaign.shown import shown_unit
+from seatrial.core.shown import shown_unit
 from seatrial.manoeuvres.family import Family
 
 

@@ -8,28 +8,27 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from seatrial.campaign.belief import HALF, belief_space, believed, coefficient_priors, prior_draws
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.design_words import design_words
-from seatrial.campaign.problem import random_key
 from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
+from seatrial.campaign.utilities import design_filter, prediction_lines
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import SAFETY_DRAWS, plan_of, safety_lines, utility_unit, weigh
+from seatrial.campaign.weighing import plan_of, safety_lines, utility_unit, weigh
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.prior_belief import draw_values
+from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep, sweep_family
-from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 
-STATE_SD = 0.05
-"""Standard deviation of the vehicle's own state about trim at the start of a designed trial, in its unit (m/s)."""
 SWEPT = {
     "gain": "entropy reduction of the coefficients",
     "worth": "what makes a design the best",
-    "peak_speed": "largest speed of the expected motion",
+    "peak_speed": "largest magnitude of the first state in the expected motion",
     "final_sd": "predicted sd after the trial",
+    "length": "time at which the trial is ended",
 }
 """What is kept of every design."""
 
@@ -47,21 +46,6 @@ def design_key(campaign: Campaign) -> str:
     )
 
 
-def check_designable(campaign: Campaign) -> None:
-    """Check that trials of this vehicle can be designed.
-
-    Raises:
-        InputError: it moves along other axes than X.
-    """
-    if not campaign.is_surge:
-        raise InputError(
-            campaign.where("structure"),
-            found=f"terms on the axes {' '.join(campaign.axes)}",
-            expected="terms on X and T only, of which trials are designed so far",
-            remedy="`seatrial select`, `estimate`, `profile` and `criteria` work on other axes",
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class Designs:
     """What was swept: one sweep for each family that has a design inside the limits.
@@ -74,6 +58,7 @@ class Designs:
         sd_before: their standard deviations before the trial, SI.
         unit: of what makes a design the best, where that is not the entropy reduction itself.
         safety: how surely the best design keeps each limit of the motion.
+        prediction: how well the stated prediction is known before and after it.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -83,6 +68,7 @@ class Designs:
     sd_before: np.ndarray
     unit: str = "nat"
     safety: tuple[str, ...] = ()
+    prediction: tuple[str, ...] = ()
 
     @property
     def best(self) -> Sweep:
@@ -101,14 +87,11 @@ class Designs:
 
 def design_first(campaign: Campaign, watch: Watch = SILENT) -> Designs:
     """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
-    check_designable(campaign)
     store, key = Store(campaign.folder), design_key(campaign)
     if is_current(store.design, key):
         return read_designs(campaign, store.design)
     model = campaign.model(campaign.full)
-    priors = tuple(campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients)
-    belief = Gaussian(np.array([prior.mean for prior in priors]), np.diag([prior.sd for prior in priors]))
-    draws = draw_values(priors, random_key(campaign, "draws of the design"), 2 * SAFETY_DRAWS)
+    belief, draws = believed(coefficient_priors(campaign, model)), prior_draws(campaign, model)
     return _sweep(campaign, model, belief, draws, store.design, key, "the priors", watch)
 
 
@@ -128,7 +111,7 @@ def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str,
         return read_designs(campaign, store.next_design)
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
     basis = f"the posterior of {structure.label}"
-    order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * SAFETY_DRAWS]
+    order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * HALF]
     model = campaign.model(structure)
     return _sweep(campaign, model, belief, draws[order], store.next_design, stamp, basis, watch)
 
@@ -137,14 +120,12 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     """Read stored sweeps; the schedule of the best trial is written again where it is missing or not the same."""
     data, families = open_dataset(path), {family.kind: family for family in campaign.families}
     grid = np.asarray(data["amplitude"]), np.asarray(data["period"])
-    sweeps = [
-        Sweep(
-            families[str(kind)],
-            *grid,
-            *(np.asarray(data[name].sel(family=kind)) for name in ("gain", "peak_speed", "final_sd", "worth")),
-        )
-        for kind in data["family"].values
-    ]
+    trim = tuple((str(name), float(value)) for name, value in json.loads(data.attrs["trim"]))
+    sweeps = []
+    for kind in data["family"].values:
+        gain, worth, peak_speed, final_sd, length = (np.asarray(data[name].sel(family=kind)) for name in SWEPT)
+        ended = length if campaign.source.design.per == "second" else None
+        sweeps.append(Sweep(families[str(kind)], *grid, gain, peak_speed, final_sd, trim, worth, ended))
     found = Designs(
         tuple(sorted(sweeps, key=lambda sweep: -sweep.worth[sweep.best])),
         json.loads(data.attrs["refused"]),
@@ -153,6 +134,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
         np.asarray(data["sd_before"]),
         utility_unit(campaign),
         tuple(json.loads(data.attrs["safety"])),
+        tuple(json.loads(data.attrs["prediction"])),
     )
     sample_time = campaign.family.sample_time
     write_schedule(Store(campaign.folder).schedule(path), found.best.best_manoeuvre(), sample_time)
@@ -169,30 +151,15 @@ def _sweep(
     basis: str,
     watch: Watch,
 ) -> Designs:
-    """Run the filter in units of the current standard deviations, where every coefficient is of order one."""
-    families, (amplitude, period) = campaign.families, campaign.grid()
-    if model.controls != (campaign.family.control,):
-        raise InputError(
-            campaign.where("structure"),
-            found="controls " + ", ".join(model.controls),
-            expected=f"the one control that is designed, {campaign.family.control}",
-            remedy="leave the terms of other controls out",
-        )
-    scales = np.asarray(belief.sd)
-    d = len(model.states)
-    chol = np.zeros((d + scales.size,) * 2)
-    chol[range(d), range(d)] = STATE_SD
-    chol[d:, d:] = np.asarray(belief.chol_cov) / scales[:, None]
-    speed = [campaign.hull.trim.get(state, 0.0) for state in model.states]
-    initial = Gaussian(np.concatenate([speed, np.asarray(belief.mean) / scales]), chol)
-    noise = np.array([campaign.noise(channel) for channel in campaign.channels])
-    space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
+    families, (amplitude, period), trim = campaign.families, campaign.grid(), campaign.control_trim(model)
+    space, scales = belief_space(campaign, model, belief)
     report = watch.progress(f"design: {len(families) * amplitude.size * period.size} trials")
     report(0, len(families))
+    method = design_filter(campaign, len(space.states))
     mask, sweeps, refused, plan = campaign.measured_mask(campaign.family.time()), [], {}, plan_of(campaign, model)
     for done, family in enumerate(families, 1):
         try:
-            found = sweep_family(space, family, amplitude, period, campaign.limits(), measured=mask)
+            found = sweep_family(space, family, amplitude, period, campaign.limits(), method, mask, trim=trim)
             sweeps.append(weigh(campaign, plan, found, draws))
         except InputError as error:
             if len(families) == 1:
@@ -207,13 +174,18 @@ def _sweep(
             remedy="lower the amplitudes, choose other periods, or widen the limits if the vehicle allows it",
         )
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
-    axes = {"gain": (), "worth": (), "peak_speed": (), "final_sd": ("coefficient",)}
-    units = {"gain": "nat", "worth": utility_unit(campaign), "peak_speed": "m/s", "final_sd": "SI"}
+    units = {
+        "gain": "nat",
+        "worth": utility_unit(campaign),
+        "peak_speed": signal_unit(model.states[0]),
+        "final_sd": "SI",
+        "length": "s",
+    }
     dataset = xr.Dataset(
         {
             name: (
-                ("family", "amplitude", "period", *axes[name]),
-                np.stack([getattr(sweep, name) for sweep in sweeps]) * (scales if name == "final_sd" else 1.0),
+                ("family", "amplitude", "period", *(("coefficient",) if name == "final_sd" else ())),
+                np.stack([_kept(sweep, name) for sweep in sweeps]) * (scales if name == "final_sd" else 1.0),
                 {"units": units[name], "long_name": SWEPT[name]},
             )
             for name in SWEPT
@@ -228,15 +200,25 @@ def _sweep(
         attrs={
             "basis": basis,
             "control": campaign.family.control,
-            "trim": campaign.family.trim,
+            "trim": json.dumps(trim),
             "refused": json.dumps(refused),
-            "safety": json.dumps(list(safety_lines(campaign, plan, best, draws))),
+            "safety": json.dumps(safety_lines(campaign, plan, best, draws)),
+            "prediction": json.dumps(prediction_lines(campaign, plan, best.best_controls(), draws)),
         },
     )
     write_dataset(path, dataset, key)
     return read_designs(campaign, path)
 
 
+def _kept(sweep: Sweep, name: str) -> np.ndarray:
+    return (
+        np.full(sweep.gain.shape, sweep.family.duration)
+        if name == "length" and sweep.length is None
+        else getattr(sweep, name)
+    )
+
+
 def _words(sweep: Sweep) -> str:
     row, column = sweep.best
-    return design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
+    words = design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
+    return words if sweep.length is None else f"{words}, ended after {sweep.length[row, column]:.3g} s"

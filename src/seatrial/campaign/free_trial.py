@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.campaign.belief import HALF, coefficient_priors
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.designs import check_designable, design_first, design_key
+from seatrial.campaign.designs import design_first, design_key
 from seatrial.campaign.problem import random_key
 from seatrial.campaign.schedules import write_schedule
-from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.store import Store, is_current, key_of, read_json, write_stamped_json
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import SAFETY_DRAWS, plan_of
+from seatrial.campaign.weighing import plan_of
 from seatrial.core.errors import InputError
+from seatrial.core.shown import shown_unit
 from seatrial.design.criteria import find_criterion
 from seatrial.design.free_form import FreeFormDesign, design_free_form
 from seatrial.design.free_form_problem import FreeFormProblem
@@ -82,7 +83,7 @@ def design_free_trial(campaign: Campaign, levels: int, watch: Watch = SILENT) ->
         InputError: no bounds of the control, limits that admit nothing, or another vehicle than a surge model.
         NumericalError: the vehicle diverges at a draw of the priors.
     """
-    check_designable(campaign)
+    campaign.check_surge("a free form")
     store = Store(campaign.folder)
     key = key_of("free form", levels, design_key(campaign))
     if not is_current(store.free_design, key):
@@ -97,9 +98,9 @@ def design_free_trial(campaign: Campaign, levels: int, watch: Watch = SILENT) ->
 def _search(campaign: Campaign, levels: int, watch: Watch) -> FreeTrial:
     _check_bounds(campaign)
     model, form = campaign.model(campaign.full), _form(campaign, levels)
-    priors = tuple(campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients)
+    priors = coefficient_priors(campaign, model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
-    draws = draw_values(priors, random_key(campaign, "draws of the free form"), 2 * SAFETY_DRAWS)
+    draws = draw_values(priors, random_key(campaign, "draws of the free form"), 2 * HALF)
     best = design_first(campaign, watch).best
     family = best.best_manoeuvre()
     problem = FreeFormProblem(
@@ -148,9 +149,7 @@ def _safety(campaign: Campaign, plan: Any, found: FreeFormDesign, draws: np.ndar
         return ()
     control = found.manoeuvre.sample(campaign.family.sample_time)[1]
     probability = campaign.source.design.probability
-    return judge_safety(plan, control[None, :, None], draws[SAFETY_DRAWS:], campaign.motion_limits, probability).words(
-        0
-    )
+    return judge_safety(plan, control[None, :, None], draws[HALF:], campaign.motion_limits, probability).words(0)
 
 
 def _form(campaign: Campaign, levels: int) -> SteppedInput:

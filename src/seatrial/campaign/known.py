@@ -160,15 +160,14 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
             Parameter(name, unit, CoefficientName.parse(name).label, campaign.prior(name, unit))
             for name, unit in units.items()
         ]
-        time, control = sweep.best_manoeuvre().sample(family.sample_time)
-        share = campaign.measured_mask(time).mean(axis=0)
+        share = campaign.measured_mask(family.time()).mean(axis=0)
         noise = {
             channel: campaign.noise(channel) / float(np.sqrt(present))
             for channel, present in zip(campaign.channels, share, strict=True)
         }
-        start = [campaign.hull.trim.get(state, 0.0) for state in model.states]
+        start = campaign.state_trim(model)
         found = identifiability_of_design(
-            parameters, model, control[:, None], family.sample_time, start, noise, campaign.hull.trim
+            parameters, model, sweep.best_controls(), family.sample_time, start, noise, campaign.hull.trim
         )
         write_stamped_json(store.known_design, asdict(_known(found, None, structure.label)), key)
     return _read(read_json(store.known_design, f"seatrial design {campaign.folder}"))

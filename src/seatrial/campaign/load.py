@@ -93,7 +93,8 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
                 expected="one of " + ", ".join(sorted(names)),
                 remedy=nearest(name, names),
             )
-    if source.estimation.initial == "trim" and "u" not in campaign.hull.trim:
+    moves_ahead = "u" in campaign.model(campaign.full).states
+    if source.estimation.initial == "trim" and moves_ahead and "u" not in campaign.hull.trim:
         raise InputError(
             campaign.where("estimation.initial"),
             found='"trim"',

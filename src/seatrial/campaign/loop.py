@@ -10,7 +10,7 @@ from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.contenders import Contenders, find_contenders
 from seatrial.campaign.design_words import design_words
-from seatrial.campaign.designs import Designs, check_designable, design_first, design_next
+from seatrial.campaign.designs import Designs, design_first, design_next
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.left_out import LeftOut, left_out
@@ -76,9 +76,8 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise.
 
     Raises:
-        InputError: a vehicle that does not only move along X, or as the steps.
+        InputError: as the steps.
     """
-    check_designable(campaign)
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
     screened, screening_cautions = screening_of(campaign, trials, watch)
@@ -157,7 +156,6 @@ def next_trial(designs: Designs) -> dict[str, Any]:
         "amplitude": float(sweep.amplitude[row]),
         "period": float(sweep.period[column]),
         "gain_nat": float(sweep.gain[row, column]),
-        "peak_speed": float(sweep.peak_speed[row, column]),
         "sd_before": dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
         "sd_after": dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
     }

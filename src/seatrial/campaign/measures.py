@@ -10,13 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from seatrial.campaign.belief import coefficient_priors
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.design_words import design_words
 from seatrial.campaign.designs import design_first, design_key
 from seatrial.campaign.problem import random_key
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
+from seatrial.campaign.utilities import UTILITY_DRAWS
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import UTILITY_DRAWS, plan_of
+from seatrial.campaign.weighing import plan_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
 from seatrial.design.agreement import Agreement, compare_utilities
@@ -76,13 +78,13 @@ def compare_measures(campaign: Campaign, count: int, watch: Watch = SILENT) -> M
 
 def _compute(campaign: Campaign, count: int, watch: Watch) -> xr.Dataset:
     designs, model = design_first(campaign, watch), campaign.model(campaign.full)
-    priors = tuple(campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients)
+    priors = coefficient_priors(campaign, model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
     names, controls, entropy = [], [], []
     for sweep, row, column in _spread(designs.sweeps, count):
         amplitude, period = float(sweep.amplitude[row]), float(sweep.period[column])
         names.append(design_words(sweep.family, amplitude, period))
-        controls.append(sweep.family.manoeuvre(amplitude, period).sample(sweep.family.sample_time)[1][:, None])
+        controls.append(sweep.controls(row, column))
         entropy.append(float(sweep.gain[row, column]))
     held = np.stack(controls)
     measures = {"entropy of the filter": np.array(entropy)}

@@ -1,4 +1,4 @@
-"""Motions of many vehicles at once: u(t) over one control, and the steady speed and time constant under a constant one.
+"""Motions of many vehicles at once: one speed over time, and the steady speed and time constant under a constant one.
 
 From du/dt = f(u): f(u*) = 0 and T = -1 / f'(u*).
 """
@@ -16,13 +16,14 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
 FASTEST = 20.0
-"""m/s; a vehicle beyond it has run away."""
+"""m/s or rad/s; a vehicle beyond it has run away."""
 BATCH = 100
 """Vehicles simulated at once, so that a long record fits in memory."""
 
 
 def speeds(
     model: VehicleModel,
+    state: str,
     params: Mapping[str, Float[np.ndarray, " d"]],
     delay: Float[np.ndarray, " d"] | None,
     start: Float[np.ndarray, "d n_states"],
@@ -30,10 +31,11 @@ def speeds(
     step: Float[np.ndarray, " n"],
     keep: Sequence[int],
 ) -> tuple[Float[np.ndarray, "d k"], np.ndarray]:
-    """Surge speed of each vehicle at the samples to keep, m/s, and whether it leaves `FASTEST` or is no number at any sample.
+    """Speed of each vehicle at the samples to keep, SI, and whether it leaves `FASTEST` or is no number at any sample.
 
     Args:
-        model: vehicle with the state u.
+        model: vehicle.
+        state: which of its speeds.
         params: coefficients of each, SI.
         delay: between command and action of each, s; None for none.
         start: state of each at the first sample, SI.
@@ -41,7 +43,7 @@ def speeds(
         step: time to the next sample, s; uniform if there is a delay.
         keep: indices of samples.
     """
-    run, kept, lost = _batch(model, delay is not None), [], []
+    run, kept, lost = _batch(model, state, delay is not None), [], []
     for i in range(0, len(start), BATCH):
         part = slice(i, i + BATCH)
         values = {name: column[part] for name, column in params.items()}
@@ -53,11 +55,11 @@ def speeds(
 
 
 @lru_cache(maxsize=16)
-def _batch(model: VehicleModel, delayed: bool):
+def _batch(model: VehicleModel, state: str, delayed: bool):
     def one(values: dict, late: Array, start: Array, control: Array, step: Array, keep: Array) -> tuple[Array, Array]:
         if delayed:
             control = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0])
-        speed = simulate(model, values, control, step, start)[:, model.states.index("u")]
+        speed = simulate(model, values, control, step, start)[:, model.states.index(state)]
         return speed[keep], (jnp.abs(speed) <= FASTEST).all()
 
     return jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None, None, None)))

@@ -13,13 +13,12 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.designs import check_designable
 from seatrial.campaign.prior_motion import FASTEST, speeds, steady_motion
 from seatrial.campaign.prior_trial import PriorTrial, prior_trial
 from seatrial.campaign.problem import random_key
-from seatrial.campaign.shown import shown_unit
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.shown import shown_unit
 from seatrial.estimation.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
 from seatrial.estimation.sensors import bias_name, noise_name
@@ -101,7 +100,7 @@ def predict_from_prior(campaign: Campaign, watch: Watch = SILENT) -> PriorPredic
     Raises:
         InputError: logs that cannot be read, no design inside the limits, or a vehicle that does not only move along X.
     """
-    check_designable(campaign)
+    campaign.check_surge("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, watch)
     key = random_key(campaign, "prior predictive")
@@ -114,7 +113,7 @@ def predict_from_prior(campaign: Campaign, watch: Watch = SILENT) -> PriorPredic
         start[model.states.index("u")] = start[model.states.index("u")] - current
     keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
     speed, diverged = speeds(
-        model, coefficients, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
+        model, "u", coefficients, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
     )
     moving = speed[~diverged]
     usable = diverged.mean() <= MOST

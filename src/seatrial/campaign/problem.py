@@ -165,11 +165,10 @@ def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tu
     Raises:
         InputError: a state that is not measured and has no trim value.
     """
+    if campaign.source.estimation.initial == "trim":
+        return campaign.state_trim(model)
     values = []
     for state in model.states:
-        if campaign.source.estimation.initial == "trim":
-            values.append(campaign.hull.trim[state])
-            continue
         column = record.channel(state)
         finite = np.flatnonzero(np.isfinite(column))
         if finite.size == 0:

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 from seatrial.campaign.contenders import Contenders
 from seatrial.campaign.design_words import design_words
 from seatrial.campaign.loop import ENOUGH, Outcome
-from seatrial.campaign.simulated import Chosen
+from seatrial.campaign.simulated import Chosen, chosen_of
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.remedies import percent
 from seatrial.selection.verdict import DECIDED
@@ -113,7 +113,7 @@ def _wrong(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _run(outcome: Outcome, sweep: Sweep, at: tuple[int, int], standing: tuple[str, ...], promise: str) -> Proposal:
-    chosen = Chosen(sweep.family.kind, float(sweep.amplitude[at[0]]), float(sweep.period[at[1]]))
+    chosen = chosen_of(sweep, at)
     words = design_words(sweep.family, chosen.amplitude, chosen.period)
     known, after = _known(outcome), dict(zip(outcome.next.names, sweep.final_sd[at], strict=True))
     shrink = ", ".join(

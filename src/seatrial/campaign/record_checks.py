@@ -1,13 +1,13 @@
 """What a user must know about a record before believing what is fitted to it."""
 
-from seatrial.campaign.shown import shown_unit
-from seatrial.core.record import Record
+from seatrial.core.record import SIMULATED, Record
+from seatrial.core.shown import shown_unit
 
 
 def record_cautions(record: Record) -> list[str]:
-    """Holes in its channels, and controls that never move, in words."""
+    """Holes in its channels, and controls of real trials that never move, in words."""
     said = [f"run {record.label}, {text}" for text in record.provenance.options.get("cautions", [])]
-    for name in record.controls:
+    for name in () if record.provenance.source == SIMULATED else record.controls:
         column = record.channel(name)
         if column.min() == column.max():
             factor, unit = shown_unit(name)

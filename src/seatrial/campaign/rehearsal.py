@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.designs import check_designable, design_first, design_key
+from seatrial.campaign.designs import design_first, design_key
 from seatrial.campaign.goal import Goal
 from seatrial.campaign.problem import random_key
 from seatrial.campaign.rehearsal_designs import RANDOM, Design, DesignSpace, design_space
@@ -68,7 +68,7 @@ def rehearse(campaign: Campaign, truths: int, watch: Watch = SILENT) -> Rehearsa
         InputError: no standard deviation is asked for, the vehicle does not only move along X, or too few vehicles.
         NumericalError: a prior of which hardly a draw can be simulated.
     """
-    check_designable(campaign)
+    campaign.check_surge("a rehearsal")
     goal = _goal(campaign)
     if truths < FEWEST_VEHICLES:
         raise InputError(

@@ -135,7 +135,7 @@ def design_space(campaign: Campaign, designs: Designs) -> DesignSpace:
     for sweep in designs.sweeps:
         rows, columns, control = sweep.inside()
         kinds += [sweep.family.kind] * rows.size
-        parts.append((sweep.amplitude[rows], sweep.period[columns], control))
+        parts.append((sweep.amplitude[rows], sweep.period[columns], control[..., 0]))
     amplitudes, periods, controls = (np.concatenate(column) for column in zip(*parts, strict=True))
     plan = plan_of(campaign, campaign.model(campaign.full))
     return DesignSpace(campaign, tuple(kinds), amplitudes, periods, controls, plan)

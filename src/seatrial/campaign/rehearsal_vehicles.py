@@ -70,7 +70,7 @@ def draw_vehicle(campaign: Campaign, extremes: Float[np.ndarray, "2 n"], key: ja
     params = {term.text: columns[term.text] for term in model.coefficients}
     start = np.tile(_trim(campaign), (TRIES, 1))
     step = np.full(extremes.shape[1], campaign.family.sample_time)
-    lost = [speeds(model, params, None, start, control[:, None], step, [0])[1] for control in extremes]
+    lost = [speeds(model, "u", params, None, start, control[:, None], step, [0])[1] for control in extremes]
     stays = np.flatnonzero(~np.any(lost, axis=0))
     if not stays.size:
         raise NumericalError(
@@ -157,7 +157,7 @@ def _channels(campaign: Campaign) -> tuple[Channel, ...]:
 
 
 def _trim(campaign: Campaign) -> Float[np.ndarray, " n_states"]:
-    return np.array([campaign.hull.trim.get(state, 0.0) for state in campaign.model(campaign.full).states])
+    return np.array(campaign.state_trim(campaign.model(campaign.full)))
 
 
 def _is_own(name: str) -> bool:

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.campaign.shown import shown_unit
 from seatrial.core.files import write_json, write_text
+from seatrial.core.shown import shown_unit
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 
-def write_schedule(path: Path, manoeuvre: Manoeuvre, sample_time: float) -> Path:
+def write_schedule(path: Path, manoeuvre: Manoeuvre, sample_time: float, rule: str = "") -> Path:
     """Write a schedule as CSV and beside it as JSON, where they are missing or not the same; returns the CSV file.
 
-    Between its rows the control is a straight line.
+    Between its rows the control is a straight line. A closed-loop trial has a `rule`, which its schedule only foresees.
     """
     factor, unit = shown_unit(manoeuvre.control)
     time, control = manoeuvre.sample(sample_time)
@@ -27,6 +27,7 @@ def write_schedule(path: Path, manoeuvre: Manoeuvre, sample_time: float) -> Path
         "control": manoeuvre.control,
         "unit": unit,
         "settings_si": {name: float(value) for name, value in manoeuvre.parameters.items()},
+        **({"rule": rule} if rule else {}),
         "time_s": [float(t) for t, _ in rows],
         "value": [float(value) for _, value in rows],
     }

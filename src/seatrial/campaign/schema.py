@@ -119,19 +119,43 @@ class PowerTable(Table):
     at: Quantity
 
 
+class RelayTable(Table):
+    """`[design.relay]`: the self-oscillating test: the control goes from one side of trim to the other whenever the measured `output`
+    is a `threshold` away from its trim; with the heading as output it is the zigzag of ships."""
+
+    output: str
+    threshold: RangeTable
+
+
+class PredictionTable(Table):
+    """`[design.prediction]`: what the coefficients are wanted for: a state, the `distance` travelled or the `advance`, so long after the
+    designed control is set to `control` at trim; with the propeller stopped, `of = "distance"` is the stopping distance."""
+
+    of: str
+    control: Quantity
+    after: Quantity
+
+
+Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
+
+
 class DesignTable(Table):
     """`[design]`: families of inputs that are swept over one grid of amplitudes and periods, and what makes one of them the best.
 
-    `utility` is the entropy reduction by the filter, or a criterion of the Fisher information: `fisher-d` (nats), `fisher-a` (mean
-    variance), `fisher-e` (least known combination), `fisher-me` (balance), `over` the mean of draws of what is believed, at its mean
-    (`local`) or at the worst draw; `per` trial or joule. Limits on the motion are kept with `probability`.
+    `utility` is the entropy reduction by the `filter`, or a criterion of the Fisher information: `fisher-d` (nats), `fisher-a` (mean
+    variance), `fisher-e` (least known combination), `fisher-me` (balance), `fisher-c` (the stated `prediction`), or `discrimination`
+    (evidence against the structure that is hardest to tell from the full one), `over` the mean of draws of what is believed, at its
+    mean (`local`) or at the worst draw; `per` trial, joule or second, where a trial is ended when that pays and takes `turnaround` more
+    around it. Limits on the motion are kept with `probability`.
     """
 
     control: str
     families: list[str] = Field(default=["repeated-doublet"], min_length=1)
-    utility: Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me"] = "entropy"
+    utility: Utility = "entropy"
+    filter: Literal["square-root-unscented", "unscented", "extended"] = "square-root-unscented"
     over: Literal["mean", "local", "worst"] = "mean"
-    per: Literal["trial", "joule"] = "trial"
+    per: Literal["trial", "joule", "second"] = "trial"
+    turnaround: Quantity = "0 s"
     probability: float = Field(default=0.95, gt=0.0, lt=0.99)
     trim: Quantity | None = None
     duration: Quantity
@@ -141,6 +165,8 @@ class DesignTable(Table):
     sample_time: Quantity
     amplitude: RangeTable
     period: RangeTable
+    relay: RelayTable | None = None
+    prediction: PredictionTable | None = None
 
 
 class GoalTable(Table):
@@ -153,10 +179,10 @@ class GoalTable(Table):
 
 
 class TimeTable(Table):
-    """Which column holds time, and in which unit."""
+    """Which column holds time, and in which unit; the unit may be left out where the log states it."""
 
     column: str
-    unit: str
+    unit: str | None = None
 
 
 class ColumnTable(Table):
@@ -168,10 +194,15 @@ class ColumnTable(Table):
 
 
 class FileTable(Table):
-    """`[[import.files]]`: one file of a trial; `{run}` in the path stands for the run's label."""
+    """`[[import.files]]`: one log of a trial; `{run}` in the path stands for the run's label.
+
+    `table` is the topic, type of message, struct or variable where a log has several. `time` may be left out where the format
+    has a clock of its own. `delimiter`, `encoding` and `skip_rows` are for CSV and TSV.
+    """
 
     path: str
-    time: TimeTable
+    table: str | None = None
+    time: TimeTable | None = None
     channels: dict[str, ColumnTable]
     clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
     delimiter: str | None = None

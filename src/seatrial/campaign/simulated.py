@@ -5,7 +5,7 @@ which the speed over ground shows and the speed through the water does not.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import exp
 
 import jax
@@ -18,9 +18,10 @@ from seatrial.campaign.problem import random_key
 from seatrial.campaign.store import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError
-from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
+from seatrial.design.sweep import Sweep
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.vehicles.simulate import simulate
@@ -31,16 +32,24 @@ FIRST = "trial"
 
 @dataclass(frozen=True)
 class Chosen:
-    """A later trial: the family's kind, and its amplitude (SI) and period (s)."""
+    """A trial: the family's kind, its amplitude (SI) and period (s), and when it is ended, s, if not after the family's duration."""
 
     kind: str
     amplitude: float
     period: float
+    length: float | None = None
 
     def manoeuvre(self, campaign: Campaign) -> Manoeuvre:
         """The trial itself."""
         family = next(one for one in campaign.families if one.kind == self.kind)
-        return family.manoeuvre(self.amplitude, self.period)
+        made = family.manoeuvre(self.amplitude, self.period)
+        return made if self.length is None else replace(made, duration=self.length)
+
+
+def chosen_of(sweep: Sweep, at: tuple[int, int]) -> Chosen:
+    """One design of a sweep."""
+    length = None if sweep.length is None else float(sweep.length[at])
+    return Chosen(sweep.family.kind, float(sweep.amplitude[at[0]]), float(sweep.period[at[1]]), length)
 
 
 def actuator_lag(control: str) -> str:
@@ -64,9 +73,7 @@ def simulated_records(campaign: Campaign, watch: Watch = SILENT) -> tuple[tuple[
     first = Store(campaign.folder).record(FIRST)
     if not is_current(first, key):
         sweep = design_first(campaign, watch).best
-        row, column = sweep.best
-        chosen = Chosen(sweep.family.kind, float(sweep.amplitude[row]), float(sweep.period[column]))
-        _run(campaign, chosen, FIRST, key)
+        _run(campaign, chosen_of(sweep, sweep.best), FIRST, key)
     records.append(read_record(first))
     for number, chosen in enumerate(later_trials(campaign), 2):
         label = f"{FIRST}-{number}"
@@ -116,7 +123,9 @@ def _begun(campaign: Campaign) -> str:
 def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
     family, manoeuvre = campaign.family, chosen.manoeuvre(campaign)
     time, command = manoeuvre.sample(family.sample_time)
-    mask, columns = campaign.measured_mask(time), {family.control: command}
+    trim = campaign.control_trim(campaign.model(campaign.full))
+    columns = {name: command if name == family.control else np.full(command.size, value) for name, value in trim}
+    mask = campaign.measured_mask(time)
     for index, (channel, exact) in enumerate(_shown(campaign, command, family.sample_time).items()):
         purpose = f"noise {channel}" if label == FIRST else f"noise {channel} {label}"
         noise = campaign.noise(channel) * np.asarray(jax.random.normal(random_key(campaign, purpose), exact.shape))
@@ -129,9 +138,9 @@ def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
         "seed": campaign.source.campaign.seed,
     }
     channels = tuple(
-        Channel(name, signal_unit(name), "control" if name == family.control else "measurement") for name in columns
+        Channel(name, signal_unit(name), "control" if name in dict(trim) else "measurement") for name in columns
     )
-    record = make_record(time, columns, channels, Provenance("simulated", key, told), label)
+    record = make_record(time, columns, channels, Provenance(SIMULATED, key, told), label)
     write_dataset(Store(campaign.folder).record(label), record_dataset(record), key)
 
 
@@ -139,9 +148,12 @@ def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) ->
     """What each sensor would show of the true vehicle without noise."""
     model, truth = campaign.model(campaign.full), campaign.source.truth
     params = {term.text: truth.get(term.text, 0.0) for term in model.coefficients}
-    start = np.array([campaign.hull.trim.get(state, 0.0) for state in model.states])
+    start = np.array(campaign.state_trim(model))
     acting, held = _lagged(command, truth.get(actuator_lag(campaign.family.control), 0.0), step)
-    states = np.asarray(simulate(model, params, held[:, None], np.full(command.size, step), start))
+    trim, driven = campaign.control_trim(model), campaign.family.control
+    columns = [held if name == driven else np.full(command.size, value) for name, value in trim]
+    shown_control = tuple(acting if name == driven else np.full(command.size, value) for name, value in trim)
+    states = np.asarray(simulate(model, params, np.column_stack(columns), np.full(command.size, step), start))
     if not np.isfinite(states).all():
         raise InputError(
             campaign.where("truth"),
@@ -152,7 +164,7 @@ def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) ->
     shown = {}
     for sensor in campaign.sensors:
         drift = truth.get(CURRENT, 0.0) if sensor.channel == "u" and sensor.over_ground else 0.0
-        shown[sensor.channel] = drift + np.asarray(model.output(sensor.channel, params, tuple(states.T), (acting,)))
+        shown[sensor.channel] = drift + np.asarray(model.output(sensor.channel, params, tuple(states.T), shown_control))
     return shown
 
 

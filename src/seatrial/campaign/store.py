@@ -47,6 +47,20 @@ class Store:
         return self.results / "free_form.json"
 
     @property
+    def relay_design(self) -> Path:
+        """The self-oscillating test."""
+        return self.results / "self_oscillation.json"
+
+    def batch_schedule(self, number: int) -> Path:
+        """Schedule of one of the trials that are planned together."""
+        return self.results / f"batch_{number}_schedule.csv"
+
+    @property
+    def searched(self) -> Path:
+        """The design found by a global search."""
+        return self.results / "searched.json"
+
+    @property
     def measures(self) -> Path:
         """Every measure of some designs side by side."""
         return self.results / "measures.nc"

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import xarray as xr
 
+from seatrial.campaign.belief import STATE_SD
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.designs import STATE_SD
 from seatrial.campaign.estimate import Estimate
 from seatrial.campaign.problem import initial_state
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset

@@ -21,6 +21,10 @@ class Channel:
     role: Role
 
 
+SIMULATED = "simulated"
+"""Source of a record that no log holds."""
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Where a record came from: source names, SHA-256 of each file's bytes, and the options of the import."""

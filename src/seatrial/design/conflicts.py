@@ -64,7 +64,7 @@ def least_miss(safety: Safety, limit: int, beside: tuple[int, ...] = ()) -> tupl
         beside: indices of the limits that do not.
 
     Returns:
-        The miss in the limit's unit, infinite where no width would do, and the index of the design.
+        The miss, SI, infinite where no width would do, and the index of the design.
     """
     margin = safety.room_left(safety.held[..., list(beside)].all(2))[:, limit]
     return float(-margin.max()), int(margin.argmax())
@@ -91,7 +91,7 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], str]:
     others = {i: tuple(j for j in everyone if j != i) for i in everyone}
     told = [
         f"every two limits leave designs, all together none: at best they hold in {safety.held[best].all(1).sum()} draws, "
-        f"of design {best}",
+        f"of {safety.name(best)}",
         *(f"beside all others {limits[i].words} {_miss(safety, i, others[i])}" for i in everyone),
     ]
     return told, " or ".join(_widen(safety, i, others[i]) for i in everyone)
@@ -101,11 +101,16 @@ def _miss(safety: Safety, limit: int, beside: tuple[int, ...]) -> str:
     width, design = least_miss(safety, limit, beside)
     if not np.isfinite(width):
         return "cannot be kept at any width"
-    return f"is missed by {width:.3g} {safety.limits[limit].unit} by design {design}, the gentlest"
+    return f"is missed by {_shown(safety, limit, width)} by {safety.name(design)}, the gentlest"
 
 
 def _widen(safety: Safety, limit: int, beside: tuple[int, ...]) -> str:
     width, _ = least_miss(safety, limit, beside)
     if not np.isfinite(width):
         return f"give up {safety.limits[limit].words}"
-    return f"widen {safety.limits[limit].words} by {width:.3g} {safety.limits[limit].unit} or more"
+    return f"widen {safety.limits[limit].words} by {_shown(safety, limit, width)} or more"
+
+
+def _shown(safety: Safety, limit: int, width: float) -> str:
+    factor, unit = safety.limits[limit].shown
+    return f"{width * factor:.3g} {unit}"

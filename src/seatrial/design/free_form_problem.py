@@ -167,9 +167,9 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
         for lower, upper in limit.bounds:
             for name, side, bound in (("upper", 1.0, upper), ("lower", -1.0, lower)):
                 if abs(bound) < inf:
-                    room = Room(
-                        f"{name} bound {bound:g} {limit.unit} of {' and '.join(limit.signals)}", index, side, bound, 1.0
-                    )
+                    factor, unit = limit.shown
+                    words = f"{name} bound {bound * factor:g} {unit} of {' and '.join(limit.signals)}"
+                    room = Room(words, index, side, bound, 1.0)
                     inside.append(-room.shortfall(course).max(-1))
                     left = float(np.sort(inside[-1])[problem.left_out])
                     rooms.append(room._replace(scale=max(left, 1e-3 * abs(bound), 1e-9)))

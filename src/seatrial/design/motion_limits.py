@@ -12,11 +12,12 @@ from typing import Any, Protocol
 import jax.numpy as jnp
 
 from seatrial.core.errors import InputError
-from seatrial.core.signals import signal_unit
+from seatrial.core.shown import shown_unit
 from seatrial.core.trees import compiled_tree
 from seatrial.design.integrals import Rate, integrals_for
 from seatrial.vehicles.model import VehicleModel
 
+METRES = 1.0, "m"
 Bounds = tuple[float, float]
 """Lower and upper, SI; infinite where there is none."""
 
@@ -30,8 +31,8 @@ class MotionLimit(Protocol):
         ...
 
     @property
-    def unit(self) -> str:
-        """SI unit of its quantities."""
+    def shown(self) -> tuple[float, str]:
+        """Factor from SI to the unit in which its quantities are told, and that unit."""
         ...
 
     @property
@@ -64,14 +65,14 @@ class StateBound:
         return (self.state,)
 
     @property
-    def unit(self) -> str:
-        """SI unit of the state."""
-        return signal_unit(self.state)
+    def shown(self) -> tuple[float, str]:
+        """Of the state."""
+        return shown_unit(self.state)
 
     @property
     def words(self) -> str:
         """For example `u at most 2 m/s`."""
-        return _between(self.state, self.lower, self.upper, self.unit)
+        return _between(self.state, self.lower, self.upper, self.shown)
 
     @property
     def bounds(self) -> tuple[Bounds, ...]:
@@ -89,12 +90,12 @@ class Distance:
     """Largest distance travelled through the water, the integral of |u|, m."""
 
     upper: float
-    signals, unit = ("travelled",), "m"
+    signals, shown = ("travelled",), METRES
 
     @property
     def words(self) -> str:
         """For example `distance travelled at most 300 m`."""
-        return _between("distance travelled", -inf, self.upper, self.unit)
+        return _between("distance travelled", -inf, self.upper, self.shown)
 
     @property
     def bounds(self) -> tuple[Bounds, ...]:
@@ -113,12 +114,12 @@ class Advance:
 
     lower: float = -inf
     upper: float = inf
-    signals, unit = ("advanced",), "m"
+    signals, shown = ("advanced",), METRES
 
     @property
     def words(self) -> str:
         """For example `advance from -10 to 300 m`."""
-        return _between("advance", self.lower, self.upper, self.unit)
+        return _between("advance", self.lower, self.upper, self.shown)
 
     @property
     def bounds(self) -> tuple[Bounds, ...]:
@@ -137,12 +138,12 @@ class Area:
 
     x: Bounds
     y: Bounds
-    signals, unit = ("x", "y"), "m"
+    signals, shown = ("x", "y"), METRES
 
     @property
     def words(self) -> str:
         """For example `x from -50 to 200 m and y from -50 to 50 m`."""
-        return f"{_between('x', *self.x, self.unit)} and {_between('y', *self.y, self.unit)}"
+        return f"{_between('x', *self.x, self.shown)} and {_between('y', *self.y, self.shown)}"
 
     @property
     def bounds(self) -> tuple[Bounds, ...]:
@@ -161,12 +162,12 @@ class Altitude:
 
     bottom: float
     lower: float
-    signals, unit = ("z",), "m"
+    signals, shown = ("z",), METRES
 
     @property
     def words(self) -> str:
         """For example `altitude at least 3 m over the bottom at 40 m`."""
-        return f"{_between('altitude', self.lower, inf, self.unit)} over the bottom at {self.bottom:g} m"
+        return f"{_between('altitude', self.lower, inf, self.shown)} over the bottom at {self.bottom:g} m"
 
     @property
     def bounds(self) -> tuple[Bounds, ...]:
@@ -212,13 +213,15 @@ def check_motion_limits(model: VehicleModel, limits: Sequence[MotionLimit]) -> N
             if isnan(lower) or isnan(upper) or not lower < upper or (lower, upper) == (-inf, inf):
                 raise InputError(
                     f"limit on {' and '.join(limit.signals)}",
-                    found=f"bounds from {lower:g} to {upper:g} {limit.unit}",
+                    found=f"bounds from {lower * limit.shown[0]:g} to {upper * limit.shown[0]:g} {limit.shown[1]}",
                     expected="a finite lower or upper bound, the lower below the upper",
                     remedy="give at least one bound, in SI",
                 )
 
 
-def _between(name: str, lower: float, upper: float, unit: str) -> str:
+def _between(name: str, lower: float, upper: float, shown: tuple[float, str]) -> str:
+    factor, unit = shown
+    lower, upper = lower * factor, upper * factor
     if lower == -inf:
         return f"{name} at most {upper:g} {unit}"
     return f"{name} at least {lower:g} {unit}" if upper == inf else f"{name} from {lower:g} to {upper:g} {unit}"

@@ -76,6 +76,14 @@ def utility_table(
         NumericalError: the simulation diverges; it says for how many draws. None is left out, since those left would look better
             than the prior is.
     """
+    information = information_table(plan, controls, draws)
+    return UtilityTable(np.asarray(criterion(information)), criterion.unit)
+
+
+def information_table(
+    plan: TrialPlan, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
+) -> Float[np.ndarray, "D S k k"]:
+    """Fisher information of every design at every draw, SI; arguments and errors as `utility_table`."""
     controls, draws = np.asarray(controls, float), np.asarray(draws, float)
     expected = (plan.step.shape[0], len(plan.model.controls))
     if controls.ndim != 3 or controls.shape[1:] != expected:
@@ -95,7 +103,7 @@ def utility_table(
             f"{shape[0]} designs, most often in design {worst}; the first is {at} (SI): narrow the prior to damping that "
             "dissipates, or excite less"
         )
-    return UtilityTable(np.asarray(criterion(information)).reshape(shape), criterion.unit)
+    return information.reshape(*shape, *information.shape[1:])
 
 
 def local_utility(

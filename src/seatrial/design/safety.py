@@ -36,6 +36,7 @@ class Safety:
         room: least distance to the bounds over the whole trial, in the unit of each limit, below 0 where broken; -inf where the
             motion diverges, which breaks every limit, shape (D, S, m).
         diverged: draws whose motion diverges, shape (D,).
+        names: of the designs, for errors; none where they have only numbers.
     """
 
     limits: tuple[MotionLimit, ...]
@@ -43,6 +44,11 @@ class Safety:
     confidence: float
     room: Float[np.ndarray, "D S m"]
     diverged: Int[np.ndarray, " D"]
+    names: tuple[str, ...] = ()
+
+    def name(self, design: int) -> str:
+        """Of one design, for a sentence."""
+        return f"the {self.names[design]}" if self.names else f"design {design}"
 
     @property
     def draws(self) -> int:
@@ -105,7 +111,7 @@ class Safety:
         held, margin, at_least = self.held[design].sum(0), self.margin[design], self.at_least[design]
         lines = [
             f"{limit.words}: holds in {held[i]} of {self.draws} draws, probability at least {at_least[i]:.3f}, "
-            f"margin {margin[i]:.3g} {limit.unit}"
+            f"margin {margin[i] * limit.shown[0]:.3g} {limit.shown[1]}"
             for i, limit in enumerate(self.limits)
         ]
         together = self.held[design].all(1).sum()
@@ -142,10 +148,35 @@ def judge_safety(
     check_motion_limits(plan.model, limits)
     _check(probability, confidence, len(draws))
     controls, draws = check_runs(plan, controls, draws)
-    judge = partial(_rooms, plan, tuple(limits), draws=jnp.asarray(draws))
-    least, finite = in_blocks(lambda control: judge(control), controls)
+    least, finite = in_blocks(partial(_rooms, plan, tuple(limits), draws=jnp.asarray(draws)), controls)
     rooms = np.where(finite[..., None], least, -np.inf)
     return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(1))
+
+
+def judge_runs(
+    plan: TrialPlan,
+    controls: Float[np.ndarray, "S n c"],
+    draws: Float[np.ndarray, "S k"],
+    limits: Sequence[MotionLimit],
+    probability: float = 0.95,
+    confidence: float = 0.95,
+) -> Safety:
+    """Judge one closed-loop design, whose control differs from draw to draw; arguments and errors as `judge_safety`.
+
+    Args:
+        plan: vehicle and start of the trial.
+        controls: every control as the loop made it with each draw, SI.
+        draws: coefficients drawn from what is believed, SI.
+        limits: limits of the motion.
+        probability: with which all must hold together.
+        confidence: of that claim.
+    """
+    check_motion_limits(plan.model, limits)
+    _check(probability, confidence, len(draws))
+    controls, draws = check_runs(plan, controls, draws)
+    least, finite = in_blocks(partial(_paired_rooms, plan, tuple(limits)), controls, draws)
+    rooms = np.where(finite[:, None], least, -np.inf)[None]
+    return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(keepdims=True))
 
 
 def least_rooms(
@@ -217,6 +248,11 @@ def check_runs(
 def _rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array) -> tuple[Array, Array]:
     of_draws = jax.vmap(least_rooms, in_axes=(None, None, 0, None))
     return jax.vmap(of_draws, in_axes=(None, None, None, 0))(plan, limits, draws, controls)
+
+
+@jax.jit
+def _paired_rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array) -> tuple[Array, Array]:
+    return jax.vmap(lambda control, values: least_rooms(plan, limits, values, control))(controls, draws)
 
 
 def _check(probability: float, confidence: float, draws: int) -> None:

@@ -18,9 +18,12 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.cost import TrialCost, check_cost, cost_along, gain_per_cost
 from seatrial.design.plan import TrialPlan
 from seatrial.design.safety import check_runs
+from seatrial.design.sweep import in_blocks
 
 Utility = Callable[[Float[np.ndarray, "E k k"]], Float[np.ndarray, " E"]]
 """Number of an information matrix, SI; higher is better."""
+ENDS = 30
+"""Ends of a trial that are weighed for each of many designs."""
 LOSS = 1e-9
 """Loss of utility along the trial that is rounding, as a share of the largest gain."""
 
@@ -71,6 +74,48 @@ def information_until(
     """
     slopes = jax.jacfwd(plan.outputs)(values, control)
     return jnp.cumsum(jnp.einsum("nmi,nmj->nij", slopes, slopes), 0)[ends - 1]
+
+
+def best_stops(
+    plan: TrialPlan,
+    controls: Float[np.ndarray, "D n c"],
+    draws: Float[np.ndarray, "S k"],
+    utility: Utility,
+    overhead: float,
+    ends: int = ENDS,
+) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
+    """Most gain for a second of each design, 1/s, and the length of the trial that has it, s.
+
+    Args:
+        plan: vehicle, start and sensors.
+        controls: designs, held from each sample to the next, SI.
+        draws: coefficients drawn from what is believed, SI.
+        utility: of information matrices, one for each draw along the axis before the last two.
+        overhead: time around each trial, such as the way back, s.
+        ends: evenly spaced ends to choose from.
+
+    Raises:
+        NumericalError: a motion diverges.
+    """
+    controls, draws = check_runs(plan, controls, draws)
+    n, k, shape = plan.step.shape[0], len(plan.names), (len(controls), len(draws))
+    at = jnp.asarray(np.unique(np.linspace(1, n, min(ends, n)).round().astype(int)))
+    design, draw = (index.ravel() for index in np.indices(shape))
+    held = jnp.asarray(controls)
+    found = in_blocks(lambda which, values: (_until(plan, held, at, which, values),), design, draws[draw])[0]
+    if not np.isfinite(found).all():
+        raise NumericalError("a motion diverges at a draw of the coefficients: narrow the priors, or excite less")
+    by_end = np.moveaxis(found.reshape(*shape, at.size, k, k), 2, 1)
+    gain = np.asarray(utility(by_end)).mean(-1) - np.asarray(utility(np.zeros((shape[1], k, k)))).mean()
+    length = np.cumsum(np.asarray(plan.step))[np.asarray(at) - 1]
+    rate = gain / (overhead + length)
+    best = rate.argmax(1)
+    return rate[np.arange(shape[0]), best], length[best]
+
+
+@jax.jit
+def _until(plan: TrialPlan, controls: Array, ends: Array, which: Array, values: Array) -> Array:
+    return jax.vmap(lambda i, point: information_until(plan, point, controls[i], ends))(which, values)
 
 
 def stop_times(

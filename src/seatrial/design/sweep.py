@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import jax
@@ -20,6 +20,8 @@ from seatrial.filters.run import summarise_filter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
+Trim = tuple[tuple[str, float], ...]
+"""Every control's name and trim value, SI, in the vehicle's order."""
 LANES = 80
 """Designs in one call on a CPU: fewer leave its vector units idle, more no longer fit its cache."""
 
@@ -33,9 +35,11 @@ class Sweep:
         amplitude: change from trim, SI, shape (A,).
         period: s, shape (P,).
         gain: entropy reduction, nats, NaN where the design breaks a limit, shape (A, P).
-        peak_speed: largest |u| of the predicted motion, m/s, shape (A, P).
+        peak_speed: largest magnitude of the first state in the predicted motion, m/s where that is a speed, shape (A, P).
         final_sd: predicted standard deviation of each coefficient in filter units, shape (A, P, k).
+        trim: every control's name and trim value, in the vehicle's order; the family drives one of them.
         utility: what makes a design the best, where that is not the gain; NaN as there, shape (A, P).
+        length: when each is ended, s, where that is not after the family's duration, shape (A, P).
     """
 
     family: Family
@@ -44,7 +48,9 @@ class Sweep:
     gain: Float[np.ndarray, "A P"]
     peak_speed: Float[np.ndarray, "A P"]
     final_sd: Float[np.ndarray, "A P k"]
+    trim: Trim
     utility: Float[np.ndarray, "A P"] | None = None
+    length: Float[np.ndarray, "A P"] | None = None
 
     @property
     def worth(self) -> Float[np.ndarray, "A P"]:
@@ -57,16 +63,28 @@ class Sweep:
         row, column = np.unravel_index(np.nanargmax(self.worth), self.gain.shape)
         return int(row), int(column)
 
-    def inside(self) -> tuple[Int[np.ndarray, " D"], Int[np.ndarray, " D"], Float[np.ndarray, "D n"]]:
-        """Rows and columns of the designs inside the limits, and their controls, SI."""
+    def inside(
+        self, trim: Trim | None = None
+    ) -> tuple[Int[np.ndarray, " D"], Int[np.ndarray, " D"], Float[np.ndarray, "D n c"]]:
+        """Rows and columns of the designs inside the limits, and all their controls, SI, or those of another vehicle's `trim`."""
         rows, columns = np.nonzero(np.isfinite(self.gain))
-        amplitude, period = self.amplitude[rows][:, None], self.period[columns][:, None]
-        return rows, columns, np.asarray(self.family.signal(amplitude, period, self.family.time()[None, :]))
+        return rows, columns, all_controls(self.family, trim or self.trim, self.amplitude[rows], self.period[columns])
+
+    def controls(self, row: int, column: int, trim: Trim | None = None) -> Float[np.ndarray, "n c"]:
+        """All controls of one design, SI, or those of another vehicle's `trim`."""
+        return all_controls(
+            self.family, trim or self.trim, self.amplitude[row : row + 1], self.period[column : column + 1]
+        )[0]
+
+    def best_controls(self, trim: Trim | None = None) -> Float[np.ndarray, "n c"]:
+        """All controls of the best design, as `controls`."""
+        return self.controls(*self.best, trim)
 
     def best_manoeuvre(self) -> Manoeuvre:
-        """The best design."""
+        """The best design, as long as it is to be run."""
         row, column = self.best
-        return self.family.manoeuvre(float(self.amplitude[row]), float(self.period[column]))
+        made = self.family.manoeuvre(float(self.amplitude[row]), float(self.period[column]))
+        return made if self.length is None else replace(made, duration=float(self.length[row, column]))
 
 
 def sweep_family(
@@ -78,11 +96,12 @@ def sweep_family(
     method: Filter | None = None,
     measured: Float[np.ndarray, "n m"] | None = None,
     truth: Float[np.ndarray, " d"] | None = None,
+    trim: Trim | None = None,
 ) -> Sweep:
     """Predict every design's entropy reduction by running the filter over the motion the current belief expects.
 
     Args:
-        space: state space of one control; its initial belief is what is known before the trial.
+        space: state space; its initial belief is what is known before the trial.
         family: control channel, trim and timing.
         amplitude: changes from trim, SI.
         period: s.
@@ -90,14 +109,16 @@ def sweep_family(
         method: filter; the square-root unscented one, if not given.
         measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
+        trim: every control's name and trim value, in the vehicle's order; None where the family's is the only one.
 
     Raises:
         InputError: no design of the grid is inside the limits; the least violation of each limit is named.
         NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
     """
     amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
-    controls = np.asarray(family.signal(amplitudes[:, None], periods[:, None], family.time()[None, :]))
-    allowed = _allowed(family, controls, periods, limits)
+    trim = ((family.control, family.trim),) if trim is None else trim
+    controls = all_controls(family, trim, amplitudes, periods)
+    allowed = _allowed(family, controls[..., _place(family, trim)], periods, limits)
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
@@ -120,7 +141,20 @@ def sweep_family(
         np.where(allowed, gain, np.nan).reshape(shape),
         peak.reshape(shape),
         sd.reshape(*shape, -1),
+        trim,
     )
+
+
+def all_controls(family: Family, trim: Trim, amplitude: np.ndarray, period: np.ndarray) -> Float[np.ndarray, "D n c"]:
+    """All controls of some designs: the family's as it drives it, the others at trim."""
+    driven = np.asarray(family.signal(amplitude[:, None], period[:, None], family.time()[None, :]))
+    controls = np.broadcast_to(np.array([value for _, value in trim]), (*driven.shape, len(trim))).copy()
+    controls[..., _place(family, trim)] = driven
+    return controls
+
+
+def _place(family: Family, trim: Trim) -> int:
+    return [name for name, _ in trim].index(family.control)
 
 
 def _allowed(family: Family, controls: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
@@ -165,13 +199,14 @@ def _predict(method: Filter):
         d = space.n_dynamic
         fixed = tuple(start[d:])
 
-        def advance(state: tuple, held: Array):
+        def advance(state: tuple, held: tuple):
             joint = (*state, *fixed)
-            return space.transition(joint, (held,), step), (space.observe(joint, (held,)), state[0])
+            return space.transition(joint, held, step), (space.observe(joint, held), state[0])
 
-        _, (outputs, speed) = jax.lax.scan(advance, tuple(start[:d]), control)
+        columns = tuple(control[:, i] for i in range(control.shape[1]))
+        _, (outputs, speed) = jax.lax.scan(advance, tuple(start[:d]), columns)
         measurement = jnp.stack(outputs, -1) + gaps
-        summary = summarise_filter(method, space, control[:, None], measurement, jnp.broadcast_to(step, control.shape))
+        summary = summarise_filter(method, space, control, measurement, jnp.broadcast_to(step, control.shape[:1]))
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
 

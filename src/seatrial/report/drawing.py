@@ -7,8 +7,8 @@ import numpy as np
 from markupsafe import Markup
 
 from seatrial.campaign.loop import Outcome
-from seatrial.campaign.shown import shown_unit
 from seatrial.core.record import Record
+from seatrial.core.shown import shown_unit
 from seatrial.core.signals import SIGNALS
 from seatrial.report.figures.fit import Driven, Predicted
 from seatrial.report.figures.style import unit_label

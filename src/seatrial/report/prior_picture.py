@@ -5,8 +5,8 @@ from pathlib import Path
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.prior_predictive import PriorPredictive
 from seatrial.campaign.prior_words import prior_summary
-from seatrial.campaign.shown import shown_unit
 from seatrial.core.files import write_text
+from seatrial.core.shown import shown_unit
 from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.fit import Driven
 from seatrial.report.figures.prior_predictive import prior_motions

@@ -9,7 +9,7 @@ from seatrial.campaign.paper.compute.filters import BOUND_SHARE
 from seatrial.campaign.paper.reading import NAMES, RPM
 from seatrial.campaign.paper.registry import ENTRIES
 from seatrial.campaign.paper.study import Study
-from seatrial.campaign.shown import shown_unit
+from seatrial.core.shown import shown_unit
 from seatrial.report.paper.evidence import PRINTED
 from seatrial.report.paper.figures import FIGURES, chosen_figures
 from tests.report.paper.studies import FILTERS, METHODS, A, make_study

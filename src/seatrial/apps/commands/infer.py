@@ -92,8 +92,6 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
         contenders = find_contenders(campaign, selection, trials, watch)
         if contenders is not None:
             typer.echo("\n".join(contenders.lines(selection)))
-        if not campaign.is_surge:
-            typer.echo("which trial would decide is not searched for vehicles that move along other axes than X")
         if screened is not None or contenders is not None:
             typer.echo(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
         never = [term for term in campaign.rules.never if term in campaign.source.structure.optional]

@@ -40,6 +40,22 @@ def design(
     free_form: Annotated[
         int, typer.Option(min=0, max=200, help="Also search so many levels one by one, by gradients.")
     ] = 0,
+    self_oscillation: Annotated[
+        bool,
+        typer.Option("--self-oscillation", help="Also choose the self-oscillating test (zigzag) of [design.relay]."),
+    ] = False,
+    trials: Annotated[
+        int, typer.Option(min=0, max=20, help="Also choose so many trials that are worth most together.")
+    ] = 0,
+    sensors: Annotated[
+        bool, typer.Option("--sensors", help="Also weigh the best design with other rates and noises of each sensor.")
+    ] = False,
+    search: Annotated[
+        int,
+        typer.Option(
+            min=0, max=100_000, help="Also search between the points of the grid, by CMA-ES over so many designs."
+        ),
+    ] = 0,
     compare: Annotated[
         int,
         typer.Option(
@@ -58,7 +74,7 @@ def design(
         designs = design_first(campaign, watch)
         first, *others = designs.lines()
         typer.echo(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
-        for line in (*others, *designs.safety):
+        for line in (*others, *designs.safety, *designs.prediction):
             typer.echo(f"  {line}")
         promised = known_before(campaign, designs.best)
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
@@ -68,6 +84,27 @@ def design(
 
             found, schedule = design_free_trial(campaign, free_form, watch)
             typer.echo("\n".join(found.lines()))
+            typer.echo(f"schedule: {schedule}")
+        if self_oscillation:
+            from seatrial.campaign.relay_trial import design_relay_trial
+            from seatrial.report.relay_picture import write_relay_picture
+
+            test, schedule = design_relay_trial(campaign, watch)
+            typer.echo("\n".join(test.lines()))
+            typer.echo(f"schedule as foreseen: {schedule}; picture: {write_relay_picture(campaign, test)}")
+        if trials:
+            from seatrial.campaign.batch_trial import plan_together
+
+            typer.echo("\n".join(plan_together(campaign, trials, watch).lines()))
+        if sensors:
+            from seatrial.campaign.sensor_table import sensor_table
+
+            typer.echo("\n".join(sensor_table(campaign, watch).lines()))
+        if search:
+            from seatrial.campaign.global_trial import search_design
+
+            searched, family, schedule = search_design(campaign, search, watch)
+            typer.echo("\n".join(searched.lines(family)))
             typer.echo(f"schedule: {schedule}")
         if compare:
             from seatrial.campaign.measures import compare_measures

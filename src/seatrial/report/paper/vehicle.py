@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from seatrial.campaign.paper.study import Study
-from seatrial.campaign.shown import shown_unit
+from seatrial.core.shown import shown_unit
 from seatrial.report.drawing import signal_symbol
 from seatrial.report.figures.style import BLUE, MUTED, ORANGE, PURPLE, thin, unit_label
 from seatrial.report.paper.panels import PAGE, key, name_axes, panels

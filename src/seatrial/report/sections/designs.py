@@ -8,9 +8,10 @@ from markupsafe import Markup
 
 from seatrial.campaign.design_words import design_words
 from seatrial.campaign.designs import Designs
-from seatrial.campaign.loop import ENOUGH, Outcome
-from seatrial.campaign.shown import shown_unit
+from seatrial.campaign.loop import Outcome
+from seatrial.campaign.proposal import propose
 from seatrial.core.record import Record
+from seatrial.core.shown import shown_unit
 from seatrial.report.drawing import Drawing, draw, labels_of, signal_axis, signal_symbol, units_of
 from seatrial.report.figures.coverage import covered
 from seatrial.report.figures.inputs import control_over_time
@@ -44,21 +45,17 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
 
 def next_section(outcome: Outcome) -> dict[str, Any]:
     """What `next.html` prints."""
-    trial = outcome.summary["next_trial"]
+    trial, proposal = outcome.summary["next_trial"], propose(outcome)
     names = list(trial["sd_before"])
     gain = trial["gain_nat"]
-    words = (
-        trial["words"]
-        if gain < ENOUGH
-        else f"{best_words(outcome.next)}: expected to reduce the entropy of the coefficients by {short(gain)} nat"
-    )
     return {
         "figures": sweep_drawings(outcome, outcome.next, "next"),
         "families": _families(outcome.next),
-        "enough": gain < ENOUGH,
+        "stop": proposal.trial is None,
+        "said": [line[:1].upper() + line[1:] for line in proposal.lines],
+        "best": best_words(outcome.next),
         "gain": short(gain),
         "shrinks": short(float(np.exp(gain)), 2),
-        "words": words[:1].upper() + words[1:],
         "structure": outcome.chosen.structure.label,
         "rows": _sd_rows(outcome, names, list(trial["sd_before"].values()), list(trial["sd_after"].values())),
     }

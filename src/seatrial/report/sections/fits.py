@@ -6,8 +6,8 @@ import numpy as np
 
 from seatrial.campaign.loop import Outcome
 from seatrial.campaign.predict import Fit, trial_verdicts
-from seatrial.campaign.shown import shown_unit
 from seatrial.core.record import Record
+from seatrial.core.shown import shown_unit
 from seatrial.estimation.judgement import NARROW, POOR
 from seatrial.report.drawing import draw, record_curves
 from seatrial.report.figures.fit import record_fit

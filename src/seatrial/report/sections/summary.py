@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from seatrial.campaign.loop import ENOUGH, Outcome
-from seatrial.campaign.shown import shown_unit
+from seatrial.core.shown import shown_unit
 from seatrial.manoeuvres.shapes import SHAPES
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html

@@ -1,0 +1,86 @@
+"""Several trials of one day: those of the campaign's designs that are worth most together."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from seatrial.campaign.belief import prior_draws
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.design_words import design_words
+from seatrial.campaign.designs import design_first
+from seatrial.campaign.schedules import write_schedule
+from seatrial.campaign.store import Store
+from seatrial.campaign.utilities import UTILITY_DRAWS, criterion_of
+from seatrial.campaign.watch import SILENT, Watch
+from seatrial.campaign.weighing import plan_of, utility_unit
+from seatrial.design.batch import Batch, plan_batch
+from seatrial.design.robust import information_table
+
+BLOCK = 64
+"""Designs whose information is computed between two reports of progress."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedBatch:
+    """Trials planned together.
+
+    Attributes:
+        words: each trial, in the order of what it adds.
+        found: what they are worth.
+        schedules: one for each.
+        unit: of the utility.
+    """
+
+    words: tuple[str, ...]
+    found: Batch
+    schedules: tuple[Path, ...]
+    unit: str
+
+    def lines(self) -> list[str]:
+        """In words."""
+        total, count = self.found.utility[-1], len(self.words)
+        together = f"{count} trials together: {total:.2f} {self.unit}".rstrip()
+        return [
+            f"{together}; the best one {count} times: {self.found.repeated:.2f}",
+            *(
+                f"{number}. {words}: {reached:.2f} so far; schedule in {path}"
+                for number, (words, reached, path) in enumerate(
+                    zip(self.words, self.found.utility, self.schedules, strict=True), 1
+                )
+            ),
+        ]
+
+
+def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> PlannedBatch:
+    """Choose so many trials among all designs inside the limits, averaged over draws of the priors.
+
+    Raises:
+        InputError: no design inside the limits.
+        NumericalError: the motion diverges at a draw of the priors.
+    """
+    designs, model = design_first(campaign, watch), campaign.model(campaign.full)
+    plan = plan_of(campaign, model)
+    draws = prior_draws(campaign, model)
+    places, controls = [], []
+    for sweep in designs.sweeps:
+        rows, columns, held = sweep.inside()
+        places += [(sweep, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+        controls.append(held)
+    every, information = np.concatenate(controls), []
+    report = watch.progress(f"information of {len(every)} designs")
+    for start in range(0, len(every), BLOCK):
+        report(start, len(every))
+        information.append(information_table(plan, every[start : start + BLOCK], draws[:UTILITY_DRAWS]))
+    report(len(every), len(every))
+    # Its draws are those of the information, also where one design alone would be weighed at their mean.
+    criterion = criterion_of(campaign, plan, draws)
+    found = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), trials)
+    words, schedules = [], []
+    for number, index in enumerate(found.designs, 1):
+        sweep, i, j = places[index]
+        amplitude, period = float(sweep.amplitude[i]), float(sweep.period[j])
+        words.append(design_words(sweep.family, amplitude, period))
+        path = Store(campaign.folder).batch_schedule(number)
+        schedules.append(write_schedule(path, sweep.family.manoeuvre(amplitude, period), sweep.family.sample_time))
+    return PlannedBatch(tuple(words), found, tuple(schedules), utility_unit(campaign).split("/")[0])

@@ -1,0 +1,172 @@
+"""The best design between the points of the grid: amplitude and period of every family by global search (CMA-ES)."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seatrial.campaign.belief import HALF, prior_draws
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.design_words import design_words
+from seatrial.campaign.designs import design_first, design_key
+from seatrial.campaign.schedules import write_schedule
+from seatrial.campaign.store import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.utilities import criterion_of, utility_draws
+from seatrial.campaign.watch import SILENT, Watch
+from seatrial.campaign.weighing import plan_of
+from seatrial.core.errors import InputError
+from seatrial.design.global_search import search_globally
+from seatrial.design.plan import TrialPlan
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import all_controls
+from seatrial.manoeuvres.family import Family
+
+
+@dataclass(frozen=True)
+class Searched:
+    """The design found.
+
+    Attributes:
+        kind: of its family.
+        amplitude: SI.
+        period: s.
+        utility: on draws that had no part in the search.
+        beside: the same of the best design of the grid.
+        grid: that one, in words.
+        evaluations: designs evaluated.
+        settled: whether the search of its family had come to rest.
+        safety: how surely each limit of the motion is kept, on fresh draws.
+        refused: families without a design inside the limits.
+    """
+
+    kind: str
+    amplitude: float
+    period: float
+    utility: float
+    beside: float
+    grid: str
+    evaluations: int
+    settled: bool
+    safety: tuple[str, ...]
+    refused: tuple[str, ...]
+
+    def lines(self, family: Family) -> list[str]:
+        """In words."""
+        rest = "" if self.settled else "; it had not come to rest: search longer"
+        return [
+            f"global search over {self.evaluations} designs: {design_words(family, self.amplitude, self.period)}: "
+            f"{self.utility:.3f}, the best of the grid ({self.grid}) {self.beside:.3f} by the same measure{rest}",
+            *self.safety,
+            *(f"{kind}: no design inside the limits was met" for kind in self.refused),
+        ]
+
+
+def search_design(campaign: Campaign, budget: int, watch: Watch = SILENT) -> tuple[Searched, Family, Path]:
+    """Search the box of the grid, family by family, under the priors; a current result is read.
+
+    Args:
+        campaign: families, grid, utility (`fisher-d` in place of the filter's entropy) and limits.
+        budget: designs to evaluate in all.
+        watch: who is told.
+
+    Returns:
+        what was found, its family, and the schedule.
+
+    Raises:
+        InputError: a grid of one amplitude or period, too small a budget, or no design inside the limits.
+        NumericalError: the motion diverges at a draw of the priors.
+    """
+    store, key = Store(campaign.folder), key_of("searched", budget, design_key(campaign))
+    if not is_current(store.searched, key):
+        write_stamped_json(store.searched, asdict(_search(campaign, budget, watch)), key)
+    content: dict[str, Any] = read_json(store.searched, f"seatrial design {campaign.folder}")
+    fields = {name: content[name] for name in Searched.__dataclass_fields__}
+    found = Searched(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    family = next(one for one in campaign.families if one.kind == found.kind)
+    manoeuvre = family.manoeuvre(found.amplitude, found.period)
+    return found, family, write_schedule(store.schedule(store.searched), manoeuvre, family.sample_time)
+
+
+def _search(campaign: Campaign, budget: int, watch: Watch) -> Searched:
+    amplitude, period = campaign.grid()
+    lower, upper = np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
+    if not (lower < upper).all():
+        raise InputError(
+            campaign.where("design"),
+            found="a grid of one amplitude or one period",
+            expected="ranges to search in",
+            remedy="give `from` below `to` for both",
+        )
+    model = campaign.model(campaign.full)
+    plan, best = plan_of(campaign, model), design_first(campaign, watch).best
+    draws = prior_draws(campaign, model)
+    found, refused = [], []
+    for family in campaign.families:
+        worth = _worth_of(campaign, plan, family, draws[:HALF])
+        share, seed = budget // len(campaign.families), campaign.source.campaign.seed
+        progress = watch.progress(f"global search: {family.words}")
+        try:
+            found.append((family, search_globally(worth, lower, upper, share, seed, progress=progress)))
+        except InputError as error:
+            if "allowed" not in error.found:
+                raise
+            refused.append(family.words)
+    if not found:
+        raise InputError(
+            campaign.where("design"),
+            found=f"{budget} designs, none of them inside the limits",
+            expected="some that are",
+            remedy="widen the limits, or the ranges of amplitude and period",
+        )
+    family, optimum = max(found, key=lambda one: one[1].utility)
+    trim = campaign.control_trim(model)
+    controls = np.stack([all_controls(family, trim, *(x[None] for x in optimum.settings))[0], best.best_controls()])
+    fresh = draws[HALF:]
+    utility, beside = utility_table(
+        plan, controls, utility_draws(campaign, fresh), criterion_of(campaign, plan, fresh)
+    ).mean
+    safety: tuple[str, ...] = ()
+    if campaign.motion_limits:
+        probability = campaign.source.design.probability
+        safety = judge_safety(plan, controls[:1], fresh, campaign.motion_limits, probability).words(0)
+    row, column = best.best
+    grid = design_words(best.family, float(best.amplitude[row]), float(best.period[column]))
+    at = optimum.settings
+    evaluations = sum(one.evaluations for _, one in found)
+    return Searched(
+        family.kind,
+        float(at[0]),
+        float(at[1]),
+        float(utility),
+        float(beside),
+        grid,
+        evaluations,
+        optimum.settled,
+        safety,
+        tuple(refused),
+    )
+
+
+def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.ndarray):
+    """Utility of designs by amplitude and period; NaN where one does not fit or may leave the limits."""
+    criterion, few = criterion_of(campaign, plan, draws), utility_draws(campaign, draws)
+    trim, limits, worst = campaign.control_trim(plan.model), campaign.limits(), campaign.source.design.over == "worst"
+    place = [name for name, _ in trim].index(family.control)
+
+    def worth(settings: np.ndarray) -> np.ndarray:
+        controls = all_controls(family, trim, settings[:, 0], settings[:, 1])
+        allowed = family.fits(settings[:, 1])
+        allowed &= [not limits.excess(one, family.sample_time) for one in controls[..., place]]
+        if campaign.motion_limits:
+            # Designs that are refused stand in with the trim, which is quick to judge and not looked at.
+            held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
+            allowed &= judge_safety(
+                plan, held, draws, campaign.motion_limits, campaign.source.design.probability
+            ).allowed
+        held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
+        found = utility_table(plan, held, few, criterion)
+        return np.where(allowed, found.worst() if worst else found.mean, np.nan)
+
+    return worth

@@ -1,0 +1,89 @@
+"""Are the sensors enough? The best design weighed with each sensor at other rates, with half its noise, and without it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.campaign.belief import prior_draws
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.designs import design_first
+from seatrial.campaign.utilities import UTILITY_DRAWS
+from seatrial.campaign.watch import SILENT, Watch
+from seatrial.core.signals import signal_unit
+from seatrial.design.criteria import find_criterion
+from seatrial.design.plan import plan_trial
+from seatrial.design.sensor_choice import SensorChoice, SensorWorth, sensor_worth
+
+RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Hz; those up to the sample rate are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorTable:
+    """What the best design would teach with other sensors.
+
+    Attributes:
+        names: coefficients.
+        units: SI unit of each.
+        rows: each choice in words, and what it is worth; the first is as the campaign says.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[tuple[str, SensorWorth], ...]
+
+    def lines(self) -> list[str]:
+        """A table."""
+        width = max(len(words) for words, _ in self.rows)
+        columns = [
+            f"{f'sd({name})':>{max(14, len(name) + 4)}} {unit}"
+            for name, unit in zip(self.names, self.units, strict=True)
+        ]
+        lines = [f"{'sensors':<{width}}  {'nat':>6}  {'  '.join(columns)}"]
+        for words, worth in self.rows:
+            values = [f"{sd:>{len(column)}.3g}" for sd, column in zip(worth.sd, columns, strict=True)]
+            lines.append(f"{words:<{width}}  {worth.utility:>6.2f}  {'  '.join(values)}")
+        return lines
+
+
+def sensor_table(campaign: Campaign, watch: Watch = SILENT) -> SensorTable:
+    """Weigh other sensors on the best design, over draws of the priors.
+
+    Raises:
+        NumericalError: the motion diverges at a draw of the priors.
+    """
+    best, model, family = design_first(campaign, watch).best, campaign.model(campaign.full), campaign.family
+    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    plan = plan_trial(model, campaign.state_trim(model), noise, family.time().size, family.sample_time)
+    words, choices = zip(*_choices(campaign), strict=True)
+    draws = prior_draws(campaign, model)
+    cov = np.atleast_2d(np.cov(draws, rowvar=False))
+    found = sensor_worth(
+        plan, best.best_controls(), draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices
+    )
+    units = tuple(model.unit_of(term) for term in model.coefficients)
+    return SensorTable(plan.names, units, tuple(zip(words, found, strict=True)))
+
+
+def _choices(campaign: Campaign) -> list[tuple[str, SensorChoice]]:
+    """As the campaign says, and each sensor changed by itself."""
+    mask, step = campaign.measured_mask(campaign.family.time()), campaign.family.sample_time
+    every = tuple(round(len(mask) / column.sum()) for column in mask.T)
+    ones = (1.0,) * len(every)
+    found = [("as they are", SensorChoice(every, ones))]
+    for i, channel in enumerate(campaign.channels):
+        for rate in RATES:
+            samples = round(1.0 / (rate * step))
+            if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
+                found.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
+        better = campaign.noise(channel) / 2
+        found.append(
+            (f"{channel} of noise {better:.3g} {signal_unit(channel)}", SensorChoice(every, _with(ones, i, 0.5)))
+        )
+        if len(every) > 1:
+            found.append((f"without {channel}", SensorChoice(_with(every, i, 0), ones)))
+    return found
+
+
+def _with(values: tuple, place: int, value: float) -> tuple:
+    return (*values[:place], value, *values[place + 1 :])

@@ -1,0 +1,55 @@
+"""Trials planned together, against all combinations; sensors weighed, against simulations of each; terms told apart."""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+
+from seatrial.design.batch import plan_batch
+from seatrial.design.criteria import find_criterion
+from seatrial.design.discrimination import Discrimination
+
+COV = np.diag([1.0, 4.0, 0.25])
+
+
+def information(designs=7, draws=3, seed=5):
+    """Each design tells mostly of one combination."""
+    slopes = np.random.default_rng(seed).normal(size=(designs, draws, 2, 3))
+    return np.einsum("dsni,dsnj->dsij", slopes, slopes)
+
+
+@pytest.mark.parametrize("trials", [1, 2, 3])
+def test_trials_together_against_every_combination(trials):
+    found, criterion = information(), find_criterion("fisher-d", COV)
+    batch = plan_batch(found, criterion, trials)
+    every = {c: criterion(found[list(c)].sum(0)).mean() for c in combinations_with_replacement(range(7), trials)}
+    assert batch.utility[-1] == pytest.approx(max(every.values()), rel=1e-12)
+    assert sorted(batch.designs) == sorted(max(every, key=lambda c: every[c]))
+    assert list(batch.utility) == sorted(batch.utility)
+    alone = max(range(7), key=lambda d: criterion(found[d]).mean())
+    assert batch.repeated == pytest.approx(criterion(trials * found[alone]).mean(), rel=1e-12)
+
+
+def test_evidence_against_the_hardest_rival_by_least_squares():
+    """Half the squared difference that a rival cannot make up for with its own terms, which it pays for by its prior."""
+    random = np.random.default_rng(2)
+    slopes, draws = random.normal(size=(4, 9, 3)), random.normal(size=(4, 3))
+    absent = np.array([[True, False, False], [False, True, True], [False, False, True]])
+    expected = []
+    for s, theta in zip(slopes, draws, strict=True):
+        left = []
+        for lost in absent:
+            made_by, free = s[:, lost] @ theta[lost], s[:, ~lost]
+            stacked = np.vstack([free, np.linalg.cholesky(np.linalg.inv(COV[np.ix_(~lost, ~lost)])).T])
+            rest = np.concatenate([made_by, np.zeros((~lost).sum())])
+            left.append(0.5 * (rest - stacked @ np.linalg.lstsq(stacked, rest, rcond=None)[0]) @ rest)
+        expected.append(min(left))
+    criterion = Discrimination(draws, absent, COV)
+    np.testing.assert_allclose(criterion(np.einsum("sni,snj->sij", slopes, slopes)), expected, rtol=1e-10)
+    np.testing.assert_array_equal(criterion(np.zeros((2, 4, 3, 3))), 0.0)
+
+
+def test_a_rival_without_any_term():
+    draws = np.array([[1.0, 0.0, 0.0]])
+    criterion = Discrimination(draws, np.ones((1, 3), bool), COV)
+    assert criterion(np.diag([8.0, 1.0, 1.0])[None]) == pytest.approx(4.0)
