@@ -21,6 +21,9 @@ from tools import check
 MEASUREMENTS = {
     "kernels.surge": (1, 2),
     "kernels.sweep": (1, 2),
+    "whole_vehicle.speed": (1, 2),
+    "whole_vehicle.trajectory": (1,),
+    "whole_vehicle.compilation": (1,),
     "peers.filters": (1,),
     "peers.simulation": (1,),
     "samplers.sampling": (1, 2),
@@ -40,6 +43,7 @@ MEASUREMENTS = {
 NEEDS = {
     "kernels.surge": ("gcc",),
     "kernels.sweep": ("gcc",),
+    "whole_vehicle.speed": ("gcc",),
     "chains.speed": ("gcc",),
     "peer_chains.effective": ("g++", "peers"),
     "subsets.speed": ("gcc",),

@@ -16,6 +16,11 @@ from seatrial.core.signals import Dimension, signal_unit
         ("delta_s", "rad"),
         ("tau_X", "kg m/s^2"),
         ("tau_N", "kg m^2/s^2"),
+        ("q_w", "1"),
+        ("n_act", "rad/s"),
+        ("n_actdot", "rad/s^2"),
+        ("current_x", "m/s"),
+        ("f_1", "kg m/s^2"),
     ],
 )
 def test_signal_unit(name, unit):

@@ -67,20 +67,45 @@ SIGNALS: dict[str, Signal] = {
 POSITIONS = ("x", "y", "z")
 """States no hydrodynamic force depends on; in m."""
 ANGLES = ("phi", "theta", "psi")
+QUATERNION = ("q_w", "q_x", "q_y", "q_z")
+"""Attitude as a unit quaternion from body to north-east-down axes, scalar part first; q alone is the pitch rate."""
+CURRENT = ("current_x", "current_y", "current_z")
+"""Velocity of the water over ground, north, east and down; in m/s."""
+OVER_GROUND = ("u_g", "v_g", "w_g")
+"""Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
+ACTUAL = "_act"
+"""Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`."""
 RATES = ("u", "v", "w", "p", "q", "r")
 """Signals whose time derivative may be written, as in `X_udot`."""
 
 
 def signal_unit(name: str) -> str:
-    """SI unit of a signal or position, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
-    if name in POSITIONS:
-        return "m"
+    """SI unit of a signal, position or other state, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
+    if name in SIGNALS:
+        return str(SIGNALS[name].dimension)
     base = name.removesuffix("dot")
-    if base != name and base in POSITIONS:
-        return str(SPEED)
-    if base != name and base in (*RATES, *ANGLES):
-        return str(SIGNALS[base].dimension.times(Dimension(s=-1)))
-    return str(SIGNALS[name].dimension)
+    if base != name and (base not in SIGNALS or base in (*RATES, *ANGLES)):
+        return str(_dimension(base).times(Dimension(s=-1)))
+    return str(_dimension(name))
+
+
+def thruster_controls(count: int, commanded_force: bool) -> tuple[str, ...]:
+    """Controls of several thrusters: speeds `n_1`, `n_2`, … in rad/s, or forces `f_1`, `f_2`, … in N."""
+    return tuple(f"{'f' if commanded_force else 'n'}_{number}" for number in range(1, count + 1))
+
+
+def _dimension(name: str) -> Dimension:
+    base = name.removesuffix(ACTUAL)
+    for names, dimension in (
+        (POSITIONS, Dimension(m=1)),
+        (QUATERNION, Dimension()),
+        ((*CURRENT, *OVER_GROUND), SPEED),
+    ):
+        if base in names:
+            return dimension
+    if base[:2] in ("n_", "f_") and base[2:].isdigit():
+        return ANGULAR_RATE if base[0] == "n" else FORCE
+    return SIGNALS[base].dimension
 
 
 def _power(name: str, exponent: int) -> str:

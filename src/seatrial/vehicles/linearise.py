@@ -1,11 +1,12 @@
-"""Level flight, and small motions dx about any state: d(dx)/dt = A dx + B dc with A = df/dx and B = df/dc.
+"""Level flight of the longitudinal vehicle, and small motions of any: d(dx)/dt = A dx + B dc with A = df/dx and B = df/dc.
 
-Derivatives are exact, by forward differentiation of the model.
+Derivatives are exact, by forward differentiation of the model. Steady motions of other vehicles are those of `trim.py`. The quaternion of
+a whole vehicle is four states of which three are free: A then has an eigenvalue -2 `PULL` of its length.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import jax
@@ -83,21 +84,28 @@ def linearise(
         state: in the model's order, SI.
         control: in the model's order, SI.
     """
-    return _jacobians(lambda x, c: model.derivative(params, x, c), state, control)
+    return _jacobians(model, None, dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
 
 
 def linearise_outputs(
     model: VehicleModel, outputs: Sequence[str], params: Params, state: Sequence[Any], control: Sequence[Any]
 ) -> tuple[Float[Array, "m d"], Float[Array, "m c"]]:
     """Jacobians (C, D) of measured channels, states (`u`) or their rates (`udot`); arguments as `linearise`."""
-    return _jacobians(lambda x, c: tuple(model.output(name, params, x, c) for name in outputs), state, control)
+    return _jacobians(model, tuple(outputs), dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
 
 
-def _jacobians(function: Any, state: Sequence[Any], control: Sequence[Any]) -> tuple[Array, Array]:
+@partial(jax.jit, static_argnums=(0, 1))
+def _jacobians(
+    model: VehicleModel, outputs: tuple[str, ...] | None, params: dict, state: Array, control: Array
+) -> tuple[Array, Array]:
+    """Of the rates of the states, or of outputs where they are named; compiled once for each model."""
+
     def stacked(x: Array, c: Array) -> Array:
-        return jnp.stack([jnp.asarray(value, float) for value in function(tuple(x), tuple(c))])
+        at = params, tuple(x), tuple(c)
+        values = model.derivative(*at) if outputs is None else [model.output(name, *at) for name in outputs]
+        return jnp.stack([jnp.asarray(value, float) for value in values])
 
-    return jax.jacfwd(stacked, argnums=(0, 1))(jnp.asarray(state, float), jnp.asarray(control, float))
+    return jax.jacfwd(stacked, argnums=(0, 1))(state, control)
 
 
 def _level(model: VehicleModel, speed_given: bool, x: Any, given: Any) -> Trim:

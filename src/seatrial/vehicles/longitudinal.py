@@ -5,26 +5,26 @@
     I_yy dq/dt + m (z_g du/dt - x_g dw/dt) = M - W (z_g sin(theta) + x_g cos(theta)) - m q (z_g w + x_g u)
     dz/dt = w cos(theta) - u sin(theta),   dtheta/dt = q
 
-X, Z and M are sums of named coefficients, Coriolis forces of the added mass included (X_wq, Z_uq, M_uw, …); X also has
-(1 - t_d) times the thrust. Prestero (MIT/WHOI, 2001) and Hall and Anstee (DSTO-TR-2576, 2011) with v = p = r = phi = 0.
+It is the whole vehicle of `whole.py` with v, p, r and phi held at zero. X, Z and M are sums of named coefficients, Coriolis forces
+of the added mass included (X_wq, Z_uq, M_uw, …); X also has (1 - t_d) times the thrust. Prestero (MIT/WHOI, 2001) and Hall and
+Anstee (DSTO-TR-2576, 2011).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import SIGNALS
-from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.freedom import Freedom
+from seatrial.vehicles.hull import GRAVITY, Hull, added_mass_matrix, rigid_mass_matrix
+from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.whole import assemble
 
-GRAVITY = 9.81
-"""m/s^2, as both sources round it."""
 STATES = ("u", "w", "q", "z", "theta")
 CONTROLS = ("n", "delta_s", "tau_X", "tau_Z", "tau_M")
 _RATES = ("u", "w", "q")
@@ -81,29 +81,7 @@ def longitudinal_vehicle(hull: LongitudinalHull, terms: Sequence[str]) -> Vehicl
     free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
     fixed = tuple(CoefficientName.parse(name) for name in hull.fixed)
     _check(hull, free + fixed)
-    used = tuple(name for name in CONTROLS if any(name in term.signals for term in free + fixed))
-    known, trimmed = dict(hull.fixed), dict(hull.trim)
-    inertial = [term for term in free + fixed if term.is_added_mass]
-    acting = [term for term in free + fixed if not term.is_added_mass]
-    mass, x_g, z_g, weight, net = hull.mass, hull.x_g, hull.z_g, hull.weight, hull.net_weight
-
-    def derivative(params: Params, state: tuple, control: tuple) -> tuple:
-        u, w, q, _, theta = state
-        sin, cos = jnp.sin(theta), jnp.cos(theta)
-        values = {**known, **params}
-        signals = {"u": u, "w": w, "q": q, "theta": theta, **dict(zip(used, control, strict=True))}
-        force = {
-            "X": -net * sin - mass * (w * q - x_g * q * q),
-            "Z": net * cos + mass * (u * q + z_g * q * q),
-            "M": -weight * (z_g * sin + x_g * cos) - mass * q * (z_g * w + x_g * u),
-            "T": 0.0,
-        }
-        for term in acting:
-            force[term.axis] = force[term.axis] + values[term.text] * term.regressor(signals, trimmed)
-        surge = force["X"] + (1.0 - hull.thrust_deduction) * force["T"]
-        u_rate, w_rate, q_rate = _solve(_inertia(hull, inertial, values), (surge, force["Z"], force["M"]))
-        return (u_rate, w_rate, q_rate, w * cos - u * sin, q)
-
+    model = assemble(_body(hull), free, Freedom(_RATES, positions=("z",)))
     constants = (
         *(
             (name, getattr(hull, name))
@@ -112,7 +90,7 @@ def longitudinal_vehicle(hull: LongitudinalHull, terms: Sequence[str]) -> Vehicl
         *hull.fixed.items(),
         *((f"trim {name}", value) for name, value in hull.trim.items()),
     )
-    return VehicleModel(hull.name, STATES, used, free, constants, False, derivative)
+    return replace(model, constants=constants)
 
 
 def surge_restriction(hull: LongitudinalHull, terms: Sequence[str]) -> VehicleModel:
@@ -128,30 +106,19 @@ def surge_restriction(hull: LongitudinalHull, terms: Sequence[str]) -> VehicleMo
     return surge_vehicle(surge, [term for term in terms if belongs(term)])
 
 
-def _inertia(hull: LongitudinalHull, inertial: Sequence[CoefficientName], values: Mapping[str, Any]) -> list[list[Any]]:
-    """Rigid body plus added mass: rows X, Z, M, columns du/dt, dw/dt, dq/dt."""
-    m, x_g, z_g = hull.mass, hull.x_g, hull.z_g
-    rows: list[list[Any]] = [[m, 0.0, m * z_g], [0.0, m, -m * x_g], [m * z_g, -m * x_g, hull.pitch_inertia]]
-    for term in inertial:
-        row, column = "XZM".index(term.axis), _RATES.index(term.signals[0])
-        rows[row][column] = rows[row][column] - values[term.text]
-    return rows
-
-
-def _solve(rows: Sequence[Sequence[Any]], right: tuple) -> tuple:
-    """Cramer's rule on scalars: the cofactors of a known mass matrix are numbers before anything is compiled."""
-    a, b, c = (tuple(row[j] for row in rows) for j in range(3))
-    across_bc, across_ca, across_ab = _cross(b, c), _cross(c, a), _cross(a, b)
-    scale = 1.0 / _dot(a, across_bc)
-    return tuple(scale * _dot(across, right) for across in (across_bc, across_ca, across_ab))
-
-
-def _cross(a: tuple, b: tuple) -> tuple:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def _dot(a: tuple, b: tuple) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _body(hull: LongitudinalHull) -> Hull:
+    """The same vehicle in six degrees of freedom, as far as it is known."""
+    return Hull(
+        hull.name,
+        hull.mass,
+        (None, hull.pitch_inertia, None),
+        centre_of_gravity=(hull.x_g, 0.0, hull.z_g),
+        weight=hull.weight,
+        buoyancy=hull.weight - hull.net_weight,
+        thrust_deduction=hull.thrust_deduction,
+        fixed=hull.fixed,
+        trim=hull.trim,
+    )
 
 
 def _check(hull: LongitudinalHull, terms: tuple[CoefficientName, ...]) -> None:
@@ -194,7 +161,10 @@ def _check(hull: LongitudinalHull, terms: tuple[CoefficientName, ...]) -> None:
                 raise InputError(f"{where}, term {term.text}", found=found, expected=expected, remedy="leave it out")
         seen[term] = term.text
     inertial = [term for term in terms if term.is_added_mass and term.text in hull.fixed]
-    matrix = np.array(_inertia(hull, inertial, hull.fixed))
+    moving = np.ix_((0, 2, 4), (0, 2, 4))
+    matrix = (rigid_mass_matrix(_body(hull)) + added_mass_matrix({t.text: hull.fixed[t.text] for t in inertial}))[
+        moving
+    ]
     if not np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > 0:
         raise InputError(
             f"{where}, mass matrix",

@@ -12,6 +12,7 @@ Params = Mapping[str, Any]
 ROTATIONS = ("K", "M", "N")
 """Axes about which a vehicle turns."""
 Derivative = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
+View = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], Any]
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class VehicleModel:
         per_unit_mass: whether forces are divided by an unknown effective mass, and moments by an unknown inertia, so that units lose
             their kilogram.
         derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
+        views: what a sensor may measure besides states and rates, such as Euler angles of a quaternion, by channel.
     """
 
     name: str = field(compare=False)
@@ -36,6 +38,7 @@ class VehicleModel:
     constants: tuple[tuple[str, float], ...]
     per_unit_mass: bool
     derivative: Derivative = field(compare=False, repr=False)
+    views: Mapping[str, View] = field(default_factory=dict, compare=False, repr=False)
 
     def unit_of(self, coefficient: CoefficientName) -> str:
         """SI unit of a coefficient in this model."""
@@ -47,12 +50,14 @@ class VehicleModel:
         return str(dimension._replace(kg=dimension.kg - 1))
 
     def channel_units(self) -> dict[str, str]:
-        """SI unit of everything a sensor may measure: the states and their rates."""
-        names = [*self.states, *(state + "dot" for state in self.states)]
+        """SI unit of everything a sensor may measure: the states and their rates, and other views of them."""
+        names = [*self.states, *(state + "dot" for state in self.states), *self.views]
         return {name: signal_unit(name) for name in names}
 
     def output(self, channel: str, params: Params, state: tuple[Any, ...], control: tuple[Any, ...]) -> Any:
         """Value of a channel of `channel_units` at a state, SI."""
         if channel in self.states:
             return state[self.states.index(channel)]
+        if channel in self.views:
+            return self.views[channel](params, state, control)
         return self.derivative(params, state, control)[self.states.index(channel.removesuffix("dot"))]

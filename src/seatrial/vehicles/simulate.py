@@ -1,6 +1,8 @@
-"""Deterministic simulation: RK4 from sample to sample with the control held."""
+"""Deterministic simulation: RK4 from sample to sample with the control held, of one vehicle or of many."""
 
+from collections.abc import Callable, Mapping
 from functools import lru_cache
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,9 @@ from jaxtyping import Array, Float
 
 from seatrial.numerics.integrate import Integrator, rk4_step
 from seatrial.vehicles.model import Params, VehicleModel
+
+BLOCK = 64
+"""Lanes that advance together: states and coefficients of more no longer fit the processor's first cache."""
 
 
 def simulate(
@@ -29,6 +34,43 @@ def simulate(
         integrator: one-step method.
     """
     return _trajectory(model, integrator)(dict(params), control, step, initial)
+
+
+def simulate_many(
+    model: VehicleModel,
+    params: Mapping[str, Float[Array, " b"]],
+    control: Float[Array, "n n_controls"],
+    step: Float[Array, " n"],
+    initial: Float[Array, " n_states"],
+    integrator: Integrator = rk4_step,
+) -> Float[Array, "b n n_states"]:
+    """Trajectories of b vehicles that differ in their coefficients, otherwise as `simulate`."""
+    return _trajectories(model, integrator)(dict(params), control, step, initial)
+
+
+def by_blocks(function: Callable[[Any], Any], lanes: Any) -> Any:
+    """Apply a function to every lane, in blocks of lanes that fit the processor's cache; to be called in compiled code.
+
+    Args:
+        function: of one lane; it is batched with `jax.vmap`.
+        lanes: arrays, or a tree of them, whose first axis counts lanes.
+    """
+    count = jax.tree.leaves(lanes)[0].shape[0]
+    blocks = -(-count // BLOCK)
+    width = -(-count // blocks)
+    filled = jnp.minimum(jnp.arange(blocks * width), count - 1)
+    cut = jax.tree.map(lambda x: jnp.asarray(x)[filled].reshape(blocks, width, *x.shape[1:]), lanes)
+    found = jax.lax.map(jax.vmap(function), cut)
+    return jax.tree.map(lambda x: x.reshape(blocks * width, *x.shape[2:])[:count], found)
+
+
+@lru_cache(maxsize=64)
+def _trajectories(model: VehicleModel, integrator: Integrator):
+    @jax.jit
+    def trajectories(params: dict, control: Array, step: Array, initial: Array) -> Array:
+        return by_blocks(lambda own: _trajectory(model, integrator)(own, control, step, initial), params)
+
+    return trajectories
 
 
 @lru_cache(maxsize=64)

@@ -1,10 +1,11 @@
 """Surge dynamics with any set of terms: (m - X_udot) du/dt = sum X_i phi_i + (1 - t_d) sum T_j phi_j.
 
+It is the whole vehicle of `whole.py` with everything but u held at zero.
 The paper's model is the set {X_u, X_uabsu, T_nabsn}, its eq. (3); X_du3 adds the term of its section IV.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import copysign, isfinite
 
 import numpy as np
@@ -12,9 +13,11 @@ from scipy.optimize import brentq
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import SIGNALS
 from seatrial.core.term_checks import check_each_once, check_trim
+from seatrial.vehicles.freedom import Freedom
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.whole import assemble
 
 
 @dataclass(frozen=True)
@@ -50,31 +53,16 @@ def surge_vehicle(hull: SurgeHull, terms: Sequence[str]) -> VehicleModel:
     free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
     fixed = tuple(CoefficientName.parse(name) for name in hull.fixed)
     _check(hull, free + fixed)
-    used = tuple(name for name in SIGNALS if name != "u" and any(name in term.signals for term in free + fixed))
-    mass, share = 1.0 if hull.mass is None else hull.mass, {"X": 1.0, "T": 1.0 - hull.thrust_deduction}
-    known = dict(hull.fixed)
-    inertial = [term for term in free + fixed if term.is_added_mass]
-    acting = [term for term in free + fixed if not term.is_added_mass]
-
-    def derivative(params: Params, state: tuple, control: tuple) -> tuple:
-        values = {**known, **params}
-        signals = {"u": state[0], **dict(zip(used, control, strict=True))}
-        force = 0.0
-        for term in acting:
-            scale = values[term.text] if share[term.axis] == 1.0 else share[term.axis] * values[term.text]
-            force = force + scale * term.regressor(signals, hull.trim)
-        effective_mass = mass
-        for term in inertial:
-            effective_mass = effective_mass - values[term.text]
-        return (force / effective_mass,)
-
+    mass = 1.0 if hull.mass is None else hull.mass
+    body = Hull(hull.name, hull.mass, thrust_deduction=hull.thrust_deduction, fixed=hull.fixed, trim=hull.trim)
+    model = assemble(body, free, Freedom(("u",)))
     constants = (
         ("mass", mass),
         ("thrust_deduction", hull.thrust_deduction),
         *hull.fixed.items(),
         *((f"trim {name}", hull.trim[name]) for name in hull.trim if any(name in t.trim_signals for t in free + fixed)),
     )
-    return VehicleModel(hull.name, ("u",), used, free, constants, hull.mass is None, derivative)
+    return replace(model, constants=constants)
 
 
 def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], limit: float = 20.0) -> float:

@@ -11,11 +11,12 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
+from seatrial.vehicles.hull import GRAVITY
 from seatrial.vehicles.linearise import trim
-from seatrial.vehicles.longitudinal import GRAVITY, LongitudinalHull, longitudinal_vehicle
+from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle, trim_speed
 
-_LONGITUDINAL = "_longitudinal"
+_SURGE, _LONGITUDINAL = "_surge", "_longitudinal"
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class LongitudinalEntry:
 
 def catalogue_names() -> tuple[str, ...]:
     """Names of the catalogue's surge vehicles."""
-    return tuple(name for name in _names() if not name.endswith(_LONGITUDINAL))
+    return tuple(name for name in _names() if name.endswith(_SURGE))
 
 
 def longitudinal_names() -> tuple[str, ...]:

@@ -1,0 +1,113 @@
+"""Actuators that follow their commands late and within limits.
+
+    d(actual)/dt = clip((clip(command) - actual) / T, -rate, rate)
+
+The bare control name stays the command; what the vehicle feels is a state of its own, `n_act` behind `n`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any
+
+import jax.numpy as jnp
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import ACTUAL
+from seatrial.vehicles.model import Params, VehicleModel
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """Lag and limits of one control.
+
+    Attributes:
+        time_constant: T, s; 0 for an actuator that is at once where it is told to be, and has limits only.
+        lower: least value, SI.
+        upper: greatest value, SI.
+        rate: greatest speed of change, SI units a second.
+    """
+
+    time_constant: float
+    lower: float = -inf
+    upper: float = inf
+    rate: float = inf
+
+
+def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator]) -> VehicleModel:
+    """Put actuators before controls of a vehicle; its other controls act at once.
+
+    Args:
+        model: vehicle whose controls are what acts on it.
+        actuators: by control.
+
+    Raises:
+        InputError: no such control, or limits that leave nothing between them.
+    """
+    for name, actuator in actuators.items():
+        _check(model, name, actuator)
+    lagging = tuple(name for name in model.controls if name in actuators and actuators[name].time_constant > 0)
+    count = len(model.states)
+
+    def acting(state: tuple, control: tuple) -> tuple:
+        actual = dict(zip(lagging, state[count:], strict=True))
+        commands = zip(model.controls, control, strict=True)
+        return tuple(
+            actual[name] if name in actual else _held(actuators[name], command) if name in actuators else command
+            for name, command in commands
+        )
+
+    def derivative(params: Params, state: tuple, control: tuple) -> tuple:
+        commands = dict(zip(model.controls, control, strict=True))
+        return (
+            *model.derivative(params, state[:count], acting(state, control)),
+            *(_rate(actuators[name], commands[name], x) for name, x in zip(lagging, state[count:], strict=True)),
+        )
+
+    views = {
+        name: lambda params, state, control, view=view: view(params, state[:count], acting(state, control))
+        for name, view in model.views.items()
+    }
+    constants = tuple(
+        (f"actuator {name} {key}", value)
+        for name, actuator in actuators.items()
+        for key, value in vars(actuator).items()
+    )
+    return replace(
+        model,
+        states=(*model.states, *(name + ACTUAL for name in lagging)),
+        constants=(*model.constants, *constants),
+        derivative=derivative,
+        views=views,
+    )
+
+
+def _held(actuator: Actuator, command: Any) -> Any:
+    return (
+        command
+        if (actuator.lower, actuator.upper) == (-inf, inf)
+        else jnp.clip(command, actuator.lower, actuator.upper)
+    )
+
+
+def _rate(actuator: Actuator, command: Any, actual: Any) -> Any:
+    rate = (_held(actuator, command) - actual) / actuator.time_constant
+    return rate if actuator.rate == inf else jnp.clip(rate, -actuator.rate, actuator.rate)
+
+
+def _check(model: VehicleModel, name: str, actuator: Actuator) -> None:
+    place = f'vehicle "{model.name}", actuator {name}'
+    if name not in model.controls:
+        raise InputError(
+            place,
+            found="no such control",
+            expected="one of " + (", ".join(model.controls) or "none"),
+            remedy=nearest(name, model.controls),
+        )
+    if not (0 <= actuator.time_constant < inf and actuator.lower < actuator.upper and actuator.rate > 0):
+        raise InputError(
+            place,
+            found=f"time constant {actuator.time_constant}, limits {actuator.lower} to {actuator.upper}, rate {actuator.rate}",
+            expected="a time constant of 0 or more, a lower limit below the upper one, and a positive rate",
+            remedy="give SI values",
+        )

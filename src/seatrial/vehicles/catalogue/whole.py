@@ -1,0 +1,205 @@
+"""Published vehicles in six degrees of freedom: what the catalogue knows of each, and any reduced model of it.
+
+One TOML file each, but for `remus100_fossen`, whose forces are no sum of named terms and are written out in a module of its own.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import PurePath
+from typing import Any
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import RATES, signal_unit
+from seatrial.core.units import quantity
+from seatrial.vehicles.actuators import Actuator, with_actuators
+from seatrial.vehicles.freedom import AddedCoriolis, acting_terms
+from seatrial.vehicles.hull import GRAVITY, Hull, whole_hull
+from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.primes import from_prime
+from seatrial.vehicles.remus100_fossen import ACTUATORS, NOTES, remus100_fossen, spheroid_hull
+from seatrial.vehicles.thrusters import Thruster
+from seatrial.vehicles.whole import whole_vehicle
+
+_PACKAGE, _FOSSEN = "seatrial.vehicles.catalogue", "remus100_fossen"
+
+
+@dataclass(frozen=True)
+class PublishedVehicle:
+    """A vehicle of the catalogue.
+
+    Attributes:
+        hull: rigid body, weight, buoyancy, fixed coefficients and trim.
+        coefficients: published values of the others, SI.
+        moves: velocities the published model covers.
+        added_coriolis: whether Coriolis forces of the added mass are among the coefficients.
+        thrusters: those of an open frame; empty for one propeller on the axis.
+        actuators: published lags and limits by control.
+        notes: sources and errata, as the file has them.
+        written: builder of a vehicle whose forces are no sum of named terms; it has no restrictions and nothing free.
+    """
+
+    hull: Hull
+    coefficients: Mapping[str, float]
+    moves: tuple[str, ...]
+    added_coriolis: AddedCoriolis = "named"
+    thrusters: tuple[Thruster, ...] = ()
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    notes: str = ""
+    written: Callable[..., VehicleModel] | None = None
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Controls of the vehicle with everything it has moving."""
+        return self.build().controls
+
+    def terms(self, moves: Sequence[str] | None = None, given: Sequence[str] = ()) -> tuple[str, ...]:
+        """Names of the coefficients that have a part in a motion; all that is published moves where nothing is named."""
+        return acting_terms(tuple(self.coefficients), moves or self.moves, given, self.thrusters)
+
+    def build(
+        self, moves: Sequence[str] | None = None, given: Sequence[str] = (), actuators: bool = False, **options: Any
+    ) -> VehicleModel:
+        """Vehicle with the published terms that have a part in a motion.
+
+        Args:
+            moves: velocities that are states; all that is published where None.
+            given: velocities and angles that are measured.
+            actuators: whether published lags and limits come before the controls.
+            options: those of `whole_vehicle`; of a written vehicle `attitude` and `positions`.
+
+        Raises:
+            InputError: a restriction of a written vehicle, or as of `whole_vehicle`.
+        """
+        chosen = tuple(moves or self.moves)
+        if self.written is not None:
+            if chosen != self.moves or given:
+                raise InputError(
+                    f'vehicle "{self.hull.name}", moves',
+                    found=", ".join(chosen),
+                    expected="all six velocities: its forces are no sum of terms that could be left out",
+                    remedy="leave moves and given out, or take a vehicle of named coefficients",
+                )
+            model = self.written(**options)
+        else:
+            model = whole_vehicle(
+                self.hull,
+                self.terms(chosen, given),
+                moves=chosen,
+                given=given,
+                added_coriolis=self.added_coriolis,
+                thrusters=self.thrusters,
+                **options,
+            )
+        acting = {name: actuator for name, actuator in self.actuators.items() if name in model.controls}
+        return with_actuators(model, acting) if actuators and acting else model
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Names of all vehicles of the catalogue, reduced ones included."""
+    tables = (PurePath(item.name).stem for item in files(_PACKAGE).iterdir() if item.name.endswith(".toml"))
+    return tuple(sorted((*tables, _FOSSEN)))
+
+
+@cache
+def load_vehicle(name: str) -> PublishedVehicle:
+    """Load a vehicle by name.
+
+    Raises:
+        InputError: no vehicle of that name.
+    """
+    names = vehicle_names()
+    if name not in names:
+        raise InputError(
+            f'vehicle "{name}"',
+            found="no such vehicle in the catalogue",
+            expected=", ".join(names),
+            remedy=nearest(name, names),
+        )
+    if name == _FOSSEN:
+        return PublishedVehicle(spheroid_hull(), {}, RATES, actuators=ACTUATORS, notes=NOTES, written=remus100_fossen)
+    text = files(_PACKAGE).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return _vehicle(tomllib.loads(text), text, f"catalogue {name}")
+
+
+def _vehicle(table: dict[str, Any], text: str, where: str) -> PublishedVehicle:
+    fixed, coefficients = _values(table, "fixed", where), _values(table, "coefficients", where)
+    hull = _hull(table, fixed, where)
+    notes = "\n".join(line.removeprefix("#").strip() for line in text.split("\nname =")[0].splitlines())
+    return PublishedVehicle(
+        hull,
+        coefficients,
+        tuple(table.get("moves", _moving(hull, {**fixed, **coefficients}))),
+        table.get("added_coriolis", "named"),
+        tuple(
+            Thruster(_lengths(row["place"], where), tuple(map(float, row["direction"])))
+            for row in table.get("thrusters", [])
+        ),
+        _actuators(table, where),
+        notes,
+    )
+
+
+def _values(table: dict[str, Any], part: str, where: str) -> dict[str, float]:
+    """Coefficients in SI; those of a vehicle with `[primes]` are without dimension in the file."""
+    values = {CoefficientName.parse(name).text: float(value) for name, value in table.get(part, {}).items()}
+    if "primes" not in table:
+        return values
+    scale = _prime_scale(table, where)
+    return {name: from_prime(name, value, **scale) for name, value in values.items()}
+
+
+def _prime_scale(table: dict[str, Any], where: str) -> dict[str, float]:
+    units = {"density": "kg/m^3", "length": "m", "speed": "m/s"}
+    return {key: quantity(table["primes"][key], unit, where) for key, unit in units.items()}
+
+
+def _hull(table: dict[str, Any], fixed: dict[str, float], where: str) -> Hull:
+    mass = quantity(table["mass"], "kg", where)
+    inertia = table.get("inertia", ["", table.get("pitch_inertia", ""), ""])
+    gravity = table.get("centre_of_gravity", [table.get("x_g", "0 m"), "0 m", table.get("z_g", "0 m")])
+    weight = quantity(table["weight"], "N", where) if "weight" in table else mass * GRAVITY
+    net = quantity(table.get("net_buoyancy", "0 N"), "N", where)
+    return whole_hull(
+        table["name"],
+        mass,
+        [quantity(text, "kg m^2", where) if text else None for text in inertia],
+        products=[quantity(text, "kg m^2", where) for text in table.get("products", ["0 kg m^2"] * 3)],
+        centre_of_gravity=_lengths(gravity, where),
+        centre_of_buoyancy=_lengths(table.get("centre_of_buoyancy", ["0 m"] * 3), where),
+        weight=weight,
+        buoyancy=quantity(table["buoyancy"], "N", where) if "buoyancy" in table else weight + net,
+        thrust_deduction=table.get("thrust_deduction", 0.0),
+        wake=table.get("wake", 0.0),
+        fixed=fixed,
+        trim={name: quantity(text, signal_unit(name), where) for name, text in table.get("trim", {}).items()},
+        symmetric=table.get("symmetric_added_mass", True),
+    )
+
+
+def _moving(hull: Hull, values: Mapping[str, float]) -> tuple[str, ...]:
+    """Velocities whose axes have terms and known inertia."""
+    names = [CoefficientName.parse(name) for name in values]
+    axes = {"X" if name.axis == "T" else name.axis for name in names}
+    known = (True, True, True, *(part is not None for part in hull.inertia))
+    return tuple(rate for rate, axis, has in zip(RATES, "XYZKMN", known, strict=True) if axis in axes and has)
+
+
+def _lengths(texts: Sequence[str], where: str) -> tuple[float, float, float]:
+    x, y, z = (quantity(text, "m", where) for text in texts)
+    return x, y, z
+
+
+def _actuators(table: dict[str, Any], where: str) -> dict[str, Actuator]:
+    found = {}
+    for name in dict.fromkeys((*table.get("limits", {}), *table.get("lags", {}), *table.get("rates", {}))):
+        unit = signal_unit(name)
+        lower, upper = table.get("limits", {}).get(name, (None, None))
+        lag, rate = table.get("lags", {}).get(name), table.get("rates", {}).get(name)
+        limits = {} if lower is None else {"lower": quantity(lower, unit, where), "upper": quantity(upper, unit, where)}
+        limits |= {} if rate is None else {"rate": quantity(rate, f"{unit}/s", where)}
+        found[name] = Actuator(0.0 if lag is None else quantity(lag, "s", where), **limits)
+    return found

@@ -1,0 +1,231 @@
+"""The rigid body of a vehicle in six degrees of freedom, with the weight and buoyancy that act on it.
+
+    M_RB = [ m I         -m S(r_g) ]     S(a) b = a x b,  nu = (u, v, w, p, q, r)
+           [ m S(r_g)     I_o      ]
+
+Body axes forward, starboard and down from an origin that may lie anywhere on the vehicle. Fossen, Handbook of Marine Craft
+Hydrodynamics and Motion Control, 2nd ed., 2021, eq. (3.49).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+
+GRAVITY = 9.81
+"""m/s^2, as most sources round it."""
+AXES = ("X", "Y", "Z", "K", "M", "N")
+"""Axes of force and moment, in the order of the velocities u, v, w, p, q, r."""
+
+
+@dataclass(frozen=True)
+class Hull:
+    """What is known about a vehicle beforehand. Build it with `whole_hull`, which checks it.
+
+    Attributes:
+        name: short name.
+        mass: dry mass, kg; None where it is unknown: forces then are per unit of effective inertia, and nothing is known of the body.
+        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown, which is refused for an axis that turns.
+        products: I_xy, I_xz, I_yz = the integrals of xy, xz and yz over the mass, kg m^2.
+        centre_of_gravity: x_g, y_g, z_g, m.
+        centre_of_buoyancy: x_b, y_b, z_b, m.
+        weight: W, N.
+        buoyancy: B, N.
+        thrust_deduction: t_d, the part of the thrust lost to the hull.
+        wake: w, the part of the speed that the water behind the hull lacks; a propeller meets (1 - w) u.
+        fixed: coefficients that are not estimated, SI.
+        trim: equilibrium about which the vehicle works: signal name to SI value.
+    """
+
+    name: str
+    mass: float | None
+    inertia: tuple[float | None, float | None, float | None] = (None, None, None)
+    products: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    centre_of_gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    centre_of_buoyancy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    weight: float = 0.0
+    buoyancy: float = 0.0
+    thrust_deduction: float = 0.0
+    wake: float = 0.0
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    trim: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def righting(self) -> tuple[float, float, float]:
+        """r_g W - r_b B, N m: the moment of weight and buoyancy is its vector product with the vertical."""
+        pairs = zip(self.centre_of_gravity, self.centre_of_buoyancy, strict=True)
+        x, y, z = (g * self.weight - b * self.buoyancy for g, b in pairs)
+        return x, y, z
+
+
+def whole_hull(
+    name: str,
+    mass: float,
+    inertia: Sequence[float | None],
+    *,
+    products: Sequence[float] = (0.0, 0.0, 0.0),
+    centre_of_gravity: Sequence[float] = (0.0, 0.0, 0.0),
+    centre_of_buoyancy: Sequence[float] = (0.0, 0.0, 0.0),
+    weight: float | None = None,
+    buoyancy: float | None = None,
+    thrust_deduction: float = 0.0,
+    wake: float = 0.0,
+    fixed: Mapping[str, float] | None = None,
+    trim: Mapping[str, float] | None = None,
+    symmetric: bool = True,
+) -> Hull:
+    """Build a hull from what is published of it.
+
+    Args:
+        name: short name.
+        mass: dry mass, kg.
+        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown.
+        products: I_xy, I_xz, I_yz, kg m^2.
+        centre_of_gravity: x_g, y_g, z_g, m.
+        centre_of_buoyancy: x_b, y_b, z_b, m.
+        weight: N; the mass times 9.81 m/s^2 where not given.
+        buoyancy: N; the weight where not given.
+        thrust_deduction: t_d, 0 <= t_d < 1.
+        wake: w, below 1.
+        fixed: coefficients that are not estimated, SI.
+        trim: equilibrium of signals, SI.
+        symmetric: whether added mass must be symmetric; in an ideal fluid it is, measured at a free surface it need not be.
+
+    Raises:
+        InputError: a number that is no physical one, an inertia that no body has, or an added mass that is not symmetric.
+    """
+    weight = mass * GRAVITY if weight is None else weight
+    hull = Hull(
+        name,
+        float(mass),
+        _three(inertia),
+        _three(products),
+        _three(centre_of_gravity),
+        _three(centre_of_buoyancy),
+        float(weight),
+        float(weight if buoyancy is None else buoyancy),
+        float(thrust_deduction),
+        float(wake),
+        dict(fixed or {}),
+        dict(trim or {}),
+    )
+    _check_numbers(hull)
+    _check_body(hull)
+    if symmetric:
+        _check_symmetry(hull)
+    return hull
+
+
+def rigid_mass_matrix(hull: Hull) -> Float[np.ndarray, "6 6"]:
+    """M_RB; the unit matrix where the mass is unknown, and moments of inertia of 0 where they are."""
+    if hull.mass is None:
+        return np.eye(6)
+    x, y, z = (hull.mass * part for part in hull.centre_of_gravity)
+    xx, yy, zz = (part or 0.0 for part in hull.inertia)
+    xy, xz, yz = hull.products
+    m = hull.mass
+    return np.array(
+        [
+            [m, 0, 0, 0, z, -y],
+            [0, m, 0, -z, 0, x],
+            [0, 0, m, y, -x, 0],
+            [0, -z, y, xx, -xy, -xz],
+            [z, 0, -x, -xy, yy, -yz],
+            [-y, x, 0, -xz, -yz, zz],
+        ],
+        dtype=float,
+    )
+
+
+def added_mass_entry(name: CoefficientName) -> tuple[int, int]:
+    """Row and column of an added mass such as `Y_rdot`; the entry of M_A is its negative."""
+    return AXES.index(name.axis), RATES.index(name.signals[0])
+
+
+def added_mass_matrix(values: Mapping[str, float]) -> Float[np.ndarray, "6 6"]:
+    """M_A of the coefficients that are added masses; the others are left out."""
+    matrix = np.zeros((6, 6))
+    for text, value in values.items():
+        name = CoefficientName.parse(text)
+        if name.is_added_mass:
+            matrix[added_mass_entry(name)] -= value
+    return matrix
+
+
+def asymmetric_pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Pairs of added masses, both given, that should be equal and are not, such as Z_qdot and M_wdot."""
+    entries = {}
+    for text, value in values.items():
+        name = CoefficientName.parse(text)
+        if name.is_added_mass:
+            entries[added_mass_entry(name)] = (text, value)
+    pairs = [(entries[i, j], entries[j, i]) for i, j in entries if i < j and (j, i) in entries]
+    return [(a, b) for (a, one), (b, other) in pairs if abs(one - other) > 1e-6 * max(abs(one), abs(other))]
+
+
+def _three(values: Sequence) -> tuple:
+    first, second, third = (None if value is None else float(value) for value in values)
+    return first, second, third
+
+
+def _check_numbers(hull: Hull) -> None:
+    place = f'vehicle "{hull.name}"'
+    numbers = {
+        **{key: getattr(hull, key) for key in ("mass", "weight", "buoyancy", "thrust_deduction", "wake")},
+        **{f"inertia {axis}": value for axis, value in zip("xyz", hull.inertia, strict=True) if value is not None},
+        **{f"products {pair}": value for pair, value in zip(("xy", "xz", "yz"), hull.products, strict=True)},
+        **{f"centre_of_gravity {axis}": value for axis, value in zip("xyz", hull.centre_of_gravity, strict=True)},
+        **{f"centre_of_buoyancy {axis}": value for axis, value in zip("xyz", hull.centre_of_buoyancy, strict=True)},
+        **hull.fixed,
+        **hull.trim,
+    }
+    for key, value in numbers.items():
+        positive = key in ("mass", "weight", "buoyancy") or key.startswith("inertia")
+        fraction = key in ("thrust_deduction", "wake")
+        if (
+            not isfinite(value)
+            or (positive and value <= 0)
+            or (fraction and (value >= 1 or (value < 0 and key != "wake")))
+        ):
+            raise InputError(
+                f"{place}, {key}",
+                found=str(value),
+                expected="a positive number" if positive else "a number below 1" if fraction else "a finite number",
+                remedy="give its SI value",
+            )
+
+
+def _check_body(hull: Hull) -> None:
+    """No body has a moment of inertia that exceeds the sum of the two others, about its centre of gravity."""
+    inertia = rigid_mass_matrix(hull)[3:, 3:]
+    r = np.array(hull.centre_of_gravity)
+    steiner = (hull.mass or 0.0) * (r @ r * np.eye(3) - np.outer(r, r))
+    known = [axis for axis in range(3) if hull.inertia[axis] is not None]
+    about_centre = inertia - steiner
+    slack = 1e-9 * np.abs(inertia).max(initial=0.0)
+    least = min((about_centre[i, i] for i in known), default=0.0)
+    principal = np.linalg.eigvalsh(about_centre) if len(known) == 3 else np.zeros(3)
+    if least < -slack or principal[0] < -slack or principal[2] > principal[0] + principal[1] + slack:
+        shown = ", ".join(f"{value:.4g}" for value in (principal if len(known) == 3 else np.diag(about_centre)[known]))
+        raise InputError(
+            f'vehicle "{hull.name}", inertia',
+            found=f"moments of inertia about the centre of gravity of {shown} kg m^2",
+            expected="positive ones, none above the sum of the two others",
+            remedy="give inertia about the body's origin, and check the centre of gravity and the products of inertia",
+        )
+
+
+def _check_symmetry(hull: Hull) -> None:
+    for one, other in asymmetric_pairs(hull.fixed):
+        raise InputError(
+            f'vehicle "{hull.name}", added mass',
+            found=f"{one} = {hull.fixed[one]}, {other} = {hull.fixed[other]}",
+            expected="equal values: the added mass of an ideal fluid is symmetric",
+            remedy="correct one of them, or give symmetric=False for values measured at a free surface",
+        )

@@ -1,0 +1,207 @@
+"""The vehicle in six degrees of freedom, and every reduced model as a restriction of it.
+
+    (M_RB + M_A) d(nu_r)/dt = sum c_j phi_j(nu_r, attitude, controls) + B T - C(nu_r) nu_r - g(attitude)
+
+The velocity nu_r = (u, v, w, p, q, r) is that through the water: in a uniform current the vehicle moves as in still water, and the
+current shows in its path and in its velocity over ground alone. Coefficients are on the left as added mass (`Y_rdot`), on the right
+by their names. A velocity that does not move is zero, or given as a measured signal and then taken for steady.
+Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, eqs. (8.1) to (8.4), section 10.3.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.signals import ANGLES, CURRENT, OVER_GROUND, POSITIONS, RATES, SIGNALS, thruster_controls
+from seatrial.numerics.rotations import cross, dot, times, total
+from seatrial.vehicles.actuators import Actuator, with_actuators
+from seatrial.vehicles.attitude import Attitude, Kind, attitude_states, position_angles, position_rates
+from seatrial.vehicles.forces import forces_of
+from seatrial.vehicles.freedom import AddedCoriolis, Current, Freedom, acts
+from seatrial.vehicles.hull import Hull, added_mass_matrix, rigid_mass_matrix
+from seatrial.vehicles.mass_matrix import mass_solver
+from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.thrusters import Thruster
+from seatrial.vehicles.whole_checks import check_whole
+
+
+def whole_vehicle(
+    hull: Hull,
+    terms: Sequence[str],
+    *,
+    moves: Sequence[str] = RATES,
+    given: Sequence[str] = (),
+    attitude: Kind = "quaternion",
+    positions: Sequence[str] = (),
+    angles: Sequence[str] = (),
+    current: Current = None,
+    added_coriolis: AddedCoriolis = "named",
+    thrusters: Sequence[Thruster] = (),
+    actuators: Mapping[str, Actuator] | None = None,
+) -> VehicleModel:
+    """Build a vehicle whose free coefficients are `terms`.
+
+    Its states are the velocities that move, positions, attitude, current and actuators, those that are needed. Fixed coefficients
+    without a part in the motion are left out; free ones are refused, see `freedom.acting_terms`.
+
+    Args:
+        hull: rigid body, weight, buoyancy, fixed coefficients and trim.
+        terms: coefficient names on any axis but Q; those fixed by the hull are left out of `params`.
+        moves: velocities that are states, of u v w p q r; the others are zero.
+        given: velocities and angles that are measured, and enter as controls.
+        attitude: quaternion or Euler angles, where the vehicle turns about more than one axis.
+        positions: those of x, y and z (north, east, down) that are states.
+        angles: Euler angles that are wanted although no force depends on them, such as the heading of a zigzag.
+        current: the water's velocity, see `Freedom`.
+        added_coriolis: "named" where Coriolis forces of the added mass are among the coefficients (X_wq, Z_uq, M_uw, …), as published
+            sets have it; "automatic" where they follow from the added mass, and named ones of the same products are refused.
+        thrusters: those of an open frame, driven by n_1, n_2, …, by the terms of T; or, without such terms, by forces f_1, f_2, ….
+        actuators: lags and limits by control, see `with_actuators`.
+
+    Raises:
+        InputError: malformed name, a signal the model lacks, two names of one regressor, an unphysical constant, or Coriolis forces twice.
+    """
+    freedom = Freedom(
+        tuple(rate for rate in RATES if rate in moves),
+        tuple(name for name in SIGNALS if name in given),
+        attitude,
+        tuple(name for name in POSITIONS if name in positions),
+        tuple(name for name in ANGLES if name in angles),
+        current,
+    )
+    check_whole(hull, terms, (moves, given, positions, angles, current), added_coriolis, thrusters)
+    free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
+    model = assemble(hull, free, freedom, added_coriolis, tuple(thrusters))
+    return with_actuators(model, actuators) if actuators else model
+
+
+def assemble(
+    hull: Hull,
+    free: tuple[CoefficientName, ...],
+    freedom: Freedom,
+    added_coriolis: AddedCoriolis = "named",
+    thrusters: tuple[Thruster, ...] = (),
+) -> VehicleModel:
+    """Build the model from parts that have been checked."""
+    fixed = {name: value for name, value in hull.fixed.items() if acts(CoefficientName.parse(name), freedom, thrusters)}
+    named = free + tuple(CoefficientName.parse(name) for name in fixed)
+    inertial = [name for name in free if name.is_added_mass]
+    moving = [RATES.index(rate) for rate in freedom.moves]
+    mass = rigid_mass_matrix(hull) + added_mass_matrix(fixed)
+    solve = mass_solver(mass, inertial, moving)
+    attitude = _attitude(hull, named, freedom)
+    drift = _current_components(freedom)
+    states = (*freedom.moves, *freedom.positions, *attitude.states, *(drift if freedom.current == "state" else ()))
+    controls = _controls(named, freedom, states, thrusters) + (drift if freedom.current == "given" else ())
+    forces = forces_of(hull, named, fixed, freedom, added_coriolis, thrusters, inertial)
+    net, righting = hull.weight - hull.buoyancy, hull.righting
+    angles = {angle for name in named for angle in name.signals if angle in ANGLES and angle not in controls}
+
+    def known_at(state: tuple, control: tuple) -> dict[str, Any]:
+        still = {} if isinstance(freedom.current, str) else dict(zip(CURRENT, freedom.current or (), strict=False))
+        return {**still, **dict(zip(states, state, strict=True)), **dict(zip(controls, control, strict=True))}
+
+    def derivative(params: Params, state: tuple, control: tuple) -> tuple:
+        known = known_at(state, control)
+        velocity = tuple(known.get(rate, 0.0) for rate in RATES)
+        pose = attitude.at(known)
+        if angles:
+            known |= dict(zip(ANGLES, pose.euler(), strict=True))
+        vertical = pose.rows[2]
+        weight = (*(times(net, part) for part in vertical), *cross(righting, vertical))
+        values = {**fixed, **params}
+        acting = forces(values, known, velocity)
+        rates = solve(values, [total((weight[i], acting[i])) if i in moving else 0.0 for i in range(6)])
+        water = {name: known[f"current_{name}"] for name in freedom.positions if f"current_{name}" in known}
+        return (
+            *rates,
+            *position_rates(freedom.positions, pose, velocity[:3], water),
+            *attitude.rates(pose, velocity[3:]),
+            *(0.0 for _ in drift if freedom.current == "state"),
+        )
+
+    def shown(name: str) -> Callable[[Params, tuple, tuple], Any]:
+        """A channel that is no state: an Euler angle, or a velocity over ground."""
+
+        def value(_: Params, state: tuple, control: tuple) -> Any:
+            known = known_at(state, control)
+            pose = attitude.at(known)
+            if name in ANGLES:
+                return pose.euler()[ANGLES.index(name)]
+            axis = OVER_GROUND.index(name)
+            column = [row[axis] for row in pose.rows]
+            return total((known.get(RATES[axis], 0.0), dot(column, (known.get(part, 0.0) for part in CURRENT))))
+
+        return value
+
+    views = (*(ANGLES if attitude.by_quaternion else ()), *(OVER_GROUND if freedom.current is not None else ()))
+    constants = _constants(hull, fixed, named, freedom, added_coriolis, thrusters)
+    return VehicleModel(
+        hull.name,
+        states,
+        controls,
+        free,
+        constants,
+        hull.mass is None,
+        derivative,
+        {name: shown(name) for name in views},
+    )
+
+
+def _attitude(hull: Hull, named: Sequence[CoefficientName], freedom: Freedom) -> Attitude:
+    net, (x, y, z) = hull.weight - hull.buoyancy, hull.righting
+    tilting = {"u": net, "v": net, "w": net, "p": y or z, "q": x or z, "r": x or y}
+    needed = {signal for name in named for signal in name.signals if signal in ANGLES}
+    needed |= (
+        set(freedom.angles)
+        | position_angles(freedom.positions)
+        | (set(ANGLES) if freedom.current is not None else set())
+    )
+    if hull.mass is not None and any(tilting[rate] for rate in freedom.moves):
+        needed |= {"phi", "theta"}
+    angles = tuple(name for name in ANGLES if name in freedom.given)
+    return Attitude(attitude_states(freedom.attitude, freedom.moves, freedom.given, needed), angles)
+
+
+def _current_components(freedom: Freedom) -> tuple[str, ...]:
+    """The water's vertical velocity counts only for a vehicle that may leave its depth."""
+    if freedom.current is None:
+        return ()
+    return CURRENT if any(rate in freedom.moves for rate in ("w", "p", "q")) else CURRENT[:2]
+
+
+def _controls(
+    named: Sequence[CoefficientName], freedom: Freedom, states: Sequence[str], thrusters: Sequence[Thruster]
+) -> tuple[str, ...]:
+    used = {signal for name in named for signal in name.signals} | set(freedom.given)
+    used -= {"n"} if thrusters else set()
+    plain = (name for name in SIGNALS if name in used and name not in (*states, *RATES, *ANGLES))
+    given = (name for name in SIGNALS if name in freedom.given)
+    driven = any(name.axis == "T" for name in named)
+    return (*given, *plain, *thruster_controls(len(thrusters), commanded_force=not driven))
+
+
+def _constants(
+    hull: Hull,
+    fixed: Mapping[str, float],
+    named: Sequence[CoefficientName],
+    freedom: Freedom,
+    added_coriolis: AddedCoriolis,
+    thrusters: Sequence[Thruster],
+) -> tuple[tuple[str, float], ...]:
+    """Everything else that enters the equations, by which models are told apart."""
+    current = freedom.current if isinstance(freedom.current, tuple) else ()
+    matrix = rigid_mass_matrix(hull)
+    trimmed = {signal for name in named for signal in name.trim_signals}
+    vectors = (("righting", hull.righting), *(((f"thruster {i}", t.column)) for i, t in enumerate(thrusters, 1)))
+    return (
+        *((f"mass {i}{j}", float(matrix[i, j])) for i in range(6) for j in range(6) if matrix[i, j]),
+        ("net weight", hull.weight - hull.buoyancy),
+        *((f"{name} {i}", x) for name, vector in vectors for i, x in enumerate(vector) if x),
+        ("thrust_deduction", hull.thrust_deduction),
+        ("wake", hull.wake),
+        ("automatic coriolis", float(added_coriolis == "automatic")),
+        *((f"current {i}", x) for i, x in enumerate(current)),
+        *fixed.items(),
+        *((f"trim {name}", hull.trim[name]) for name in hull.trim if name in trimmed),
+    )

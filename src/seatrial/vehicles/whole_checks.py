@@ -1,0 +1,203 @@
+"""What is refused before a whole vehicle is built, in words that say what to change."""
+
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.signals import ANGLES, POSITIONS, RATES
+from seatrial.core.term_checks import check_each_once, check_trim
+from seatrial.vehicles.coriolis import entry_products
+from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, asymmetric_pairs, rigid_mass_matrix
+from seatrial.vehicles.thrusters import Thruster
+
+_AXIS_OF = dict(zip(RATES, AXES, strict=True))
+
+
+def check_whole(
+    hull: Hull, terms: Sequence[str], freedom: tuple, added_coriolis: str, thrusters: Sequence[Thruster]
+) -> None:
+    """Check a vehicle's parts; `freedom` is (moves, given, positions, angles, current).
+
+    Raises:
+        InputError: see `whole_vehicle`.
+    """
+    place = f'vehicle "{hull.name}"'
+    moves, given, positions, angles, current = freedom
+    _check_freedom(place, moves, given, positions, angles, current)
+    free = [CoefficientName.parse(term) for term in terms if term not in hull.fixed]
+    named = [*free, *(CoefficientName.parse(name) for name in hull.fixed)]
+    check_each_once(named, place)
+    for name in named:
+        _check_term(place, hull, name)
+    for name in free:
+        _check_part(place, name, moves, given, thrusters)
+    _check_thrusters(place, named, thrusters)
+    if added_coriolis == "automatic":
+        _check_automatic(place, hull, named)
+    elif added_coriolis != "named":
+        raise InputError(
+            f"{place}, added_coriolis",
+            found=repr(added_coriolis),
+            expected='"named" or "automatic"',
+            remedy='"named" where terms such as X_wq are among the coefficients',
+        )
+    _check_mass(place, hull, moves)
+
+
+def _check_freedom(
+    place: str,
+    moves: Sequence[str],
+    given: Sequence[str],
+    positions: Sequence[str],
+    angles: Sequence[str],
+    current: Any,
+) -> None:
+    for what, names, allowed in (
+        ("moves", moves, RATES),
+        ("given", given, (*RATES, *ANGLES)),
+        ("positions", positions, POSITIONS),
+        ("angles", angles, ANGLES),
+    ):
+        wrong = [name for name in names if name not in allowed]
+        if wrong or len(set(names)) < len(names):
+            raise InputError(
+                f"{place}, {what}",
+                found=", ".join(wrong or names),
+                expected="each once, of " + " ".join(allowed),
+                remedy="name the signals of this vehicle's motion",
+            )
+    if not moves or set(moves) & set(given):
+        raise InputError(
+            f"{place}, moves",
+            found=", ".join(moves) + " moves, given " + ", ".join(given) if moves else "nothing that moves",
+            expected="at least one velocity, and none that is given as well",
+            remedy="a velocity is a state, a given signal, or zero",
+        )
+    numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(x) for x in current)
+    if not (current in (None, "state", "given") or numbers):
+        raise InputError(
+            f"{place}, current",
+            found=repr(current),
+            expected='"state", "given" or three velocities north, east and down in m/s',
+            remedy="leave it out for still water",
+        )
+
+
+def _check_term(place: str, hull: Hull, name: CoefficientName) -> None:
+    alone = len(name.factors) == 1 and name.factors[0].power == 1 and not name.factors[0].modulus
+    if name.axis == "Q":
+        raise InputError(
+            f"{place}, term {name}",
+            found='axis "Q", the torque on the propeller',
+            expected="the moment on the hull",
+            remedy=f"write K_{name.text.partition('_')[2]}, with the sign of the reaction",
+        )
+    if name.is_added_mass and (name.axis == "T" or not alone):
+        raise InputError(
+            f"{place}, term {name}",
+            found="an acceleration in another product, or of the thrust",
+            expected="an added mass such as Y_rdot: a force or moment of one acceleration alone",
+            remedy="leave the term out",
+        )
+    check_trim(name, hull.trim, place)
+
+
+def _check_part(
+    place: str, name: CoefficientName, moves: Sequence[str], given: Sequence[str], thrusters: Sequence[Thruster]
+) -> None:
+    present = {*moves, *given}
+    axis_moves = (name.axis == "T" and bool(thrusters)) or _rate_of(name.axis) in moves
+    held = [
+        factor.signal
+        for factor in name.factors
+        if factor.signal in RATES and factor.signal not in present and not factor.change
+    ]
+    if held and name.axis == "T" and thrusters:
+        held = []
+    if axis_moves and not held and not (name.is_added_mass and name.signals[0] not in moves):
+        return
+    raise InputError(
+        f"{place}, term {name}",
+        found="no part in the motion: "
+        + (f"axis {name.axis} does not move" if not axis_moves else f"{', '.join(held) or name.signals[0]} is zero"),
+        expected=f"terms of {', '.join(present)}",
+        remedy="leave it out; acting_terms(terms, moves) keeps those that act",
+    )
+
+
+def _rate_of(axis: str) -> str:
+    return "u" if axis == "T" else RATES[AXES.index(axis)]
+
+
+def _check_thrusters(place: str, named: Iterable[CoefficientName], thrusters: Sequence[Thruster]) -> None:
+    for number, thruster in enumerate(thrusters, 1):
+        if not (np.isfinite((*thruster.place, *thruster.direction)).all() and np.linalg.norm(thruster.direction) > 0):
+            raise InputError(
+                f"{place}, thruster {number}",
+                found=f"place {thruster.place}, direction {thruster.direction}",
+                expected="finite numbers, and a direction that is not zero",
+                remedy="give both in body axes, in m",
+            )
+    wrong = [
+        name
+        for name in named
+        if thrusters
+        and ((name.axis == "T" and set(name.signals) - {"n", "u"}) or (name.axis != "T" and "n" in name.signals))
+    ]
+    if wrong:
+        raise InputError(
+            f"{place}, term {wrong[0]}",
+            found=f"signals {', '.join(wrong[0].signals)}, of a vehicle with {len(thrusters)} thrusters",
+            expected="n on the axis T alone, in products with u, its speed along the thruster",
+            remedy="leave the term out",
+        )
+
+
+def _check_automatic(place: str, hull: Hull, named: Sequence[CoefficientName]) -> None:
+    """Automatic Coriolis forces need a symmetric added mass, and none of their products among the terms."""
+    entries = {added_mass_entry(name): name for name in named if name.is_added_mass}
+    lone = [name for (i, j), name in entries.items() if (j, i) not in entries]
+    unequal = asymmetric_pairs(hull.fixed)
+    if lone or unequal:
+        pairs = [f"{lone[0]} alone"] if lone else [f"{one} and {other} unequal" for one, other in unequal]
+        i, j = added_mass_entry(lone[0]) if lone else (0, 0)
+        raise InputError(
+            f"{place}, added mass",
+            found=pairs[0],
+            expected="a symmetric added mass, from which its Coriolis forces follow without work done",
+            remedy=f"give {AXES[j]}_{RATES[i]}dot too" if lone else "make them equal, or name the Coriolis terms",
+        )
+    made = {product.name: entries[entry] for entry in entries for product in entry_products(*entry)}
+    for name in named:
+        if name in made:
+            raise InputError(
+                f"{place}, term {name}",
+                found=f"a Coriolis force that already follows from {made[name]}",
+                expected='added_coriolis="named" with such terms, or "automatic" without them',
+                remedy="leave the term out; a lift in the same product may be written with a modulus, as in Y_absur",
+            )
+
+
+def _check_mass(place: str, hull: Hull, moves: Sequence[str]) -> None:
+    moving = [RATES.index(rate) for rate in RATES if rate in moves]
+    unknown = [i for i in moving if i >= 3 and hull.mass is not None and hull.inertia[i - 3] is None]
+    if unknown:
+        axis = "xyz"[unknown[0] - 3]
+        raise InputError(
+            f"{place}, inertia",
+            found=f"no I_{axis}{axis}, and {RATES[unknown[0]]} moves",
+            expected="the moment of inertia of every axis that turns",
+            remedy="give it, or hold the axis",
+        )
+    matrix = (rigid_mass_matrix(hull) + added_mass_matrix(hull.fixed))[np.ix_(moving, moving)]
+    if not np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > 0:
+        raise InputError(
+            f"{place}, mass matrix",
+            found=f"rows {matrix.tolist()}",
+            expected="a positive definite matrix of rigid body and added mass",
+            remedy="added masses on the diagonal are negative in SNAME notation: check their signs, and the centre of gravity",
+        )
