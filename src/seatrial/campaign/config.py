@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from seatrial.campaign.family_table import read_family
 from seatrial.campaign.goal import Goal, read_goal
 from seatrial.campaign.limit_tables import read_control_limits, read_motion_limits, read_power
 from seatrial.campaign.prior_tables import read_prior
+from seatrial.campaign.read_vehicle import read_vehicle
 from seatrial.campaign.schema import CampaignFile, RangeTable
-from seatrial.core.coefficients import CoefficientName
+from seatrial.campaign.starts import level_start
+from seatrial.campaign.vehicle import CampaignVehicle
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import Trim
@@ -25,15 +28,11 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.compiled_rules import CompiledRules
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, structure_rules
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import RATE_OF, AxisEquation, axis_equation
-from seatrial.vehicles.catalogue import catalogue_vehicle
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.surge import SurgeHull
 
 FILE_NAME = "campaign.toml"
-MOST_SAMPLES = 200_000
-"""Samples of a designed trial: beyond, a sweep no longer fits the memory of a laptop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,48 +86,18 @@ class Campaign:
             return self.shortlist or all_structures(self.rules)
 
     @cached_property
-    def hull(self) -> SurgeHull:
-        """What is known about the vehicle."""
-        table = self.source.vehicle
-        if table.catalogue is not None:
-            if table.mass is not None or table.fixed or table.trim or table.name:
-                raise InputError(
-                    self.where("vehicle"),
-                    found="catalogue together with other keys",
-                    expected="catalogue alone, or all by hand",
-                    remedy="remove the other keys, or remove catalogue and give them all",
-                )
-            with located(self.where("vehicle.catalogue")):
-                return catalogue_vehicle(table.catalogue).hull
-        if table.mass is None:
-            raise InputError(
-                self.where("vehicle.mass"),
-                found="neither a mass nor a catalogue name",
-                expected='for example "30.5 kg", or "unknown"',
-                remedy='with "unknown" every coefficient is estimated per unit of effective mass',
-            )
-        for name in table.trim:
-            if name not in SIGNALS:
-                raise InputError(
-                    self.where(f"vehicle.trim.{name}"),
-                    found=f'signal "{name}"',
-                    expected="a signal",
-                    remedy=nearest(name, SIGNALS),
-                )
-        mass = None if table.mass == "unknown" else self.si(table.mass, "kg", "vehicle.mass")
-        trim = {name: self.si(text, signal_unit(name), f"vehicle.trim.{name}") for name, text in table.trim.items()}
-        return SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, trim)
-
-    @cached_property
-    def axes(self) -> tuple[str, ...]:
-        """Axes whose equations are sought, thrust counted as X."""
-        found = {CoefficientName.parse(term).axis for term in self.full.terms}
-        return tuple(axis for axis in RATE_OF if axis in found or (axis == "X" and "T" in found))
+    def vehicle(self) -> CampaignVehicle:
+        """The vehicle."""
+        return read_vehicle(self)
 
     @property
-    def is_surge(self) -> bool:
-        """Whether the vehicle only moves along X."""
-        return self.axes == ("X",)
+    def hull(self) -> SurgeHull | Hull:
+        """What is known about the vehicle."""
+        return self.vehicle.hull
+
+    def model(self, structure: Structure) -> VehicleModel:
+        """Vehicle model of one candidate."""
+        return self.vehicle.model(structure)
 
     @property
     def leading(self) -> str:
@@ -142,42 +111,13 @@ class Campaign:
         Raises:
             InputError: it has other axes.
         """
-        if not self.is_surge:
+        if not self.vehicle.is_surge:
             raise InputError(
                 self.where("structure"),
-                found=f"terms on the axes {' '.join(self.axes)}",
-                expected=f"terms on X and T only, of which alone {what} knows so far",
+                found=f"a vehicle of the states {', '.join(self.model(self.full).states)}",
+                expected=f"one that only moves along X, of which alone {what} knows so far",
                 remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
             )
-
-    def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
-        """Equations of motion of one candidate, one for each axis, by terms linear in their coefficients."""
-        hull, found = self.hull, []
-        for axis in self.axes:
-            own = ("X", "T") if axis == "X" else (axis,)
-            terms = [term for term in structure.terms if CoefficientName.parse(term).axis in own]
-            known = {
-                name: value
-                for name, value in hull.fixed.items()
-                if name != "X_udot" and CoefficientName.parse(name).axis in own
-            }
-            inertia = None if hull.mass is None else hull.mass - hull.fixed.get("X_udot", 0.0)
-            found.append(axis_equation(axis, terms, inertia, hull.thrust_deduction, known, hull.trim))
-        return tuple(found)
-
-    def model(self, structure: Structure) -> VehicleModel:
-        """Vehicle model of one candidate."""
-        if self.hull.mass is not None and not self.is_surge:
-            raise InputError(
-                self.where("vehicle.mass"),
-                found=f"{self.hull.mass:g} kg, with terms on the axes {' '.join(self.axes)}",
-                expected='mass = "unknown", or terms on X and T only',
-                remedy="coefficients of other axes than X are estimated per unit of mass or inertia, added mass included",
-            )
-        with located(self.where("vehicle")):
-            if self.is_surge:
-                return surge_vehicle(self.hull, structure.terms)
-            return axes_vehicle(self.hull.name, self.equations(structure))
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -299,58 +239,11 @@ class Campaign:
     @cached_property
     def family(self) -> Family:
         """Control, trim and timing that all designs share."""
-        table = self.source.design
-        controls = self.model(self.full).controls
-        if table.control not in controls:
-            raise InputError(
-                self.where("design.control"),
-                found=f'"{table.control}"',
-                expected="a control of the vehicle: " + ", ".join(controls),
-                remedy=nearest(table.control, controls),
-            )
-        unit = signal_unit(table.control)
-        trim = (
-            self.hull.trim.get(table.control, 0.0) if table.trim is None else self.si(table.trim, unit, "design.trim")
-        )
-        seconds = {
-            key: self.si(getattr(table, key), "s", f"design.{key}")
-            for key in ("duration", "active", "sample_time", "start", "ramp")
-        }
-        family = Family(table.control, trim, **seconds)
-        if not family.duration > 0:
-            raise InputError(
-                self.where("design.duration"),
-                found=f"{family.duration:g} s",
-                expected="more than 0",
-                remedy='for example "60 s"',
-            )
-        if not 0 < family.sample_time <= family.duration / 10:
-            raise InputError(
-                self.where("design.sample_time"),
-                found=f"{family.sample_time:g} s",
-                expected="more than 0 and a tenth of the duration at most",
-                remedy='for example "0.02 s"',
-            )
-        samples = round(family.duration / family.sample_time)
-        if samples > MOST_SAMPLES:
-            raise InputError(
-                self.where("design.sample_time"),
-                found=f"{samples} samples in a trial of {family.duration:g} s",
-                expected=f"at most {MOST_SAMPLES}",
-                remedy="use a longer sample time: a hundredth of the fastest time constant is enough",
-            )
-        if family.start + family.active > family.duration * (1 + 1e-9):
-            raise InputError(
-                self.where("design.active"),
-                found=f"start {family.start:g} s + active {family.active:g} s",
-                expected=f"an end within the duration, {family.duration:g} s",
-                remedy="lengthen the duration or shorten `active`",
-            )
-        return family
+        return read_family(self)
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
-        """Trim value of every state of a model, SI; 0 for those of which [vehicle.trim] says nothing."""
-        return tuple(self.hull.trim.get(state, 0.0) for state in model.states)
+        """Trim value of every state of a model, SI; level and 0 where [vehicle.trim] says nothing."""
+        return level_start(model, self.hull.trim)
 
     def control_trim(self, model: VehicleModel) -> Trim:
         """Every control of a model with its trim value, SI; what a designed trial leaves alone stays there.

@@ -134,7 +134,7 @@ def _effect_words(campaign: Campaign, estimate: Estimate, effect: Omitted) -> tu
 
 
 def _extra_forces(campaign: Campaign, structure: Structure) -> tuple[str, ...]:
-    if not campaign.is_surge:
+    if not campaign.vehicle.is_surge:
         return ()
     taken = {*structure.terms, *campaign.hull.fixed}
     return tuple(name for name in FORCES if name not in taken)

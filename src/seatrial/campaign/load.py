@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from seatrial.campaign.config import FILE_NAME, Campaign
+from seatrial.campaign.earlier import with_earlier
 from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
 from seatrial.campaign.simulated import beyond_structures
@@ -29,7 +30,7 @@ def load_campaign(folder: Path | str) -> Campaign:
             expected=f"a campaign folder with {FILE_NAME}",
             remedy=f"create one with `seatrial init {folder}`",
         )
-    campaign = Campaign(folder, read_toml(path, CampaignFile))
+    campaign = with_earlier(Campaign(folder, read_toml(path, CampaignFile)))
     _check(campaign)
     return campaign
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.nuisances import deviations, nuisances, varying
+from seatrial.campaign.starts import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import QUATERNION, signal_unit
 from seatrial.estimation.filter_error import FilterError, filter_error
 from seatrial.estimation.output_error import OutputError, initial_name, output_error
 from seatrial.estimation.posterior import Parameter, Posterior
@@ -98,8 +99,19 @@ def first_sd(campaign: Campaign, state: str) -> float:
 
 
 def _free_initial(campaign: Campaign) -> bool:
-    """Whether initial states are parameters; a filter takes them as uncertain anyway."""
+    """Whether initial states are parameters; a filter takes them as uncertain anyway.
+
+    Raises:
+        InputError: a quaternion, whose four numbers are not free.
+    """
     table = campaign.source.estimation
+    if table.initial == "estimated" and set(QUATERNION) <= set(campaign.model(campaign.full).states):
+        raise InputError(
+            campaign.where("estimation.initial"),
+            found='"estimated" with the attitude as a quaternion',
+            expected="an attitude of independent numbers",
+            remedy='set vehicle.attitude = "euler", or initial = "measured"',
+        )
     return table.initial == "estimated" and table.likelihood == "output-error"
 
 
@@ -160,23 +172,20 @@ def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) 
 
 
 def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tuple[float, ...]:
-    """Initial state of a trial: trim, or the first measurement.
+    """Initial state of a trial: trim, or the first measurement where there is one.
 
     Raises:
-        InputError: a state that is not measured and has no trim value.
+        InputError: a state that is not measured and has no trim value; of a whole vehicle such states start at 0 and level.
     """
     if campaign.source.estimation.initial == "trim":
         return campaign.state_trim(model)
-    values = []
+    known = {**campaign.hull.trim, **first_measured(record)}
     for state in model.states:
-        column = record.channel(state)
-        finite = np.flatnonzero(np.isfinite(column))
-        if finite.size == 0:
+        if state not in known and campaign.vehicle.equations(campaign.full):
             raise InputError(
                 f'record "{record.label}", channel "{state}"',
-                found="no finite value",
+                found="neither a channel with a finite value nor a trim value",
                 expected="a first measurement",
                 remedy='set estimation.initial = "trim", or map the channel',
             )
-        values.append(float(column[finite[0]]))
-    return tuple(values)
+    return level_start(model, known)

@@ -22,13 +22,45 @@ class CampaignTable(Table):
     seed: int = Field(ge=0, lt=2**63)
 
 
+class ActuatorTable(Table):
+    """`[vehicle.actuators.CONTROL]`: how late it follows its command, and its limits; `rate` by the second."""
+
+    lag: Quantity = "0 s"
+    lower: Quantity | None = None
+    upper: Quantity | None = None
+    rate: Quantity | None = None
+
+
+Triple = list[Quantity]
+
+
 class VehicleTable(Table):
-    """`[vehicle]`: a catalogue name, or mass ("unknown" for coefficients per unit mass), thrust deduction and fixed coefficients."""
+    """`[vehicle]`: a catalogue name, or mass ("unknown" for coefficients per unit mass), thrust deduction and fixed coefficients.
+
+    A whole vehicle is one of the catalogue in six degrees of freedom, or one by hand that says which of u v w p q r `moves`; then
+    `given` are velocities and angles that are measured, `positions` those of x y z that are states, and lengths are from the body's
+    origin. `published_to` is how well the catalogue's coefficients are believed, as a share of each, where they have no prior;
+    `known_from` names folders of earlier campaigns, whose coefficients are priors here where they are sought, and fixed where not.
+    """
 
     catalogue: str | None = None
     name: str | None = None
     mass: Quantity | None = None
+    inertia: Triple | None = Field(default=None, min_length=3, max_length=3)
+    products: Triple | None = Field(default=None, min_length=3, max_length=3)
+    centre_of_gravity: Triple | None = Field(default=None, min_length=3, max_length=3)
+    centre_of_buoyancy: Triple | None = Field(default=None, min_length=3, max_length=3)
+    weight: Quantity | None = None
+    buoyancy: Quantity | None = None
+    moves: list[Literal["u", "v", "w", "p", "q", "r"]] | None = Field(default=None, min_length=1)
+    given: list[str] = []
+    positions: list[Literal["x", "y", "z"]] = []
+    attitude: Literal["quaternion", "euler"] = "euler"
+    actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
+    published_to: Quantity | None = None
+    known_from: list[str] = []
     thrust_deduction: float = 0.0
+    wake: float = 0.0
     fixed: dict[str, float] = {}
     trim: dict[str, Quantity] = {}
 
@@ -260,7 +292,7 @@ class CampaignFile(Table):
     campaign: CampaignTable
     vehicle: VehicleTable
     structure: StructureTable
-    prior: dict[str, PriorTable]
+    prior: dict[str, PriorTable] = {}
     sensors: dict[str, SensorTable] = Field(min_length=1)
     limits: dict[str, LimitsTable] = {}
     design: DesignTable

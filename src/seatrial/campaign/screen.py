@@ -20,7 +20,6 @@ from seatrial.selection.screening import Believed, Screening, screen
 from seatrial.selection.structure_count import count_structures
 from seatrial.selection.structures import label_structures
 from seatrial.selection.verdict import Shortlist
-from seatrial.vehicles.axis_equation import RATE_OF
 
 NARROWEST = 1.0
 """Width of the first windows, s; they are doubled until residuals no longer follow one another."""
@@ -99,9 +98,8 @@ def screen_terms(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> S
 def can_be_screened(campaign: Campaign) -> bool:
     """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose velocities are measured."""
     linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
-    return (
-        bool(campaign.rules.optional) and linear and {RATE_OF[axis] for axis in campaign.axes} <= set(campaign.channels)
-    )
+    rates = {equation.rate for equation in campaign.vehicle.equations(campaign.full)}
+    return bool(campaign.rules.optional) and linear and bool(rates) and rates <= set(campaign.channels)
 
 
 def screening_of(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> tuple[Screened | None, list[str]]:
@@ -155,7 +153,15 @@ def screening_key(campaign: Campaign, trials: Trials) -> str:
 
 
 def _screen(campaign: Campaign, trials: Trials) -> Screening:
-    rates = [RATE_OF[axis] for axis in campaign.axes]
+    equations = campaign.vehicle.equations(campaign.full)
+    if not equations:
+        raise InputError(
+            campaign.where("structure.optional"),
+            found=f"{count_structures(campaign.rules).structures} structures of a whole vehicle",
+            expected="at most 64: its axes are coupled, and only equations of single axes are screened in closed form",
+            remedy="move terms to `always`, state rules, or select axis by axis",
+        )
+    rates = [equation.rate for equation in equations]
     if missing := [rate for rate in rates if rate not in campaign.channels]:
         raise InputError(
             campaign.where("sensors"),
@@ -163,7 +169,6 @@ def _screen(campaign: Campaign, trials: Trials) -> Screening:
             expected="the velocities whose equations are sought, from which the rows of a screening are made",
             remedy=f"map the channel {missing[0]}, or leave at most 64 structures, which need no screening",
         )
-    equations = campaign.equations(campaign.full)
     terms = campaign.full.terms
     model = campaign.model(campaign.full)
     units = {term.text: model.unit_of(term) for term in model.coefficients}

@@ -147,7 +147,8 @@ def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
 def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) -> Mapping[str, Float[np.ndarray, " n"]]:
     """What each sensor would show of the true vehicle without noise."""
     model, truth = campaign.model(campaign.full), campaign.source.truth
-    params = {term.text: truth.get(term.text, 0.0) for term in model.coefficients}
+    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    params = {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
     start = np.array(campaign.state_trim(model))
     acting, held = _lagged(command, truth.get(actuator_lag(campaign.family.control), 0.0), step)
     trim, driven = campaign.control_trim(model), campaign.family.control

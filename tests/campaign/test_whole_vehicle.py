@@ -1,0 +1,188 @@
+"""Campaigns of whole vehicles: bodies of the catalogue and by hand, what moves, and coefficients known beforehand."""
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.designs import design_first
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.relay_trial import design_relay_trial
+from seatrial.campaign.store import Store, write_stamped_json
+from seatrial.campaign.trials import get_trials
+from seatrial.core.errors import InputError
+
+PITCH = """
+[campaign]
+name = "pitch"
+seed = 5
+
+[vehicle]
+catalogue = "remus100_prestero"
+moves = ["w", "q"]
+given = ["u"]
+published_to = "20 %"
+
+[vehicle.trim]
+u = "1.54 m/s"
+
+[structure]
+always = ["M_uw", "M_uudelta_s"]
+
+[sensors.q]
+noise = "0.3 deg/s"
+
+[sensors.theta]
+noise = "0.2 deg"
+rate = "5 Hz"
+
+[limits.delta_s]
+lower = "-13 deg"
+upper = "13 deg"
+
+[design]
+control = "delta_s"
+families = ["doublet"]
+duration = "25 s"
+active = "22 s"
+sample_time = "0.1 s"
+amplitude = { from = "6 deg", to = "10 deg", points = 2 }
+period = { from = "2 s", to = "4 s", points = 2 }
+
+[design.relay]
+output = "theta"
+threshold = { from = "2 deg", to = "4 deg", points = 2 }
+
+[truth]
+M_uw = 22.0
+"""
+BY_HAND = """
+name = "by hand"
+mass = "30.48 kg"
+inertia = ["0.177 kg m^2", "3.45 kg m^2", "3.45 kg m^2"]
+centre_of_gravity = ["0 m", "0 m", "0.0196 m"]
+weight = "299 N"
+buoyancy = "306 N"
+moves = ["w", "q"]
+given = ["u"]
+
+[vehicle.fixed]
+Z_wdot = -35.5
+Z_qdot = -1.93
+M_wdot = -1.93
+M_qdot = -4.88
+Z_wabsw = -1310.0
+Z_qabsq = -0.632
+Z_uw = -28.6
+Z_uq = -5.22
+Z_uudelta_s = -9.64
+M_wabsw = 3.18
+M_qabsq = -188.0
+M_uq = -2.0
+
+[prior.M_uw]
+distribution = "normal"
+mean = 24.0
+sd = 4.8
+
+[prior.M_uudelta_s]
+distribution = "normal"
+mean = -6.15
+sd = 1.23
+"""
+
+
+def pitch(folder, *changes):
+    text = PITCH
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "campaign.toml").write_text(text)
+    return load_campaign(folder)
+
+
+def rate_of(campaign, values):
+    model = campaign.model(campaign.full)
+    state = dict.fromkeys(model.states, 0.0) | {"w": 0.1, "q": -0.05, "theta": 0.2}
+    control = {"u": 1.5, "delta_s": 0.1}
+    return np.array(
+        model.derivative(values, tuple(state[x] for x in model.states), tuple(control[x] for x in model.controls))
+    )
+
+
+def test_published_coefficients_are_priors_where_sought_and_fixed_where_not(tmp_path):
+    campaign = pitch(tmp_path)
+    model = campaign.model(campaign.full)
+    assert [term.text for term in model.coefficients] == ["M_uw", "M_uudelta_s"]
+    assert {"w", "q", "theta"} <= set(model.states)
+    prior = campaign.prior("M_uudelta_s", "kg/rad")
+    assert (prior.mean, prior.sd) == pytest.approx((-6.15, 1.23))
+    assert campaign.hull.fixed["M_uq"] == -2.0
+    assert "M_uw" not in campaign.hull.fixed
+
+
+def test_a_body_by_hand_is_the_one_of_the_catalogue(tmp_path):
+    (tmp_path / "hand").mkdir()
+    known = pitch(tmp_path)
+    by_hand = pitch(
+        tmp_path / "hand",
+        ('catalogue = "remus100_prestero"\nmoves = ["w", "q"]\ngiven = ["u"]\npublished_to = "20 %"\n', BY_HAND),
+    )
+    values = {"M_uw": 21.0, "M_uudelta_s": -6.0}
+    np.testing.assert_allclose(rate_of(by_hand, values), rate_of(known, values), rtol=1e-12)
+
+
+@pytest.mark.thorough
+def test_a_trial_is_designed_and_simulated_in_pitch(tmp_path):
+    """What [truth] does not name is as published; the zigzag is between pitch angles."""
+    campaign = pitch(tmp_path)
+    best = design_first(campaign).best
+    assert np.isfinite(best.gain).all()
+    found, _ = design_relay_trial(campaign)
+    assert found.output == "theta"
+    record = get_trials(campaign).fit[0]
+    assert record.measured == ("q", "theta")
+    assert np.isfinite(record.channel("theta")).sum() == 125
+
+
+def test_what_an_earlier_campaign_found_is_a_prior_or_fixed(tmp_path):
+    rows = [{"name": "M_uw", "mean": 22.5, "sd": 0.3}, {"name": "M_uq", "mean": -2.2, "sd": 0.1}]
+    summary = {"terms": ["M_uw", "M_uq"], "coefficients": [*rows, {"name": "sigma_q", "mean": 1.0, "sd": 0.1}]}
+    write_stamped_json(Store(tmp_path / "first").summary, summary, "key")
+    (tmp_path / "second").mkdir()
+    campaign = pitch(tmp_path / "second", ("published_to", 'known_from = ["../first"]\npublished_to'))
+    prior = campaign.prior("M_uw", "kg")
+    assert (prior.mean, prior.sd) == pytest.approx((22.5, 0.3))
+    assert campaign.hull.fixed["M_uq"] == -2.2
+    assert campaign.source.prior["M_uudelta_s"].mean == pytest.approx(-6.15)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("published_to", 'mass = "30 kg"\npublished_to'), "catalogue together with mass"),
+        (('"remus100_prestero"', '"remus100_fossen"'), "no sum of named coefficients"),
+        (('"remus100_prestero"', '"remus"'), "no such vehicle"),
+        (('"20 %"', '"0 %"'), "a positive share"),
+        (("published_to", 'known_from = ["../none"]\npublished_to'), "vehicle.known_from"),
+        (('"M_uw", "M_uudelta_s"', '"M_uw", "N_uudelta_r"'), "N_uudelta_r"),
+        (('published_to = "20 %"', ""), "a prior of M_u"),
+        (('catalogue = "remus100_prestero"', 'mass = "unknown"'), "together with `moves`"),
+        (('moves = ["w", "q"]', 'moves = ["w", "yaw"]'), "moves"),
+    ],
+)
+def test_vehicles_that_make_no_sense(tmp_path, change, message):
+    with pytest.raises(InputError, match=message):
+        pitch(tmp_path, change)
+
+
+def test_a_quaternion_is_no_unknown_start(tmp_path):
+    changes = [
+        ('moves = ["w", "q"]', 'moves = ["v", "w", "p", "q", "r"]\nattitude = "quaternion"'),
+        ("[truth]", '[estimation]\ninitial = "estimated"\n\n[truth]'),
+        ('u = "1.54 m/s"', 'u = "1.54 m/s"\ndelta_r = "0 deg"'),
+    ]
+    campaign = pitch(tmp_path, *changes)
+    assert campaign.state_trim(campaign.model(campaign.full))[-4:] == (1.0, 0.0, 0.0, 0.0)
+    from seatrial.campaign.problem import build_parameters
+
+    with pytest.raises(InputError, match="attitude as a quaternion"):
+        build_parameters(campaign, campaign.model(campaign.full), ())
