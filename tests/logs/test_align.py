@@ -11,7 +11,7 @@ import pytest
 from seatrial.core.files import sha256_of, sha256_of_json
 from seatrial.core.record_file import read_record, write_record
 from seatrial.logs.align import align
-from seatrial.logs.read import read_csv
+from seatrial.logs.read import read_log
 from tests.logs.log_cases import GOOD, column, refusal, source, written
 
 
@@ -20,14 +20,14 @@ def control(tmp_path):
     """Thrust at 50 Hz from 100 s to 110 s, one level a second."""
     time = 100 + 0.02 * np.arange(501)
     level = np.floor(time + 1e-6)
-    return read_csv(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in time], "tau_X", level, "control"))
+    return read_log(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in time], "tau_X", level, "control"))
 
 
 @pytest.fixture
 def velocity(tmp_path):
     """Speed at about 7 Hz from 98 s to 112 s, its own time as value."""
     time = 98 + np.cumsum(np.random.default_rng(7).uniform(0.12, 0.16, 100))
-    return read_csv(column(tmp_path, "speed.csv", [f"{t:.6f}" for t in time], "u", np.round(time, 6), "measurement"))
+    return read_log(column(tmp_path, "speed.csv", [f"{t:.6f}" for t in time], "u", np.round(time, 6), "measurement"))
 
 
 def test_grid_holds_controls_and_snaps_measurements(control, velocity):
@@ -68,7 +68,7 @@ def test_union_keeps_every_stamp_and_every_value(control, velocity):
 def test_control_is_known_from_its_first_sample_to_its_last(tmp_path, velocity):
     values = np.array([np.nan, np.nan, 1.0, np.nan, 2.0, 3.0, np.nan])
     stamps = [f"{t}" for t in range(99, 106)]
-    gappy = read_csv(column(tmp_path, "gappy.csv", stamps, "tau_X", values, "control"))
+    gappy = read_log(column(tmp_path, "gappy.csv", stamps, "tau_X", values, "control"))
     record = align([gappy, velocity], step=0.5)
     np.testing.assert_array_equal(record.channel("tau_X"), [1, 1, 1, 1, 2, 2, 3])
     assert Decimal(record.provenance.options["begins_at"]) == 101
@@ -80,7 +80,7 @@ def test_nanosecond_files_meet_on_one_exact_clock(tmp_path):
     seen = [first + 20_000_000 * k + 1_000_003 for k in range(-5, n)]
     a = column(tmp_path, "a.csv", sent, "tau_X", np.arange(n) + 0.0, "control", "ns")
     b = column(tmp_path, "b.csv", seen, "u", np.arange(-5, n) + 0.0, "measurement", "ns")
-    record = align([read_csv(a), read_csv(b)])
+    record = align([read_log(a), read_log(b)])
     nanoseconds = np.rint(record.time * 1e9).astype(np.int64)
     expected = np.sort(np.concatenate([20_000_000 * np.arange(n), 20_000_000 * np.arange(n - 1) + 1_000_003]))
     np.testing.assert_array_equal(nanoseconds, expected)
@@ -92,10 +92,10 @@ def test_files_of_the_same_stamps_share_their_instants(tmp_path):
     stamps = [f"{1669909203 + 0.1 * k:.1f}" for k in range(30)]
     a = column(tmp_path, "a.csv", stamps[3:], "tau_X", np.arange(27.0), "control")
     b = column(tmp_path, "b.csv", stamps, "u", np.arange(30.0), "measurement")
-    record = align([read_csv(a), read_csv(b)])
+    record = align([read_log(a), read_log(b)])
     assert record.time.size == 27
     np.testing.assert_array_equal(record.channel("u"), record.channel("tau_X") + 3)
-    on_grid = align([read_csv(a), read_csv(b)], step=0.1)
+    on_grid = align([read_log(a), read_log(b)], step=0.1)
     np.testing.assert_array_equal(on_grid.measurement, record.measurement)
     np.testing.assert_array_equal(on_grid.control, record.control)
 
@@ -106,8 +106,8 @@ def test_measurements_that_meet_are_averaged_and_angles_on_the_circle(tmp_path):
     heading = (turning + pi) % (2 * pi) - pi
     speed = np.arange(40.0)
     tables = [
-        read_csv(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
-        read_csv(column(tmp_path, "u.csv", stamps, "u", speed, "measurement")),
+        read_log(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
+        read_log(column(tmp_path, "u.csv", stamps, "u", speed, "measurement")),
     ]
     record = align(tables, step=0.1)
     # The grid instant 0.1 k takes the stamp at 0.1 k and, an exact tie at the earlier, the one at 0.1 k + 0.05.
@@ -120,10 +120,10 @@ def test_measurements_that_meet_are_averaged_and_angles_on_the_circle(tmp_path):
 
 def test_samples_half_a_step_off_the_grid_neither_meet_nor_miss(tmp_path, control):
     stamps = [f"{100.05 + 0.1 * k:.2f}" for k in range(99)]
-    late = read_csv(column(tmp_path, "late.csv", stamps, "u", np.arange(99.0), "measurement"))
+    late = read_log(column(tmp_path, "late.csv", stamps, "u", np.arange(99.0), "measurement"))
     record = align([control, late], step=0.1, start=0.0, end=9.8)
     # The grid begins with the first measurement, so shift it by half a step through a second channel.
-    early = read_csv(column(tmp_path, "early.csv", ["100.0", "105.0", "110.0"], "v", np.arange(3.0), "measurement"))
+    early = read_log(column(tmp_path, "early.csv", ["100.0", "105.0", "110.0"], "v", np.arange(3.0), "measurement"))
     shifted = align([control, late, early], step=0.1)
     np.testing.assert_array_equal(record.channel("u"), np.arange(99.0))
     np.testing.assert_array_equal(shifted.channel("u")[:99], np.arange(99.0))
@@ -164,7 +164,7 @@ def test_provenance_tells_everything_but_the_machine(tmp_path, control, velocity
     assert provenance.sha256 == sha256_of_json(hashes)
     assert [file["sha256"] for file in provenance.options["files"]] == hashes
     assert str(tmp_path) not in json.dumps(provenance.options, allow_nan=False)
-    single = align([read_csv(source(written(tmp_path, GOOD)))], step=0.1)
+    single = align([read_log(source(written(tmp_path, GOOD)))], step=0.1)
     assert single.provenance.sha256 == sha256_of(tmp_path / "run.csv")
     write_record(record, tmp_path / "record.nc")
     again = read_record(tmp_path / "record.nc")
@@ -173,7 +173,7 @@ def test_provenance_tells_everything_but_the_machine(tmp_path, control, velocity
 
 
 def test_chosen_channels_in_the_order_asked(tmp_path, control):
-    table = read_csv(source(written(tmp_path, GOOD)))
+    table = read_log(source(written(tmp_path, GOOD)))
     assert [channel.name for channel in align([table], channels=["u", "n"]).channels] == ["n", "u"]
     assert align([table], channels=["u"]).controls == ()
     with refusal("channels", '"w"', "use one of: n, u"):
@@ -181,13 +181,13 @@ def test_chosen_channels_in_the_order_asked(tmp_path, control):
 
 
 def test_no_overlap_shows_both_spans(tmp_path, control):
-    table = read_csv(source(written(tmp_path, GOOD)))
+    table = read_log(source(written(tmp_path, GOOD)))
     with refusal("thrust.csv, run.csv", "tau_X of thrust.csv: 100 s to 110 s", "u of run.csv: 0 s to 1.9 s", "overlap"):
         align([control, replace(table, channels=table.channels[1:])])
 
 
 def test_measurement_outside_the_record(tmp_path, control, velocity):
-    early = read_csv(column(tmp_path, "early.csv", ["1", "2", "3", "4"], "v", np.arange(4.0), "measurement"))
+    early = read_log(column(tmp_path, "early.csv", ["1", "2", "3", "4"], "v", np.arange(4.0), "measurement"))
     with refusal('early.csv, channel "v"', "none of them within the record"):
         align([control, velocity, early], step=0.05)
 
@@ -207,7 +207,7 @@ def test_channel_given_twice_or_not_at_all(tmp_path, control):
     ],
 )
 def test_garbage_is_refused(tmp_path, values, parts):
-    table = read_csv(column(tmp_path, "rates.csv", ["0", "1", "2", "3", "4"], "p", values, "measurement"))
+    table = read_log(column(tmp_path, "rates.csv", ["0", "1", "2", "3", "4"], "p", values, "measurement"))
     with refusal("rates.csv", *parts):
         align([table])
 

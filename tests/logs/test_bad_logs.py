@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from seatrial.logs.read import read_csv
+from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import GOOD, PROPELLER, SPEED, refusal, source, written
 
@@ -40,15 +40,15 @@ FILES = {
 def test_not_the_file_it_says(tmp_path, case):
     content, name, parts = FILES[case]
     with refusal(*parts):
-        read_csv(source(written(tmp_path, content, name)))
+        read_log(source(written(tmp_path, content, name)))
 
 
 def test_no_file(tmp_path):
     with refusal("nowhere.csv", "no such file"):
-        read_csv(source(tmp_path / "nowhere.csv"))
+        read_log(source(tmp_path / "nowhere.csv"))
     (tmp_path / "folder.csv").mkdir()
     with refusal("folder.csv", "a folder"):
-        read_csv(source(tmp_path / "folder.csv"))
+        read_log(source(tmp_path / "folder.csv"))
 
 
 CELLS = {
@@ -84,7 +84,7 @@ CELLS = {
 def test_bad_cells_and_rows(tmp_path, case):
     text, parts = CELLS[case]
     with refusal("run.csv", *parts):
-        read_csv(source(written(tmp_path, text)))
+        read_log(source(written(tmp_path, text)))
 
 
 HEADERS = {
@@ -100,7 +100,7 @@ HEADERS = {
 def test_bad_headers(tmp_path, case):
     text, parts = HEADERS[case]
     with refusal("run.csv", *parts):
-        read_csv(source(written(tmp_path, text)))
+        read_log(source(written(tmp_path, text)))
 
 
 MAPS = {
@@ -131,7 +131,7 @@ MAPS = {
 def test_bad_maps(tmp_path, case):
     changes, parts = MAPS[case]
     with refusal("run.csv", *parts):
-        read_csv(source(written(tmp_path, GOOD), **changes))
+        read_log(source(written(tmp_path, GOOD), **changes))
 
 
 @pytest.mark.parametrize(
@@ -148,4 +148,4 @@ def test_bad_maps(tmp_path, case):
 def test_wrong_time_unit_is_recognised(tmp_path, step, unit, meant):
     text = "t,speed\n" + "".join(f"{1669909203330211715 + step * k},{k}\n" for k in range(5))
     with refusal("run.csv", 'column "t"', "median step", f'"{unit}"', f'is the unit "{meant}"?'):
-        read_csv(LogSource(written(tmp_path, text), "t", unit, {"u": ColumnMap("speed", "m/s", "measurement")}))
+        read_log(LogSource(written(tmp_path, text), "t", unit, {"u": ColumnMap("speed", "m/s", "measurement")}))

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 from seatrial.logs.clock import even_clock
-from seatrial.logs.read import read_csv
+from seatrial.logs.read import read_log
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
 
 
@@ -59,25 +59,25 @@ def test_even_clock_of_even_stamps_changes_nothing():
 def test_even_clock_from_a_file(tmp_path):
     truth, arrival = bursts(3)
     text = "t,speed\n" + "".join(f"{stamp:.4f},{k}\n" for k, stamp in enumerate(arrival.tolist()))
-    table = read_csv(source(written(tmp_path, text), channels={"u": SPEED}, clock="even"))
+    table = read_log(source(written(tmp_path, text), channels={"u": SPEED}, clock="even"))
     assert np.max(np.abs(float(table.epoch) + table.time - truth)) < 2e-3
     assert any("clock rebuilt" in note for note in table.notes)
     with refusal("run.csv", 'column "t", row', "same time stamp"):
-        read_csv(source(written(tmp_path, text), channels={"u": SPEED}))
+        read_log(source(written(tmp_path, text), channels={"u": SPEED}))
 
 
 REPEATED = "t,rpm,speed\n0,1,1\n0.1,1,2\n0.1,1,3\n0.1,1,4\n0.2,1,5\n0.3,1,6\n"
 
 
 def test_drop_repeated_keeps_the_first_row(tmp_path):
-    table = read_csv(source(written(tmp_path, REPEATED), clock="drop_repeated"))
+    table = read_log(source(written(tmp_path, REPEATED), clock="drop_repeated"))
     assert table.columns["u"].tolist() == [1, 2, 5, 6]
     np.testing.assert_allclose(table.time, [0, 0.1, 0.2, 0.3], atol=1e-15)
     assert any("2 of 6 rows repeated a stamp" in note for note in table.notes)
-    assert len(read_csv(source(written(tmp_path, GOOD), clock="drop_repeated")).notes) == 1
+    assert len(read_log(source(written(tmp_path, GOOD), clock="drop_repeated")).notes) == 1
 
 
 @pytest.mark.parametrize("clock", ["drop_repeated", "even"])
 def test_no_clock_mends_time_that_runs_backwards(tmp_path, clock):
     with refusal("run.csv", 'column "t", row 8', "backwards"):
-        read_csv(source(written(tmp_path, REPEATED + "0.2,1,7\n"), clock=clock))
+        read_log(source(written(tmp_path, REPEATED + "0.2,1,7\n"), clock=clock))

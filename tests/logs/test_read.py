@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.files import sha256_of
-from seatrial.logs.describe import ColumnSummary, describe
-from seatrial.logs.read import read_csv
+from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import GOOD, PROPELLER, SPEED, source, written
 
@@ -48,12 +47,12 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_layouts(tmp_path, layout):
     content, name, changes = LAYOUTS[layout]
-    assert_good(read_csv(source(written(tmp_path, content, name), **changes)))
+    assert_good(read_log(source(written(tmp_path, content, name), **changes)))
 
 
 def test_account_of_the_reading(tmp_path):
     path = written(tmp_path, GOOD.replace("1.05", ""))
-    table = read_csv(source(path))
+    table = read_log(source(path))
     assert table.source == "run.csv"
     assert table.sha256 == sha256_of(path)
     assert table.options["channels"]["n"] == {
@@ -72,7 +71,7 @@ def test_account_of_the_reading(tmp_path):
 def test_scale_and_offset_act_in_the_unit_of_the_file(tmp_path):
     text = "t,angle\n" + "".join(f"{k},{k}\n" for k in range(4))
     rudder = ColumnMap("angle", "deg", "control", scale=-1.0, offset=2.0)
-    table = read_csv(LogSource(written(tmp_path, text), "t", "s", {"delta_r": rudder}))
+    table = read_log(LogSource(written(tmp_path, text), "t", "s", {"delta_r": rudder}))
     np.testing.assert_allclose(table.columns["delta_r"], np.radians(2.0 - np.arange(4)), rtol=1e-15, atol=1e-18)
 
 
@@ -81,13 +80,13 @@ def test_nanosecond_stamps_lose_nothing(tmp_path):
     stamps = first + np.cumsum(np.random.default_rng(1).integers(1_000_000, 50_000_000, 500))
     text = "t,speed\n" + "".join(f"{stamp},{k}\n" for k, stamp in enumerate(stamps.tolist()))
     channels = {"u": SPEED}
-    table = read_csv(LogSource(written(tmp_path, text), "t", "ns", channels))
+    table = read_log(LogSource(written(tmp_path, text), "t", "ns", channels))
     assert table.epoch == Decimal(int(stamps[0])).scaleb(-9)
     assert np.rint(table.time * 1e9).astype(np.int64).tolist() == (stamps - stamps[0]).tolist()
     decimal = "t,speed\n" + "".join(
         f"{stamp // 10**9}.{stamp % 10**9:09d},{k}\n" for k, stamp in enumerate(stamps.tolist())
     )
-    as_seconds = read_csv(LogSource(written(tmp_path, decimal), "t", "s", channels))
+    as_seconds = read_log(LogSource(written(tmp_path, decimal), "t", "s", channels))
     assert as_seconds.epoch == table.epoch
     np.testing.assert_array_equal(as_seconds.time, table.time)
 
@@ -98,32 +97,23 @@ def test_nanosecond_stamps_lose_nothing(tmp_path):
 def test_time_units(tmp_path, unit, seconds):
     stamps = [round(0.25 * k / seconds, 12) for k in range(5)]
     text = "t,speed\n" + "".join(f"{stamp:.12g},{k}\n" for k, stamp in enumerate(stamps))
-    table = read_csv(LogSource(written(tmp_path, text), "t", unit, {"u": SPEED}))
+    table = read_log(LogSource(written(tmp_path, text), "t", unit, {"u": SPEED}))
     np.testing.assert_allclose(table.time, 0.25 * np.arange(5), rtol=1e-8)
 
 
 def test_columns_that_are_not_mapped_are_not_judged(tmp_path):
     text = "t,rpm,speed,x,x\n" + "".join(f"{k},1,{k},,junk{k}\n" for k in range(4))
-    assert read_csv(source(written(tmp_path, text))).columns.keys() == {"n", "u"}
+    assert read_log(source(written(tmp_path, text))).columns.keys() == {"n", "u"}
 
 
 def test_one_column_may_serve_two_channels(tmp_path):
     both = {"u": SPEED, "v": replace(SPEED, scale=-1.0)}
-    table = read_csv(source(written(tmp_path, GOOD), channels=both))
+    table = read_log(source(written(tmp_path, GOOD), channels=both))
     np.testing.assert_array_equal(table.columns["v"], -table.columns["u"])
 
 
 def test_whole_numbers_too_long_for_a_machine_word_are_read_as_floats(tmp_path):
     text = "t,rpm,speed\n" + "".join(f"{k},{10**20 + k},{k}\n" for k in range(4))
     long = {"n": replace(PROPELLER, scale=1e-20)}
-    table = read_csv(source(written(tmp_path, text), channels=long))
+    table = read_log(source(written(tmp_path, text), channels=long))
     np.testing.assert_allclose(table.columns["n"], pi / 30)
-
-
-def test_describe_lists_what_each_column_holds(tmp_path):
-    columns = {column.name: column for column in describe(written(tmp_path, GOOD))}
-    assert list(columns) == ["t", "rpm", "speed", "remark"]
-    assert columns["rpm"] == ColumnSummary("rpm", 20, 20, 600.0, 619.0, 1.0)
-    assert columns["t"].step == pytest.approx(0.1)
-    assert columns["remark"].count == 0
-    assert np.isnan(columns["remark"].least)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from seatrial import __version__
-from seatrial.apps.commands import check, data, infer, loop, plan
+from seatrial.apps.commands import check, data, infer, logs, loop, plan
 from seatrial.apps.commands.paper import paper
 from seatrial.apps.commands.rehearse import rehearse
 from seatrial.apps.running import Exit
@@ -18,6 +18,7 @@ COMMANDS = {
     "design": plan.design,
     "rehearse": rehearse,
     "simulate": data.simulate,
+    "inspect": logs.inspect,
     "import": data.import_logs,
     "estimate": infer.estimate,
     "profile": infer.profile,

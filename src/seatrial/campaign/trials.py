@@ -10,11 +10,11 @@ from seatrial.campaign.simulated import check_simulated, simulated_records
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.files import sha256_of
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.logs.align import align
-from seatrial.logs.read import read_csv
+from seatrial.logs.formats.registry import hash_of_log
+from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 
 
@@ -83,7 +83,10 @@ def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
         )
     paths = [_locate(campaign, file, run, index) for index, file in enumerate(table.files)]
     key = key_of(
-        "record", run, [sha256_of(path) for path in paths], table.model_dump(include={"step", "start", "end", "files"})
+        "record",
+        run,
+        [hash_of_log(path) for path in paths],
+        table.model_dump(include={"step", "start", "end", "files"}),
     )
     path = Store(campaign.folder).record(run)
     if not is_current(path, key):
@@ -95,7 +98,7 @@ def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
             name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}")
             for name in ("step", "start", "end")
         }
-        _write(path, align([read_csv(source) for source in sources], **seconds, label=run), key)
+        _write(path, align([read_log(source) for source in sources], **seconds, label=run), key)
     return read_record(path), key
 
 
@@ -110,7 +113,7 @@ def _locate(campaign: Campaign, file: FileTable, run: str, index: int) -> Path:
             remedy="export the variable, or write the path out",
         )
     path = campaign.folder / Path(text).expanduser()
-    if not path.is_file():
+    if not path.exists():
         raise InputError(
             where,
             found=f"no file {path}",
@@ -139,13 +142,14 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
     }
     return LogSource(
         path,
-        file.time.column,
-        file.time.unit,
+        None if file.time is None else file.time.column,
+        None if file.time is None else file.time.unit,
         channels,
         clock=file.clock,
         delimiter=file.delimiter,
         encoding=file.encoding,
         skip_rows=file.skip_rows,
+        table=file.table,
     )
 
 

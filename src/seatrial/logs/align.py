@@ -46,7 +46,7 @@ def align(
     which a channel was not measured holds NaN.
 
     Args:
-        tables: logs as `read_csv` gives them.
+        tables: logs as `read_log` gives them.
         channels: names to take; all by default.
         step: of a uniform grid over the interval, s; None for the union of all stamps.
         start: where to begin, s from the beginning of the common interval; None for the beginning.
@@ -61,7 +61,7 @@ def align(
             or a column that cannot be what the map says (see `make_record`).
     """
     if not tables:
-        raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_csv`")
+        raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_log`")
     origin = min(table.epoch for table in tables)
     tracks = _tracks(tables, origin, channels)
     first, last = _interval(tracks)

@@ -22,18 +22,21 @@ _USUAL_STEP = 0.03
 _COMMON_UNITS = ("ns", "us", "ms", "s", "min")
 
 
-def elapsed(stamps: Int[np.ndarray, " n"] | list[str], scale: Decimal) -> tuple[Float[np.ndarray, " n"], Decimal]:
+def elapsed(
+    stamps: Int[np.ndarray, " n"] | Float[np.ndarray, " n"] | list[str], scale: Decimal
+) -> tuple[Float[np.ndarray, " n"], Decimal]:
     """Time since the first stamp, subtracted before anything is rounded.
 
     Args:
-        stamps: whole numbers as int64, or decimal numbers as text.
+        stamps: whole numbers as int64, floats of a binary log, or decimal numbers as text.
         scale: seconds in one unit.
 
     Returns:
         seconds since the first stamp, shape (n,), and that stamp in seconds, exactly.
     """
     if isinstance(stamps, np.ndarray):
-        count, first = (stamps - stamps[0]).astype(float), Decimal(int(stamps[0]))
+        whole = stamps.dtype.kind == "i"
+        count, first = (stamps - stamps[0]).astype(float), Decimal(int(stamps[0]) if whole else repr(float(stamps[0])))
     else:
         decimals = [Decimal(text) for text in stamps]
         first = decimals[0]

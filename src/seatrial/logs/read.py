@@ -1,6 +1,7 @@
-"""Read the mapped columns of a CSV or TSV log into SI: all of them, or an error that says which cell is at fault."""
+"""Read the mapped columns of a log into SI: all of them, or an error that says what is at fault, whatever the format."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from decimal import Decimal, DecimalException
 
 import numpy as np
@@ -9,57 +10,72 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel
 from seatrial.core.signals import signal_unit
-from seatrial.logs.cells import as_floats, bad_cell, numbers, parse
 from seatrial.logs.clock import check_unit, elapsed, mend_clock
-from seatrial.logs.rows import Rows, layout
-from seatrial.logs.source import LogSource, LogTable, check_source, si_factor, source_options, time_scale
-from seatrial.logs.text import load_text
+from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo
+from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
+from seatrial.logs.formats.text_rows import separator
+from seatrial.logs.source import (
+    LogSource,
+    LogTable,
+    check_source,
+    log_file,
+    si_factor,
+    source_options,
+    text_options,
+    time_scale,
+)
+
+_LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
-def read_csv(source: LogSource) -> LogTable:
-    """Read one log.
+def read_log(source: LogSource) -> LogTable:
+    """Read one table of one log.
 
-    Empty cells (also `NA`, `nan`, `null`) are gaps; anything else that is not a finite number is an error. Columns
-    that the map does not name are not parsed.
+    Empty cells of text (also `NA`, `nan`, `null`) and NaN are gaps; anything else that is not a finite number is an
+    error. Columns that the map does not name are neither parsed nor kept.
 
     Args:
-        source: file, channel map and clock.
+        source: log, table, channel map and clock.
 
     Returns:
         the mapped columns in SI on stamps relative to the exact first one.
 
     Raises:
-        InputError: whatever is wrong with the map or the file, naming file, row and column.
+        InputError: whatever is wrong with the map or the log, naming file, table, column and row.
     """
     check_source(source)
-    where = str(source.path)
-    text, sha256 = load_text(source.path, source.encoding)
-    names, rows = layout(text, source)
-    position = {
-        name: _find(name, names, where)
-        for name in (source.time_column, *(column.column for column in source.channels.values()))
-    }
-    parsed = parse(rows, names, sorted(set(position.values())))
+    form = format_of(source.path)
+    _check_layout(source, form)
+    info = _table(source, form)
+    where = str(source.path) if form.is_text or info is None else f'{source.path}, table "{info.name}"'
+    clocks = _clocks(source, info, where)
+    columns = [column.column for column in source.channels.values()]
+    for name in (*clocks, *columns):
+        if info is not None and not form.is_text and not info.has(name):
+            raise _no_column(name, info, where)
+    table = info.name if info else ""
+    raw = read_columns(log_file(source), table, list(dict.fromkeys((*clocks, *columns))), tuple(clocks))
+    clock = next((name for name in clocks if _moves(raw.columns[name])), next(iter(clocks)))
 
-    time_where = f'{where}, column "{source.time_column}"'
-    time, epoch = _stamps(parsed[position[source.time_column]], rows, names, source)
-    time, kept, notes = mend_clock(time, source.clock, rows.line, time_where)
-    check_unit(time, source.time_unit, time_where)
+    time_where = f'{where}, column "{clock}"'
+    time, epoch = _elapsed(raw, clock, source, clocks[clock], time_where)
+    time, kept, notes = mend_clock(time, source.clock, raw.line_of, time_where)
+    check_unit(time, clocks[clock], time_where)
     step = np.diff(time)
     notes.insert(
         0,
         f"{time.size} rows over {time[-1] - time[0]:.6g} s; step {np.median(step):.4g} s at the median, "
         f"{step.max():.4g} s at most",
     )
+    notes += [*raw.notes, *(info.notes if info else ())]
+    if source.time_column is None:
+        notes.append(f"time is the column {clock}, in {clocks[clock]}")
 
-    if rows.empty:
-        notes.append(f"{rows.empty} rows at the end have no cell filled and were left out")
-
-    columns = {}
+    mapped = {}
     for name, column in source.channels.items():
-        at = position[column.column]
-        values = numbers(parsed[at], rows, at, column.column)[kept]
-        columns[name] = (column.scale * values + column.offset) * si_factor(source, name)
+        values = _finite(raw, column.column, where)[kept]
+        with np.errstate(invalid="ignore", over="ignore"):
+            mapped[name] = (column.scale * values + column.offset) * si_factor(source, name)
         if gaps := int(np.isnan(values).sum()):
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
@@ -69,54 +85,123 @@ def read_csv(source: LogSource) -> LogTable:
                 expected="samples",
                 remedy="map another column, or drop the channel",
             )
+        stated = info.unit(column.column) if info else None
+        if stated not in (None, column.unit):
+            notes.append(f'{name}: the log states the unit "{stated}", the map says "{column.unit}"')
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
-    return LogTable(time, epoch, columns, channels, source.path.name, sha256, source_options(source), tuple(notes))
+    used = replace(source, table=info.name if info else None, time_column=clock, time_unit=clocks[clock])
+    options = source_options(used) | (text_options(source) if form.is_text else {})
+    return LogTable(time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes))
 
 
-def _find(name: str, names: Sequence[str], where: str) -> int:
-    """Position of a column."""
-    if names.count(name) == 1:
-        return names.index(name)
-    if name in names:
-        places = ", ".join(str(i + 1) for i, other in enumerate(names) if other == name)
+def _check_layout(source: LogSource, form: LogFormat) -> None:
+    """Refuse the layout of a text where the log is none."""
+    if form.is_text:
+        separator(log_file(source))
+        return
+    for key, default in _LAYOUT.items():
+        if getattr(source, key) != default:
+            raise InputError(
+                f"{source.path}, {key}",
+                found=repr(getattr(source, key)),
+                expected=f"nothing: {form.name} is no text in rows and cells",
+                remedy="remove it",
+            )
+
+
+def _table(source: LogSource, form: LogFormat) -> TableInfo | None:
+    """Describe the table; None for a text whose columns are found while it is read."""
+    if form.is_text and source.table is None and source.time_column is not None and source.time_unit is not None:
+        return None
+    return pick(catalogue(log_file(source)), source.table, str(source.path))
+
+
+def _clocks(source: LogSource, info: TableInfo | None, where: str) -> dict[str, str]:
+    """Columns that may be the time, best first, with their units."""
+    if source.time_column is not None:
+        unit = source.time_unit or (info.unit(source.time_column) if info else None)
+        if unit is None:
+            raise InputError(
+                f"{where}, time_unit",
+                found=f'nothing, and the log states no unit for "{source.time_column}"',
+                expected="a unit of time",
+                remedy='give it, for example "s" or "ns"',
+            )
+        time_scale(source, unit)
+        return {source.time_column: unit}
+    clocks = {name: source.time_unit or info.unit(name) or "s" for name in info.clocks} if info else {}
+    if not clocks:
         raise InputError(
-            f'{where}, column "{name}"',
-            found=f"several columns of that name, at positions {places}",
-            expected="one",
-            remedy="give distinct names with `names` and skip the header",
+            f"{where}, time_column",
+            found="nothing, and no column that is the time by its name",
+            expected="the column of the time stamps",
+            remedy="name it and its unit; `seatrial inspect` lists the columns",
         )
-    other = next((mark for mark in (";", "\t", "|", ",") if mark in names[0]), None) if len(names) == 1 else None
-    if other:
-        remedy = f"set the delimiter to {other!r}"
-    elif np.isfinite(as_floats(np.array(names, object))).all():
-        remedy = "the first row holds numbers: if the file has no header, give the column names with `names`"
-    else:
-        remedy = nearest(name, names)
-    raise InputError(
-        f'{where}, column "{name}"',
-        found="no column of that name",
-        expected=f"one of the {len(names)} in the header",
-        remedy=remedy,
+    return clocks
+
+
+def _moves(stamps: np.ndarray) -> bool:
+    """Whether a clock was set at all: some drivers leave their stamp at zero."""
+    return stamps.size > 0 and bool((stamps != stamps[0]).any())
+
+
+def _elapsed(
+    raw: RawTable, clock: str, source: LogSource, unit: str, where: str
+) -> tuple[Float[np.ndarray, " n"], Decimal]:
+    """Seconds since the first stamp, and that stamp."""
+    stamps = raw.columns[clock]
+    if stamps.dtype.kind == "f":
+        bad = np.flatnonzero(~np.isfinite(stamps))
+        if bad.size:
+            raise InputError(
+                f"{where}, row {raw.line_of(int(bad[0]))}",
+                found=f"time {float(stamps[bad[0]])!r}",
+                expected="a time stamp in every row",
+                remedy="use another time column, or remove the row",
+            )
+    elif stamps.dtype.kind == "i" and stamps.size and not -(2**62) < stamps.min() <= stamps.max() < 2**62:
+        raise _beyond(where)
+    if stamps.size == 0:
+        raise InputError(
+            where, found="no row", expected="at least 3 samples", remedy="choose a table that was recorded"
+        )
+    try:
+        scale = time_scale(source, unit).scaleb(-raw.decimals.get(clock, 0))
+        return elapsed(stamps.tolist() if stamps.dtype.kind == "O" else stamps, scale)
+    except DecimalException as cause:
+        raise _beyond(where) from cause
+
+
+def _beyond(where: str) -> InputError:
+    return InputError(
+        where,
+        found="stamps beyond any clock",
+        expected="numbers of ordinary size",
+        remedy="map the column that holds the time",
     )
 
 
-def _stamps(
-    cells: np.ndarray, rows: Rows, names: tuple[str, ...], source: LogSource
-) -> tuple[Float[np.ndarray, " n"], Decimal]:
-    """Seconds since the first stamp and that stamp, from whole numbers or, as text, from decimal ones."""
-    position = names.index(source.time_column)
-    values = numbers(cells, rows, position, source.time_column)
-    missing = np.flatnonzero(np.isnan(values))
-    if missing.size:
-        raise bad_cell(rows, int(missing[0]), position, source.time_column, "a time stamp in every row")
-    if cells.dtype == np.int64 and np.abs(values).max() < 2.0**62:
-        return elapsed(cells, time_scale(source))
-    try:
-        return elapsed(parse(rows, names, [position], str)[position].tolist(), time_scale(source))
-    except DecimalException as cause:
+def _finite(raw: RawTable, name: str, where: str) -> Float[np.ndarray, " n"]:
+    """Return a column as floats, NaN for gaps."""
+    cells = raw.columns[name]
+    values = cells.astype(float)
+    infinite = np.flatnonzero(np.isinf(values))
+    if infinite.size:
         raise InputError(
-            f'{rows.where}, column "{source.time_column}"',
-            found="stamps beyond any clock",
-            expected="numbers of ordinary size",
-            remedy="map the column that holds the time",
-        ) from cause
+            f'{where}, column "{name}", row {raw.line_of(int(infinite[0]))}',
+            found=repr(float(values[infinite[0]])),
+            expected="a finite number",
+            remedy="mend the log, or map another column",
+        )
+    return values
+
+
+def _no_column(name: str, info: TableInfo, where: str) -> InputError:
+    names: Sequence[str] = [column.name for column in info.columns]
+    text = nearest(name, names)
+    return InputError(
+        f'{where}, column "{name}"',
+        found="no column of that name",
+        expected=f"one of the {len(names)} numbers in the table",
+        remedy=text if len(names) <= 20 or text.startswith("did you") else "`seatrial inspect` lists them",
+    )

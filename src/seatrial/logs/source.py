@@ -14,10 +14,10 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel, Role
 from seatrial.core.signals import RATES, SIGNALS, signal_unit
 from seatrial.core.units import to_si
+from seatrial.logs.formats.protocol import LogFile, TextLayout
+from seatrial.logs.formats.text_rows import separator
 
 Clock = Literal["as_stamped", "even", "drop_repeated"]
-WHITESPACE = "whitespace"
-_BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
 
 
 @dataclass(frozen=True)
@@ -44,22 +44,25 @@ class LogSource:
     """One log file and how to read it.
 
     Attributes:
-        path: CSV or TSV file, gzip-compressed where the name ends in `.gz`.
-        time_column: column of the time stamps: plain numbers, whole or decimal.
-        time_unit: their unit, for example `ns`.
+        path: of the log: CSV or TSV (gzip-compressed where the name ends in `.gz`), Parquet, NetCDF, MATLAB, ROS 1 bag,
+            folder of a ROS 2 bag, MCAP, dataflash `.BIN`, MAVLink `.tlog` or MOOS `.alog`.
+        time_column: column of the time stamps, whole or decimal; by default the first clock of the table that moves, for
+            example `header.stamp`, else the time of receipt.
+        time_unit: their unit, for example `ns`; by default what the log states.
         channels: one column map for each seatrial signal (`u`, `udot`, `n`, `tau_X`, …).
         clock: `as_stamped` trusts the stamps; `even` rebuilds an evenly spaced clock from arrival times in bursts;
             `drop_repeated` keeps the first row of every repeated stamp.
-        delimiter: one character, or `whitespace`; by default the suffix says (.csv comma, .tsv tab).
+        delimiter: of text, as are the four that follow: one character, or `whitespace`; by default the suffix says (.csv comma, .tsv tab).
         skip_rows: lines above the header, or above the data of a file without one.
         header_rows: rows of the header, of which the first names the columns (2 where a row of units follows).
         names: column names of a file without a header.
         encoding: of the text.
+        table: a topic, type of message, struct, group or variable; needed only where a log has several.
     """
 
     path: Path
-    time_column: str
-    time_unit: str
+    time_column: str | None
+    time_unit: str | None
     channels: Mapping[str, ColumnMap]
     clock: Clock = "as_stamped"
     delimiter: str | None = None
@@ -67,6 +70,7 @@ class LogSource:
     header_rows: int = 1
     names: tuple[str, ...] | None = None
     encoding: str = "utf-8"
+    table: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +113,8 @@ def check_source(source: LogSource) -> None:
             remedy='map one, for example u = {column = "speed", unit = "m/s", role = "measurement"}',
         )
     _one_of(source.clock, get_args(Clock), f"{where}, clock")
-    time_scale(source)
-    separator(source)
+    if source.time_unit is not None:
+        time_scale(source, source.time_unit)
     for key, value, least in (("skip_rows", source.skip_rows, 0), ("header_rows", source.header_rows, 1)):
         if not isinstance(value, int) or value < least:
             raise InputError(
@@ -142,59 +146,29 @@ def si_factor(source: LogSource, name: str) -> float:
     return to_si(1.0, source.channels[name].unit, signal_unit(name), f'{source.path}, channel "{name}", unit')
 
 
-def time_scale(source: LogSource) -> Decimal:
+def time_scale(source: LogSource, unit: str) -> Decimal:
     """Seconds in one unit of the time column, exactly: the shortest decimal of the factor, 1E-9 for `ns`.
 
     Raises:
         InputError: not a unit of time.
     """
-    return Decimal(repr(to_si(1.0, source.time_unit, "s", f"{source.path}, time_unit")))
+    return Decimal(repr(to_si(1.0, unit, "s", f"{source.path}, time_unit")))
 
 
-def separator(source: LogSource) -> str:
-    """Return what separates the cells: one ASCII character, or `whitespace`.
-
-    Raises:
-        InputError: nothing said where the suffix does not tell, or not a single ASCII character.
-    """
-    suffix = Path(source.path.name.lower().removesuffix(".gz")).suffix
-    found = source.delimiter if source.delimiter is not None else _BY_SUFFIX.get(suffix)
-    where = f"{source.path}, delimiter"
-    if found is None:
-        raise InputError(
-            where,
-            found=f'suffix "{suffix}" and no delimiter',
-            expected=".csv, .tsv, or the delimiter",
-            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
-        )
-    if found != WHITESPACE and not (
-        len(found) == 1
-        and found.isascii()
-        and (found.isprintable() or found == "\t")
-        and not found.isalnum()
-        and found not in '".+-'
-    ):
-        raise InputError(
-            where,
-            found=repr(found),
-            expected=f'one character that no number contains, or "{WHITESPACE}"',
-            remedy='use ",", ";", "\\t" or "whitespace"',
-        )
-    return found
+def log_file(source: LogSource) -> LogFile:
+    """Return the log of a source, with the layout of its text."""
+    layout = TextLayout(source.delimiter, source.skip_rows, source.header_rows, source.names, source.encoding)
+    return LogFile(source.path, layout)
 
 
 def source_options(source: LogSource) -> dict[str, Any]:
-    """How the file is read, as JSON-able values, without the path of this machine."""
+    """How a log is read, as JSON-able values, without the path of this machine."""
     return {
         "source": source.path.name,
+        "table": source.table,
         "time_column": source.time_column,
         "time_unit": source.time_unit,
         "clock": source.clock,
-        "delimiter": separator(source),
-        "skip_rows": source.skip_rows,
-        "header_rows": 0 if source.names else source.header_rows,
-        "encoding": source.encoding,
-        "names": list(source.names) if source.names else None,
         "channels": {
             name: {
                 "column": column.column,
@@ -205,6 +179,17 @@ def source_options(source: LogSource) -> dict[str, Any]:
             }
             for name, column in source.channels.items()
         },
+    }
+
+
+def text_options(source: LogSource) -> dict[str, Any]:
+    """How a log of text is laid out, as JSON-able values."""
+    return {
+        "delimiter": separator(log_file(source)),
+        "skip_rows": source.skip_rows,
+        "header_rows": 0 if source.names else source.header_rows,
+        "encoding": source.encoding,
+        "names": list(source.names) if source.names else None,
     }
 
 

@@ -7,8 +7,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
-from seatrial.logs.rows import Rows
-from seatrial.logs.source import WHITESPACE
+from seatrial.logs.formats.text_rows import WHITESPACE, Rows
 
 
 def parse(

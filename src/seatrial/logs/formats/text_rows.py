@@ -2,15 +2,21 @@
 
 import csv
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Int
 
 from seatrial.core.errors import InputError
-from seatrial.logs.source import WHITESPACE, LogSource, separator
+from seatrial.logs.formats.protocol import LogFile
+from seatrial.logs.formats.text_load import decoded
 
+WHITESPACE = "whitespace"
+_BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
 _BLOCK = 1 << 22
+_LONGEST_ROW = 1 << 26
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +30,7 @@ class Rows:
         widths: number of cells in each row, shape (n,).
         where: the file, for errors.
         empty: rows of nothing but delimiters that were cut off at the end, as spreadsheets leave them.
+        above: lines of the file above this text.
     """
 
     text: bytes
@@ -32,10 +39,11 @@ class Rows:
     widths: Int[np.ndarray, " n"]
     where: str
     empty: int = 0
+    above: int = 0
 
     def line(self, row: int) -> int:
         """Line at which a row starts, as a text editor counts."""
-        return 1 + self.text.count(b"\n", 0, int(self.starts[row]))
+        return 1 + self.above + self.text.count(b"\n", 0, int(self.starts[row]))
 
     def cells(self, row: int) -> list[str]:
         """Cells of a row, without the spaces around them."""
@@ -55,30 +63,87 @@ class Rows:
         return [cell.strip() for cell in cells]
 
 
-def layout(text: bytes, source: LogSource) -> tuple[tuple[str, ...], Rows]:
-    """Return the column names and the rows of data, having checked that every row has all its cells.
-
-    Args:
-        text: as `load_text` gives it.
-        source: delimiter, header and names.
+def pieces(log: LogFile) -> Iterator[tuple[tuple[str, ...], Rows]]:
+    """Column names and rows of data, a piece of the file at a time, having checked that every row has all its cells.
 
     Raises:
         InputError: no data, or a row of another width than the header.
     """
-    where = str(source.path)
-    every = _without_empty_end(_divide(text, separator(source), source.skip_rows, where))
-    first = 0 if source.names else source.header_rows
-    if every.starts.size <= first:
+    where, layout = str(log.path), log.layout
+    character = separator(log)
+    names, above, waiting = None, 0, b""
+    texts = decoded(log.path, layout.encoding)
+    following = next(texts, None)
+    while following is not None:
+        text, following = waiting + following, next(texts, None)
+        first = 0 if layout.names or names else layout.header_rows
+        every = replace(_divide(text, character, 0 if names else layout.skip_rows, where), above=above)
+        full = _without_empty_end(every)
+        if following is not None:
+            # The last row may go on in the next piece, and so may empty rows at its end.
+            kept = min(full.starts.size, every.starts.size - 1)
+            cut = int(every.starts[kept]) if kept >= 0 else len(text) if names else 0
+            if len(text) - cut > _LONGEST_ROW:
+                raise _endless(every)
+            if kept <= first:
+                waiting = text
+                continue
+            full = replace(every, text=text[:cut], starts=every.starts[:kept], widths=every.widths[:kept])
+            waiting, above = text[cut:], above + text.count(b"\n", 0, cut)
+        if names is None:
+            if full.starts.size <= first:
+                raise InputError(
+                    where,
+                    found=f"no row below the header and the first {layout.skip_rows} lines",
+                    expected="rows of numbers",
+                    remedy="export the log again, or correct skip_rows and header_rows",
+                )
+            names = tuple(layout.names or full.cells(0))
+        rows = replace(full, starts=full.starts[first:], widths=full.widths[first:])
+        _check_widths(rows, len(names))
+        yield names, rows
+
+
+def _endless(rows: Rows) -> InputError:
+    row = rows.line(rows.starts.size - 1) if rows.starts.size else rows.above + 1
+    return InputError(
+        f"{rows.where}, row {row}",
+        found=f"a row that does not end within {_LONGEST_ROW >> 20} MB",
+        expected="rows of cells",
+        remedy="look for a stray quotation mark",
+    )
+
+
+def separator(log: LogFile) -> str:
+    """Return what separates the cells: one ASCII character, or `whitespace`.
+
+    Raises:
+        InputError: nothing said where the suffix does not tell, or not a single ASCII character.
+    """
+    suffix = Path(log.path.name.lower().removesuffix(".gz")).suffix
+    found = log.layout.delimiter if log.layout.delimiter is not None else _BY_SUFFIX.get(suffix)
+    where = f"{log.path}, delimiter"
+    if found is None:
         raise InputError(
             where,
-            found=f"no row below the header and the first {source.skip_rows} lines",
-            expected="rows of numbers",
-            remedy="export the log again, or correct skip_rows and header_rows",
+            found=f'suffix "{suffix}" and no delimiter',
+            expected=".csv, .tsv, or the delimiter",
+            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
         )
-    names = tuple(source.names or every.cells(0))
-    rows = replace(every, starts=every.starts[first:], widths=every.widths[first:])
-    _check_widths(rows, len(names))
-    return names, rows
+    if found != WHITESPACE and not (
+        len(found) == 1
+        and found.isascii()
+        and (found.isprintable() or found == "\t")
+        and not found.isalnum()
+        and found not in '".+-'
+    ):
+        raise InputError(
+            where,
+            found=repr(found),
+            expected=f'one character that no number contains, or "{WHITESPACE}"',
+            remedy='use ",", ";", "\\t" or "whitespace"',
+        )
+    return found
 
 
 def _without_empty_end(rows: Rows) -> Rows:

@@ -1,0 +1,68 @@
+"""Logs before they are imported: what they hold, and a channel map to begin with."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.apps.running import Exit, Quiet, watched
+
+_PATIENCE = 2.0
+
+
+def inspect(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG",
+            help="CSV, TSV, Parquet, NetCDF, MATLAB, ROS 1 or 2 bag, MCAP, dataflash, MAVLink or MOOS log.",
+        ),
+    ],
+    table: Annotated[
+        str | None, typer.Option(help="Only this topic, type of message, struct, group or variable.")
+    ] = None,
+    map_: Annotated[
+        bool, typer.Option("--map", help="Print only the guessed map, as [[import.files]] of a campaign file.")
+    ] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Channels to map, such as u,tau_X; all that can be guessed if not given.")
+    ] = None,
+    delimiter: Annotated[
+        str | None, typer.Option(help='Of text: one character, or "whitespace"; by default the suffix says.')
+    ] = None,
+    skip_rows: Annotated[int, typer.Option(min=0, help="Of text: lines above the header.")] = 0,
+    encoding: Annotated[str, typer.Option(help="Of text.")] = "utf-8",
+    quiet: Quiet = False,
+) -> None:
+    """List what a log holds, how good its clocks are, and guess which columns are which channels."""
+
+    def work(watch: Any) -> Exit:
+        from seatrial.logs.formats.protocol import TextLayout
+        from seatrial.logs.inspect import inspect_log
+
+        layout = TextLayout(delimiter, skip_rows, encoding=encoding)
+        found = inspect_log(log, table, layout, _late_progress(watch, f"reading {log.name}"))
+        if map_:
+            channels = [name for text in only or () for name in text.split(",")]
+            typer.echo(found.as_toml(channels), nl=False)
+        else:
+            typer.echo("\n".join(found.lines()))
+        return Exit.OK
+
+    watched(quiet, work)
+
+
+def _late_progress(watch: Any, title: str) -> Callable[[float], None]:
+    """Progress that shows itself only where the work takes over two seconds."""
+    started, report = time.monotonic(), None
+
+    def told(share: float) -> None:
+        nonlocal report
+        if report is None and share < 1 and time.monotonic() - started > _PATIENCE:
+            report = watch.progress(title)
+        if report is not None:
+            report(round(1000 * share), 1000)
+
+    return told

@@ -1,0 +1,109 @@
+"""Numeric arrays of an HDF5 file by path, read a block of rows at a time; NetCDF 4 and MATLAB 7.3 stand on it."""
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from seatrial.core.errors import InputError
+
+_DEEPEST = 32
+_MOST_ARRAYS = 20_000
+_MOST_CHUNK = 1 << 28
+_HEAP = b"GCOL\x01\0\0\0"
+_PIECE = 1 << 24
+_MOST_TIMES_LARGER = 2000
+"""How many times larger an array may be than what the file keeps of it; deflate reaches 1032."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """Open a file to read, having checked what the library would follow without end.
+
+    Raises:
+        InputError: a damaged heap.
+    """
+    _check_heaps(path)
+    with h5py.File(path, "r", locking=False) as file:
+        yield file
+
+
+def arrays(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """Numeric datasets below a group as (path with slashes, dataset); links out of the file and cycles are left out."""
+    if len(above) > _DEEPEST or group in above:
+        return
+    count = 0
+    for name in group:
+        link = group.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink | h5py.SoftLink) or name == "#refs#":
+            continue
+        item = group[name]
+        if isinstance(item, h5py.Group):
+            yield from arrays(item, f"{prefix}{name}/", (*above, group))
+        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and not item.external and not item.is_virtual:
+            count += 1
+            _check_size(item)
+            yield f"{prefix}{name}", item
+        if count > _MOST_ARRAYS:
+            return
+
+
+def rows_of(dataset: Any, start: int, stop: int, axis: int, element: int | None) -> np.ndarray:
+    """Some rows of an array of one or two axes that may be longer than one, of which `axis` counts the rows."""
+    index: list[Any] = [0] * dataset.ndim
+    index[axis] = slice(start, stop)
+    if element is not None:
+        other = next(k for k in range(dataset.ndim) if k != axis and dataset.shape[k] > 1)
+        index[other] = element
+    return np.asarray(dataset[tuple(index)])
+
+
+def _check_size(dataset: Any) -> None:
+    """Refuse an array that claims more than the file can hold, or that opens only in pieces too large for memory."""
+    size, kept = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
+    chunk = int(np.prod(dataset.chunks, dtype=float)) * dataset.dtype.itemsize if dataset.chunks else 0
+    if size > (1 << 20) + _MOST_TIMES_LARGER * kept or chunk > _MOST_CHUNK + size:
+        raise InputError(
+            f'{dataset.file.filename}, array "{dataset.name}"',
+            found=f"shape {dataset.shape} in pieces of {chunk} bytes, of which the file keeps {kept} bytes in all",
+            expected="an array that the file holds",
+            remedy="the file is damaged: copy or save it again",
+        )
+
+
+def _check_heaps(path: Path) -> None:
+    """Walk the global heaps, which hold strings and references: an object of no size would have the library walk for ever.
+
+    Source: HDF5 File Format Specification 3.0, III.E.
+    """
+    with path.open("rb") as stream:
+        base, held = 0, b""
+        while data := stream.read(_PIECE):
+            piece, at = held + data, -1
+            while (at := piece.find(_HEAP, at + 1)) >= 0:
+                _check_heap(path, base + at)
+            held = piece[-len(_HEAP) + 1 :]
+            base += len(piece) - len(held)
+
+
+def _check_heap(path: Path, place: int) -> None:
+    with path.open("rb") as stream:
+        stream.seek(place + 8)
+        size = int.from_bytes(stream.read(8), "little")
+        at, end = 16, min(size, path.stat().st_size - place)
+        while at + 16 <= end:
+            stream.seek(place + at)
+            index, _, _, length = struct.unpack("<HHIQ", stream.read(16))
+            step = length if index == 0 else 16 + -(-length // 8) * 8
+            if step < 16 or at + step > end:
+                raise InputError(
+                    str(path),
+                    found=f"a heap that makes no sense at byte {place + at}",
+                    expected="a whole HDF5 file",
+                    remedy="the file is damaged: copy or save it again",
+                )
+            at += step

@@ -1,0 +1,185 @@
+"""What every format offers: a catalogue of its tables, and their columns as a stream of small blocks.
+
+A log holds *tables* (a ROS topic, a message type of an autopilot, a struct, the one table of a CSV file), each with
+named numeric *columns* on common rows. Some columns may serve as *clock*. A format never keeps messages: it appends
+the wanted numbers to blocks of a few thousand rows and hands them on.
+"""
+
+import importlib
+import re
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+
+BLOCK_ROWS = 8192
+LOG_TIME = "log_time"
+"""Column of the time at which a message was written to the log."""
+MOST_ELEMENTS = 64
+"""Elements of an array that a catalogue lists; any other of them can be asked for by its index."""
+
+Wanted = Mapping[str, Sequence[str]]
+"""For each table the columns to read."""
+
+
+@dataclass(frozen=True)
+class TextLayout:
+    """How a log of text is laid out; see `LogSource`."""
+
+    delimiter: str | None = None
+    skip_rows: int = 0
+    header_rows: int = 1
+    names: tuple[str, ...] | None = None
+    encoding: str = "utf-8"
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """A log on disk: a file, or the folder of a ROS 2 bag."""
+
+    path: Path
+    layout: TextLayout = TextLayout()
+
+
+class ColumnInfo(NamedTuple):
+    """One column; `unit` as the log states it, None where it does not."""
+
+    name: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class TableInfo:
+    """One table of a log.
+
+    Attributes:
+        name: as `LogSource.table` takes it.
+        columns: those that can be read.
+        clocks: columns that may be time, the best first; each has a unit.
+        rows: how many, None where only a full reading would tell.
+        kind: type of the messages, for example `nav_msgs/msg/Odometry`.
+        trouble: why its columns cannot be read, if they cannot.
+        notes: what was passed over in the log, for the user.
+    """
+
+    name: str
+    columns: tuple[ColumnInfo, ...]
+    clocks: tuple[str, ...] = ()
+    rows: int | None = None
+    kind: str = ""
+    trouble: str = ""
+    notes: tuple[str, ...] = ()
+
+    def unit(self, column: str) -> str | None:
+        """Unit of a column as the log states it."""
+        return next((info.unit for info in self.columns if info.name == column), None)
+
+    def has(self, column: str) -> bool:
+        """Whether a column can be read, elements of arrays beyond the listed ones included."""
+        names = {info.name for info in self.columns}
+        return column in names or re.sub(r"\[\d+\]", "[0]", column) in names
+
+
+class Block(NamedTuple):
+    """Some rows of one table: int64 or float64 columns, NaN where a value is missing; `done` is the share of the log."""
+
+    table: str
+    columns: Mapping[str, np.ndarray]
+    done: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class RawTable:
+    """Columns of one table as they stand in the log.
+
+    Attributes:
+        columns: int64 or float64, or text of stamps that fit neither, shape (n,) each.
+        line_of: number of a row (from 0) as the user counts.
+        notes: what was left out.
+        decimals: for stamps that were decimal numbers, the power of ten by which they are larger here.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    line_of: Callable[[int], int] = lambda row: row + 1
+    notes: tuple[str, ...] = ()
+    decimals: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """One format.
+
+    Attributes:
+        name: for messages, with its article: "a ROS 1 bag".
+        suffixes: lower case, the longest first where one ends another.
+        recognises: whether a path and its first 512 bytes can only be of this format.
+        catalogue: tables of a log, found without keeping its data.
+        blocks: wanted columns as a stream, each table's rows in the order of the log.
+        read: one table whole, where that can be done better than by collecting blocks; the last argument is the
+            column of stamps.
+        is_text: whether a `TextLayout` means anything.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    recognises: Callable[[Path, bytes], bool]
+    catalogue: Callable[[LogFile], tuple[TableInfo, ...]]
+    blocks: Callable[[LogFile, Wanted], Iterator[Block]]
+    read: Callable[[LogFile, str, Sequence[str], Sequence[str]], RawTable] | None = None
+    is_text: bool = False
+
+
+@dataclass(eq=False)
+class Columns:
+    """Growing buffers of one table: `d` for floats, `q` for whole numbers that must stay exact."""
+
+    table: str
+    codes: Mapping[str, str]
+    buffers: dict[str, array] = field(init=False)
+
+    def __post_init__(self):
+        self.buffers = {name: array(code) for name, code in self.codes.items()}
+
+    @property
+    def rows(self) -> int:
+        """Rows that wait to be handed on."""
+        return len(next(iter(self.buffers.values()))) if self.buffers else 0
+
+    def block(self, done: float) -> Block:
+        """Hand on what has come together, and begin anew in the same buffers."""
+        columns = {name: np.array(buffer) for name, buffer in self.buffers.items()}
+        for buffer in self.buffers.values():
+            del buffer[:]
+        return Block(self.table, columns, done)
+
+
+def optional(module: str, extra: str, path: Path) -> Any:
+    """Import a library that an extra installs.
+
+    Raises:
+        InputError: it is not installed; names the command that installs it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as cause:
+        raise InputError(
+            str(path),
+            found=f"a log that {module.split('.')[0]} reads, which is not installed",
+            expected=f"the extra `{extra}`",
+            remedy=f'pip install "seatrial[{extra}]"',
+        ) from cause
+
+
+def as_column(values: np.ndarray) -> np.ndarray:
+    """Numbers as int64 where that is exact, else as float64."""
+    if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and values.max() >= 2**63:
+        return values.astype(float)
+    if values.dtype.kind == "b":
+        return values.astype(np.int64)
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.int64 if values.dtype.kind in "iu" else float)

@@ -1,0 +1,170 @@
+"""ROS 1 bags, ROS 2 bags (sqlite3 and MCAP) and bare MCAP: a table for each topic, read through `rosbags`.
+
+`rosbags` opens the container and parses the message definitions that it holds, so that messages of any type are read
+(`ros_bag` reads the chunks of ROS 1); `ros_decode` takes the numbers out of the messages.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from seatrial.core.errors import InputError
+from seatrial.logs.formats.protocol import (
+    LOG_TIME,
+    Block,
+    ColumnInfo,
+    LogFile,
+    LogFormat,
+    TableInfo,
+    Wanted,
+    optional,
+)
+from seatrial.logs.formats.ros_bag import message_counts, messages, open_bag
+from seatrial.logs.formats.ros_decode import Decoder
+from seatrial.logs.formats.ros_layout import Definitions, Step, Undefined, columns_of, steps_of
+
+_SQLITE = b"SQLite format 3\0"
+_MCAP = b"\x89MCAP0\r\n"
+_ROS_1 = b"#ROSBAG V"
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """One table: connections of one topic and type, and the steps of their messages."""
+
+    name: str
+    kind: str
+    connections: tuple[Any, ...]
+    steps: tuple[Step, ...]
+    trouble: str
+
+
+def _is_folder(path: Path, head: bytes) -> bool:
+    return path.is_dir() and (path / "metadata.yaml").is_file()
+
+
+def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
+    with _opened(log) as reader:
+        counts = _counts(reader)
+        return tuple(_table(topic, counts) for topic in _topics(reader, log))
+
+
+def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
+    with _opened(log) as reader:
+        topics = [topic for topic in _topics(reader, log) if topic.name in wanted and not topic.trouble]
+        connections = [connection for topic in topics for connection in topic.connections]
+        if not connections:
+            return
+        decoders = {}
+        for topic in topics:
+            decoder = Decoder(topic.name, topic.steps, wanted[topic.name], _is_cdr(reader))
+            decoders |= {connection.id: (topic, decoder) for connection in topic.connections}
+        counts = _counts(reader)
+        total = max(sum(counts.get(connection.id, 0) for connection in connections), 1)
+        for read, (connection, time, data) in enumerate(_messages(reader, connections), 1):
+            topic, decoder = decoders[connection]
+            try:
+                if decoder.take(time, data):
+                    yield decoder.block(min(read / total, 1.0))
+            except (struct.error, OverflowError) as cause:
+                raise InputError(
+                    f'{log.path}, table "{topic.name}"',
+                    found=f"message {read} of the log does not fit {topic.kind}: {cause}",
+                    expected="messages as their definition says",
+                    remedy="the log is damaged, or was recorded with another version of the message: record it again",
+                ) from cause
+        for _, decoder in {id(decoder): (topic, decoder) for topic, decoder in decoders.values()}.values():
+            if decoder.columns.rows:
+                yield decoder.block(1.0)
+
+
+def _opened(log: LogFile) -> Any:
+    if not log.path.is_dir():
+        with log.path.open("rb") as stream:
+            is_first = stream.read(len(_ROS_1)) == _ROS_1
+        if is_first:
+            return open_bag(log)
+    return optional("rosbags.rosbag2", "ros", log.path).Reader(log.path)
+
+
+def _is_cdr(reader: Any) -> bool:
+    return not hasattr(reader, "chunk_infos")
+
+
+def _counts(reader: Any) -> dict[int, int]:
+    """Messages of each connection."""
+    if _is_cdr(reader):
+        return {connection.id: connection.msgcount for connection in reader.connections}
+    return message_counts(reader)
+
+
+def _messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[int, int, bytes]]:
+    """Connection, time of receipt in ns and bytes of each message."""
+    if _is_cdr(reader):
+        yield from ((found.id, time, data) for found, time, data in reader.messages(connections=connections))
+    else:
+        yield from messages(reader, {connection.id for connection in connections})
+
+
+def _topics(reader: Any, log: LogFile) -> list[_Topic]:
+    """Connections by topic and type; definitions that many share are parsed once."""
+    groups: dict[tuple[str, str, Any], list[Any]] = {}
+    for connection in reader.connections:
+        groups.setdefault((connection.topic, connection.msgtype, connection.msgdef), []).append(connection)
+    names = [topic for topic, _, _ in groups]
+    parsed: dict[tuple[str, Any], tuple[tuple[Step, ...], str]] = {}
+    topics = []
+    for (topic, kind, definition), connections in groups.items():
+        if (kind, definition) not in parsed:
+            parsed[kind, definition] = _steps(kind, definition, _is_cdr(reader), log)
+        steps, trouble = parsed[kind, definition]
+        name = topic if names.count(topic) == 1 else f"{topic} ({kind})"
+        topics.append(_Topic(name, kind, tuple(connections), steps, trouble))
+    return topics
+
+
+def _steps(kind: str, definition: Any, is_cdr: bool, log: LogFile) -> tuple[tuple[Step, ...], str]:
+    """Steps of a message type, or why there are none."""
+    try:
+        return steps_of(kind, _definitions(kind, definition, log), is_cdr), ""
+    except Undefined as cause:
+        return (), str(cause)
+    except InputError:
+        raise
+    except Exception as cause:
+        # The parser's own errors differ between releases; one bad definition must not hide the other topics.
+        return (), f"a definition of {kind} that cannot be parsed ({type(cause).__name__})"
+
+
+def _definitions(kind: str, definition: Any, log: LogFile) -> Definitions:
+    typesys = optional("rosbags.typesys", "ros", log.path)
+    if definition.format.name == "MSG":
+        return typesys.get_types_from_msg(definition.data, kind)
+    if definition.format.name == "IDL":
+        separator = "=" * 80 + "\n"
+        parts = (
+            definition.data.split(separator) if definition.data.startswith(f"{separator}IDL: ") else [definition.data]
+        )
+        texts = [part.split("\n", 1)[1] if part.startswith("IDL: ") else part for part in parts if part]
+        return {name: fields for text in texts for name, fields in typesys.get_types_from_idl(text).items()}
+    # Bags from before ROS 2 Iron hold no definitions: those of the standard messages are known.
+    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs
+
+
+def _table(topic: _Topic, counts: Mapping[int, int]) -> TableInfo:
+    columns = (ColumnInfo(LOG_TIME, "ns"), *columns_of(topic.steps))
+    stamps = [column.name for column in columns if column.name in ("header.stamp", "stamp")]
+    rows = sum(counts.get(connection.id, 0) for connection in topic.connections)
+    return TableInfo(topic.name, columns, (*stamps, LOG_TIME), rows, topic.kind, topic.trouble)
+
+
+def _recognises(magic: bytes) -> Any:
+    return lambda path, head: head.startswith(magic)
+
+
+BAG = LogFormat("a ROS 1 bag", (".bag",), _recognises(_ROS_1), _catalogue, _blocks)
+FOLDER = LogFormat("a ROS 2 bag", (), _is_folder, _catalogue, _blocks)
+MCAP = LogFormat("an MCAP file", (".mcap",), _recognises(_MCAP), _catalogue, _blocks)
+SQLITE = LogFormat("a ROS 2 database", (".db3",), _recognises(_SQLITE), _catalogue, _blocks)

@@ -1,0 +1,225 @@
+"""MAVLink telemetry logs (.tlog): a table for each message type, and for each sender where several send it.
+
+A record is the time of receipt in microseconds since 1970 (eight bytes, big-endian) and a MAVLink packet of version 1 or 2.
+`pymavlink` knows the messages: their fields, units and check bytes. Source: MAVLink developer guide, "Serialization".
+"""
+
+import re
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seatrial.logs.formats.protocol import (
+    BLOCK_ROWS,
+    LOG_TIME,
+    Block,
+    ColumnInfo,
+    LogFile,
+    LogFormat,
+    TableInfo,
+    Wanted,
+    as_column,
+    optional,
+)
+
+_DIALECT = "pymavlink.dialects.v20.ardupilotmega"
+_PIECE = 1 << 22
+_VERSION_1, _VERSION_2 = 0xFE, 0xFD
+_LONGEST = 8 + 10 + 255 + 2 + 13
+_CLOCKS = {"time_boot_ms": "ms", "time_usec": "us", "time_unix_usec": "us"}
+_NUMBERS = {
+    "b": "i1",
+    "B": "u1",
+    "h": "<i2",
+    "H": "<u2",
+    "i": "<i4",
+    "I": "<u4",
+    "q": "<i8",
+    "Q": "<u8",
+    "f": "<f4",
+    "d": "<f8",
+}
+
+
+@dataclass(frozen=True)
+class _Index:
+    """Tables of a log, and for each its message type and sender (None for any)."""
+
+    tables: tuple[TableInfo, ...]
+    where: Mapping[str, tuple[int, tuple[int, int] | None]]
+
+
+@dataclass
+class _Skipped:
+    """Bytes that are no records."""
+
+    count: int = 0
+
+
+def _recognises(path: Path, head: bytes) -> bool:
+    """A plausible time, 1990 to 2100, before the first byte of a packet."""
+    if not path.name.lower().endswith(".tlog") or len(head) < 9:
+        return False
+    seconds = int.from_bytes(head[:8], "big") / 1e6
+    return head[8] in (_VERSION_1, _VERSION_2) and 6.3e8 < seconds < 4.1e9
+
+
+def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
+    return _index_of(log).tables
+
+
+def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
+    messages = optional(_DIALECT, "ardupilot", log.path).mavlink_map
+    where = _index_of(log).where
+    chosen: dict[int, list[tuple[str, tuple[int, int] | None]]] = {}
+    for table in wanted:
+        chosen.setdefault(where[table][0], []).append((table, where[table][1]))
+    layouts = {kind: _layout(messages[kind]) for kind in chosen}
+    waiting: dict[str, tuple[list[int], list[bytes]]] = {table: ([], []) for table in wanted}
+    kinds = {table: where[table][0] for table in wanted}
+    size = max(log.path.stat().st_size, 1)
+    for time, kind, sender, payload, done in _records(log.path, messages, _Skipped()):
+        for table, wanted_sender in chosen.get(kind, ()):
+            if wanted_sender in (None, sender):
+                times, payloads = waiting[table]
+                times.append(time)
+                payloads.append(payload.ljust(layouts[kind].itemsize, b"\0"))
+                if len(times) >= BLOCK_ROWS:
+                    yield _block(table, wanted[table], times, payloads, layouts[kind], done / size)
+                    waiting[table] = ([], [])
+    for table, (times, payloads) in waiting.items():
+        if times:
+            yield _block(table, wanted[table], times, payloads, layouts[kinds[table]], 1.0)
+
+
+def _block(table: str, names: Any, times: list[int], payloads: list[bytes], layout: np.dtype, done: float) -> Block:
+    rows = np.frombuffer(b"".join(payloads), layout)
+    columns = {}
+    for name in names:
+        if name == LOG_TIME:
+            columns[name] = np.array(times, np.int64)
+        else:
+            field, _, element = name.partition("[")
+            values = rows[field][:, int(element[:-1])] if element else rows[field]
+            columns[name] = as_column(np.ascontiguousarray(values))
+    return Block(table, columns, min(done, 1.0))
+
+
+def _index_of(log: LogFile) -> _Index:
+    stat = log.path.stat()
+    return _index(log.path, stat.st_size, stat.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _index(path: Path, size: int, changed: int) -> _Index:
+    """Count the messages of each type and sender; kept, since a catalogue is followed by a reading."""
+    messages = optional(_DIALECT, "ardupilot", path).mavlink_map
+    counts: dict[int, dict[tuple[int, int], int]] = {}
+    skipped = _Skipped()
+    for _, kind, sender, _, _ in _records(path, messages, skipped):
+        found = counts.setdefault(kind, {})
+        found[sender] = found.get(sender, 0) + 1
+    notes = (f"{skipped.count} bytes of the log are no messages and were passed over",) if skipped.count else ()
+    tables, where = [], {}
+    for kind, found in sorted(counts.items()):
+        message = messages[kind]
+        columns = (ColumnInfo(LOG_TIME, "us"), *_columns(message))
+        clocks = (LOG_TIME, *(column.name for column in columns if column.name in _CLOCKS))
+        for sender, number in sorted(found.items()):
+            name = message.msgname + (f" of {sender[0]}/{sender[1]}" if len(found) > 1 else "")
+            tables.append(TableInfo(name, columns, clocks, number, notes=notes))
+            where[name] = (kind, sender if len(found) > 1 else None)
+    return _Index(tuple(tables), where)
+
+
+def _records(
+    path: Path, messages: Mapping[int, Any], skipped: _Skipped
+) -> Iterator[tuple[int, int, tuple[int, int], bytes, int]]:
+    """Time, type, sender and payload of every message whose check bytes are right, and how far the log is read."""
+    checksum = optional(_DIALECT, "ardupilot", path).x25crc
+    held, base = b"", 0
+    with path.open("rb") as stream:
+        while True:
+            data = stream.read(_PIECE)
+            piece, at = held + data, 0
+            end = len(piece) if not data else len(piece) - _LONGEST
+            while at < end:
+                found = _packet(piece, at, messages, checksum)
+                if found is None:
+                    at += 1
+                    skipped.count += 1
+                    continue
+                kind, sender, payload, length = found
+                if kind in messages:
+                    yield struct.unpack_from(">Q", piece, at)[0], kind, sender, payload, base + at
+                at += length
+            at = min(at, len(piece))
+            held, base = piece[at:], base + at
+            if not data:
+                return
+
+
+def _packet(
+    piece: bytes, at: int, messages: Mapping[int, Any], checksum: Any
+) -> tuple[int, tuple[int, int], bytes, int] | None:
+    """Type, sender, payload and length of the record at a place, None where there is none."""
+    if len(piece) < at + 16:
+        return None
+    start, length = piece[at + 8], piece[at + 9]
+    if start == _VERSION_1:
+        sender, kind, body, tail = (piece[at + 11], piece[at + 12]), piece[at + 13], at + 14, 2
+    elif start == _VERSION_2 and len(piece) >= at + 20:
+        sender, kind = (piece[at + 13], piece[at + 14]), int.from_bytes(piece[at + 15 : at + 18], "little")
+        body, tail = at + 18, 15 if piece[at + 10] & 1 else 2
+    else:
+        return None
+    stop = body + length
+    if stop + tail > len(piece):
+        return None
+    if kind in messages:
+        crc = checksum(piece[at + 9 : stop])
+        crc.accumulate(bytes([messages[kind].crc_extra]))
+        if crc.crc != int.from_bytes(piece[stop : stop + 2], "little"):
+            return None
+        if start == _VERSION_1 and length > messages[kind].unpacker.size:
+            return None
+    elif stop + tail + 8 < len(piece) and piece[stop + tail + 8] not in (_VERSION_1, _VERSION_2):
+        # A message of another dialect: all that tells it from chance is the packet that follows.
+        return None
+    return (
+        kind,
+        sender,
+        piece[body:stop][: messages[kind].unpacker.size if kind in messages else None],
+        stop + tail - at,
+    )
+
+
+def _layout(message: Any) -> np.dtype:
+    """Numbers of a payload, in their order on the wire."""
+    tokens = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format.lstrip("<"))
+    fields = []
+    for name, (count, code) in zip(message.ordered_fieldnames, tokens, strict=True):
+        if code in "sc":
+            fields.append((name, f"S{count or 1}"))
+        else:
+            fields.append((name, _NUMBERS[code], (int(count),)) if count else (name, _NUMBERS[code]))
+    return np.dtype(fields)
+
+
+def _columns(message: Any) -> Iterator[ColumnInfo]:
+    layout = _layout(message)
+    for name in message.fieldnames:
+        kind = layout[name]
+        unit = message.fieldunits_by_name.get(name) or _CLOCKS.get(name)
+        if kind.shape:
+            yield from (ColumnInfo(f"{name}[{k}]", unit) for k in range(kind.shape[0]))
+        elif kind.kind != "S":
+            yield ColumnInfo(name, unit)
+
+
+FORMAT = LogFormat("a MAVLink telemetry log", (".tlog",), _recognises, _catalogue, _blocks)

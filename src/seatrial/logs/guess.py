@@ -1,0 +1,272 @@
+"""Which columns of a log may be which signals: guesses from types of message, names, units and ranges, each with its reason.
+
+Vehicles' conventions differ; ROS keeps body axes forward, left, up (REP 103), seatrial forward, right, down. What needs
+more than a factor (velocities in north and east, pulse widths of thrusters) is named, not mapped.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import pi
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import Role
+from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.units import to_si
+from seatrial.logs.summary import ColumnSummary, TableSummary
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One line of a channel map that may be right.
+
+    Attributes:
+        channel: seatrial signal.
+        table: of the log.
+        column: of the table.
+        unit: of the cells times `scale`.
+        scale: factor on the cells.
+        role: whether the channel drives the vehicle or observes it.
+        reason: why.
+        strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else.
+    """
+
+    channel: str
+    table: str
+    column: str
+    unit: str
+    scale: float
+    role: Role
+    reason: str
+    strength: int
+
+
+_FLU = "body axes of ROS are forward, left, up (REP 103)"
+_TWIST = {"linear.x": "u", "linear.y": "-v", "linear.z": "-w", "angular.x": "p", "angular.y": "-q", "angular.z": "-r"}
+_WRENCH = {
+    "force.x": "tau_X",
+    "force.y": "-tau_Y",
+    "force.z": "-tau_Z",
+    "torque.x": "tau_K",
+    "torque.y": "-tau_M",
+    "torque.z": "-tau_N",
+}
+_ROS = {
+    "nav_msgs/msg/Odometry": {f"twist.twist.{name}": to for name, to in _TWIST.items()},
+    "geometry_msgs/msg/TwistWithCovarianceStamped": {f"twist.twist.{name}": to for name, to in _TWIST.items()},
+    "geometry_msgs/msg/TwistStamped": {f"twist.{name}": to for name, to in _TWIST.items()},
+    "geometry_msgs/msg/Twist": _TWIST,
+    "sensor_msgs/msg/Imu": {f"angular_velocity.{axis}": to for axis, to in zip("xyz", ("p", "-q", "-r"), strict=True)},
+    "geometry_msgs/msg/WrenchStamped": {f"wrench.{name}": to for name, to in _WRENCH.items()},
+    "geometry_msgs/msg/Wrench": _WRENCH,
+}
+"""For each type of message its columns and signals; a minus turns the axis round."""
+_AUTOPILOT = {
+    "ATT": {"Roll": ("phi", "deg"), "Pitch": ("theta", "deg"), "Yaw": ("psi", "deg")},
+    "IMU": {"GyrX": ("p", "rad/s"), "GyrY": ("q", "rad/s"), "GyrZ": ("r", "rad/s")},
+    "ATTITUDE": {
+        "roll": ("phi", "rad"),
+        "pitch": ("theta", "rad"),
+        "yaw": ("psi", "rad"),
+        "rollspeed": ("p", "rad/s"),
+        "pitchspeed": ("q", "rad/s"),
+        "yawspeed": ("r", "rad/s"),
+    },
+}
+"""For each type of message of ArduPilot, whose body axes are seatrial's."""
+_REMARKS = (
+    (
+        re.compile(r"(?:XKF1|NKF1|EKF1|EK3|LOCAL_POSITION_NED)\b"),
+        re.compile(r"V[NED]|v[xyz]"),
+        "velocities in north, east and down: they must be turned into body axes before they can be mapped",
+    ),
+    (
+        re.compile(r"(?:RCOU|SERVO_OUTPUT_RAW|RCO2)\b"),
+        re.compile(r"C\d+|servo\d+_raw"),
+        "pulse widths of the outputs: a table of thrust over pulse width must turn them into forces",
+    ),
+)
+_NAMES = (
+    ("u", 2, "u|surge|surge_?(?:speed|vel|velocity)"),
+    ("u", 1, "speed|spd|velocity\\.x|vel_?x|vx|speed_?over_?ground|sog"),
+    ("v", 2, "v|sway|sway_?(?:speed|vel|velocity)"),
+    ("v", 1, "velocity\\.y|vel_?y|vy"),
+    ("w", 2, "w|heave|heave_?(?:speed|vel|velocity)"),
+    ("w", 1, "velocity\\.z|vel_?z|vz"),
+    ("p", 2, "p|roll_?rate|roll_?speed|angular_velocity\\.x|gyro?_?x"),
+    ("q", 2, "q|pitch_?rate|pitch_?speed|angular_velocity\\.y|gyro?_?y"),
+    ("r", 2, "r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|angular_velocity\\.z|gyro?_?z"),
+    ("phi", 2, "phi|roll|roll_?angle"),
+    ("theta", 2, "theta|pitch|pitch_?angle"),
+    ("psi", 2, "psi|yaw|heading|hdg|yaw_?angle"),
+    ("n", 2, "n|rpm|(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"),
+    ("delta_r", 2, "delta_?r|rudder|rudder_?angle|desired_rudder"),
+    ("delta_r", 1, "delta"),
+    ("delta_s", 2, "delta_?s|stern_?planes?|elevator|desired_elevator"),
+    ("tau_X", 2, "tau_?x|surge_?force|force\\.x|fx"),
+    ("tau_Y", 2, "tau_?y|sway_?force|force\\.y|fy"),
+    ("tau_Z", 2, "tau_?z|heave_?force|force\\.z|fz"),
+    ("tau_K", 2, "tau_?k|roll_?moment|torque\\.x|mx"),
+    ("tau_M", 2, "tau_?m|pitch_?moment|torque\\.y|my"),
+    ("tau_N", 2, "tau_?n|yaw_?moment|torque\\.z|mz"),
+)
+_SUFFIXES = {
+    "deg_s": "deg/s",
+    "degps": "deg/s",
+    "dps": "deg/s",
+    "rad_s": "rad/s",
+    "radps": "rad/s",
+    "deg": "deg",
+    "rad": "rad",
+    "rpm": "rpm",
+    "rps": "rev/s",
+    "mps": "m/s",
+    "m_s": "m/s",
+    "ms": "m/s",
+    "kn": "kn",
+    "knots": "kn",
+    "kts": "kn",
+    "newton": "N",
+    "n": "N",
+    "nm": "N*m",
+}
+_SPELLING = {
+    "RPM": "rpm",
+    "knots": "kn",
+    "degheading": "deg",
+    "degrees": "deg",
+    "radians": "rad",
+    "Nm": "N*m",
+    "knot": "kn",
+}
+_PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength, pattern in _NAMES)
+
+
+def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
+    """Guess the channel of every column whose type, name or unit says something, the strongest of each channel first."""
+    found = [guess for table in tables if table.clock for guess in _of_table(table)]
+    sizes = {table.info.name: table.rows for table in tables}
+    order = list(SIGNALS)
+    return tuple(sorted(found, key=lambda guess: (order.index(guess.channel), -guess.strength, -sizes[guess.table])))
+
+
+def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
+    """Return one guess for each channel, or for each of some."""
+    first: dict[str, Guess] = {}
+    for guess in found:
+        if not only or guess.channel in only:
+            first.setdefault(guess.channel, guess)
+    return tuple(first.values())
+
+
+def remarks(tables: Sequence[TableSummary]) -> tuple[str, ...]:
+    """Say which tables hold what a factor cannot map."""
+    return tuple(
+        f"{table.info.name}: {text}"
+        for table in tables
+        for kind, column, text in _REMARKS
+        if kind.match(table.info.name) and any(column.fullmatch(each.name) for each in table.columns)
+    )
+
+
+def _of_table(table: TableSummary) -> Iterator[Guess]:
+    clocks = {clock.name for clock in table.clocks}
+    for column in table.columns:
+        if column.trouble or column.name in clocks or column.name.endswith("log_time"):
+            continue
+        guess = _by_type(table, column) or _by_name(table, column)
+        if guess is not None:
+            yield guess
+
+
+def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    info = table.info
+    signed = _ROS.get(info.kind, {}).get(column.name)
+    if signed is not None:
+        if "Twist" in info.kind and re.search(r"cmd|command|setpoint|desired", info.name):
+            return None
+        channel, scale = signed.lstrip("-"), -1.0 if signed.startswith("-") else 1.0
+        unit = _text_unit(channel)
+        return Guess(channel, info.name, column.name, unit, scale, _role(channel), f"{info.kind}: {_FLU}", 3)
+    known = _AUTOPILOT.get(info.name.split("[")[0].split(" of ")[0], {}).get(column.name)
+    if known is not None:
+        return Guess(known[0], info.name, column.name, known[1], 1.0, _role(known[0]), "message of ArduPilot", 3)
+    return None
+
+
+def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    """Guess by the last part of the column's name, or by the table's where the column is only `value`."""
+    full = table.info.name if column.name in ("value", "data") else column.name
+    name = re.sub(r"\[\d+\]$", "", full).lower()
+    name = re.sub(r"^.*/", "", name).replace(" ", "_").removeprefix("nav_")
+    bare, hinted = _without_unit(name)
+    for candidate in dict.fromkeys((name, bare)):
+        parts = candidate.split(".")
+        for text in (".".join(parts[-2:]), parts[-1]):
+            for channel, strength, pattern in _PATTERNS:
+                if pattern.fullmatch(text):
+                    unit = _unit(channel, column, hinted if candidate == bare else None)
+                    if unit is None:
+                        continue
+                    reason = f'the name "{full}"; {unit[2]}'
+                    return Guess(
+                        channel, table.info.name, column.name, unit[0], unit[1], _role(channel), reason, strength
+                    )
+    return None
+
+
+def _without_unit(name: str) -> tuple[str, str | None]:
+    """A name without the unit at its end, and that unit."""
+    match = re.fullmatch(r"(.+?)_?[\[(]([^\[\]()]+)[\])]", name)
+    if match:
+        return match[1], _SUFFIXES.get(match[2].replace("/", "_"), match[2])
+    for suffix, unit in _SUFFIXES.items():
+        if name.endswith("_" + suffix) and len(name) > len(suffix) + 1:
+            return name[: -len(suffix) - 1], unit
+    return name, None
+
+
+def _unit(channel: str, column: ColumnSummary, hinted: str | None) -> tuple[str, float, str] | None:
+    """Unit, factor and where they are from; None where the stated unit is one of something else."""
+    for unit, source in ((column.unit, "the log states its unit"), (hinted, "its unit by the name")):
+        if unit is None:
+            continue
+        fitting = _fitting(unit, channel)
+        return None if fitting is None else (*fitting, source)
+    size = max(abs(column.least), abs(column.greatest))
+    if channel in ("phi", "theta", "psi", "delta_r", "delta_s"):
+        return ("deg", 1.0, "degrees by its range") if size > 2.1 * pi else ("rad", 1.0, "radians by its range")
+    if channel in ("p", "q", "r"):
+        return ("deg/s", 1.0, "degrees by its range") if size > 2 * pi else ("rad/s", 1.0, "radians by its range")
+    if channel == "n":
+        is_rpm = "rpm" in column.name.lower() or size > 60
+        return (
+            "rpm" if is_rpm else "rev/s",
+            1.0,
+            "its unit by the name" if "rpm" in column.name.lower() else "its unit by its range",
+        )
+    return _text_unit(channel), 1.0, "its unit is not known: SI"
+
+
+def _fitting(unit: str, channel: str) -> tuple[str, float] | None:
+    """Unit that seatrial knows and the factor to it, None where it has another dimension."""
+    unit = _SPELLING.get(unit, unit)
+    for text, scale in (
+        (unit, 1.0),
+        *(((unit[1:], factor),) if (factor := {"c": 1e-2, "m": 1e-3, "d": 1e-1}.get(unit[:1])) else ()),
+    ):
+        try:
+            to_si(1.0, text, signal_unit(channel), channel)
+        except InputError:
+            continue
+        return text, scale
+    return None
+
+
+def _text_unit(channel: str) -> str:
+    """SI unit as a map spells it."""
+    return {"kg m/s^2": "N", "kg m^2/s^2": "N*m"}.get(signal_unit(channel), signal_unit(channel))
+
+
+def _role(channel: str) -> Role:
+    return "control" if channel in ("n", "delta_r", "delta_s") or channel.startswith("tau_") else "measurement"

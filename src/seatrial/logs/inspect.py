@@ -1,0 +1,186 @@
+"""A first look at a log of any format: what each column holds, how good its clocks are, and a map to begin with."""
+
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from seatrial.logs.formats.protocol import LogFile, TextLayout
+from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
+from seatrial.logs.guess import Guess, best, guesses, remarks
+from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSummary
+
+_BURSTS = 0.5
+"""Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
+_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class LogSummary:
+    """What a log holds.
+
+    Attributes:
+        log: file and layout.
+        kind: of the log, for example "a ROS 1 bag".
+        tables: in the order of the log.
+        guesses: channels that columns may be, the strongest of each channel first.
+        remarks: what needs more than a map.
+    """
+
+    log: LogFile
+    kind: str
+    tables: tuple[TableSummary, ...]
+    guesses: tuple[Guess, ...]
+    remarks: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """What was found, for people."""
+        count = len(self.tables)
+        lines = [f"{self.log.path.name}: {self.kind}, {count} table{'s' if count != 1 else ''}"]
+        for table in self.tables:
+            lines += ["", *_table_lines(table)]
+        notes = dict.fromkeys(note for table in self.tables for note in table.info.notes)
+        lines += ["", *notes] if notes else []
+        lines += ["", "guessed map (check each line; `--map` prints it for a campaign file):"] if self.guesses else []
+        chosen = best(self.guesses)
+        for guess in chosen:
+            lines.append(f"  {guess.channel:<8} {_place(guess, count)} [{_unit(guess)}]: {guess.reason}")
+        others = [guess for guess in self.guesses if guess not in chosen]
+        lines += [
+            f"  or {guess.channel:<5} {_place(guess, count)} [{_unit(guess)}]: {guess.reason}" for guess in others
+        ]
+        return lines + (["", *self.remarks] if self.remarks else [])
+
+    def as_toml(self, only: Sequence[str] = ()) -> str:
+        """Return the guessed map as `[[import.files]]` of a campaign file.
+
+        Args:
+            only: channels to map, those of the campaign's model; all that were guessed by default.
+        """
+        chosen = best(self.guesses, only)
+        lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
+        for table in self.tables:
+            mine = [guess for guess in chosen if guess.table == table.info.name]
+            if mine and table.clock is not None:
+                lines += ["", *self._block(table, table.clock, mine)]
+        if not chosen:
+            lines.append("# No column could be guessed; `seatrial inspect` without --map lists them.")
+        return "\n".join([*lines, *(f"# {remark}" for remark in self.remarks)]) + "\n"
+
+    def _block(self, table: TableSummary, clock: ClockSummary, mine: Sequence[Guess]) -> Iterator[str]:
+        layout = self.log.layout
+        yield "[[import.files]]"
+        yield f"path = {_quoted(self.log.path.resolve().as_posix())}"
+        if len(catalogue(self.log)) > 1:
+            yield f"table = {_quoted(table.info.name)}"
+        yield f"time = {{ column = {_quoted(clock.name)}, unit = {_quoted(clock.unit)} }}"
+        if clock.repeated:
+            yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
+        elif clock.jitter > _BURSTS / clock.rate:
+            yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
+        for key, value, usual in (
+            ("delimiter", layout.delimiter, None),
+            ("encoding", layout.encoding, "utf-8"),
+            ("skip_rows", layout.skip_rows, 0),
+        ):
+            if value != usual:
+                yield f"{key} = {_quoted(value) if isinstance(value, str) else value}"
+        for guess in mine:
+            scale = f", scale = {guess.scale!r}" if guess.scale != 1.0 else ""
+            column = f"{{ column = {_quoted(guess.column)}, unit = {_quoted(guess.unit)}{scale} }}"
+            yield f"channels.{guess.channel} = {column}  # guess: {guess.reason}"
+
+
+def inspect_log(
+    path: Path,
+    table: str | None = None,
+    layout: TextLayout = TextLayout(),  # noqa: B008 - it is frozen
+    progress: Callable[[float], None] = lambda done: None,
+) -> LogSummary:
+    """Look through a log in one pass, keeping sums only.
+
+    Args:
+        path: of the log.
+        table: the only one to look at; all by default.
+        layout: of its text.
+        progress: told the share of the log that was read.
+
+    Raises:
+        InputError: a log that cannot be read.
+    """
+    log = LogFile(path, layout)
+    infos = catalogue(log)
+    chosen = infos if table is None else (pick(infos, table, str(path)),)
+    gathered = {info.name: Gathered(info) for info in chosen}
+    wanted = {info.name: [column.name for column in info.columns] for info in chosen if not info.trouble}
+    for block in stream(log, wanted):
+        gathered[block.table].take(block)
+        progress(block.done)
+    progress(1.0)
+    tables = tuple(found.summary() for found in gathered.values())
+    return LogSummary(log, format_of(path).name, tables, guesses(tables), remarks(tables))
+
+
+def _table_lines(table: TableSummary) -> Iterator[str]:
+    info, clock = table.info, table.clock
+    kind = f" ({info.kind})" if info.kind else ""
+    over = f" over {clock.duration:.6g} s" if clock else ""
+    yield f"{info.name}{kind}: {table.rows} rows{over}"
+    if info.trouble:
+        yield f"  cannot be read: {info.trouble}"
+        return
+    for each in table.clocks:
+        yield f"  {'clock' if each is clock else 'other clock'} {_clock_text(each)}"
+    if clock is None:
+        yield "  no clock: no column is the time by its name and moves"
+    stamps = {each.name for each in table.clocks}
+    shown = [column for column in table.columns if column.name not in stamps]
+    width = max((len(column.name) for column in shown), default=0)
+    for (base, trouble), group in groupby(shown, key=_family):
+        columns = list(group)
+        if len(columns) > 2 and trouble:
+            yield f"  {base}[…], {len(columns)} elements: {trouble}"
+            continue
+        for column in columns:
+            yield f"  {column.name:<{width}}  {_column_text(column)}"
+
+
+def _family(column: ColumnSummary) -> tuple[str, str]:
+    """Array that a column is an element of, and what is wrong with it: elements alike share a line."""
+    match = _ELEMENT.fullmatch(column.name)
+    return (match[1], column.trouble) if match and column.trouble else (column.name, "")
+
+
+def _clock_text(clock: ClockSummary) -> str:
+    if not clock.moves:
+        return f"{clock.name} [{clock.unit}]: never moves"
+    text = f"{clock.name} [{clock.unit}]: {clock.rate:.4g} Hz, sd of the step {clock.jitter:.2g} s, longest gap {clock.gap:.3g} s"
+    faults = [
+        f"{count} {what}" for count, what in ((clock.repeated, "repeated"), (clock.backward, "run back")) if count
+    ]
+    return text + (f"; stamps: {', '.join(faults)}" if faults else "")
+
+
+def _column_text(column: ColumnSummary) -> str:
+    unit = f" {column.unit}" if column.unit else ""
+    if not column.count:
+        return "no number"
+    text = f"{column.least:.6g}{unit}" if column.constant else f"{column.least:.6g} to {column.greatest:.6g}{unit}"
+    extra = [f"{column.missing:.1%} missing"] if column.missing else []
+    extra += [column.trouble] if column.trouble else []
+    return "; ".join([text, *extra])
+
+
+def _place(guess: Guess, tables: int) -> str:
+    return f"{guess.table} {guess.column}" if tables > 1 else guess.column
+
+
+def _unit(guess: Guess) -> str:
+    return guess.unit if guess.scale == 1.0 else f"{guess.scale:g} {guess.unit}"
+
+
+def _quoted(text: str) -> str:
+    """A TOML string: JSON's escapes are among TOML's."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

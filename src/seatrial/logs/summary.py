@@ -1,0 +1,214 @@
+"""What a table of a log holds, gathered while it streams by: of each column a range, of each clock the sums of its steps."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seatrial.core.units import to_si
+from seatrial.logs.formats.clock_names import TIME_UNITS
+from seatrial.logs.formats.protocol import Block, TableInfo
+
+_TINY, _HUGE = 1e-6, 1e15
+_LONGEST = 1e18
+"""A step, in seconds, beyond which the sums would overflow."""
+
+
+@dataclass(frozen=True)
+class ColumnSummary:
+    """One column as it stands in the log, in its own unit; NaN where it holds no number.
+
+    Attributes:
+        name: of the column.
+        unit: as the log states it, if it does.
+        count: finite numbers.
+        rows: rows in all.
+        infinite: numbers that are not finite.
+        least: smallest number.
+        greatest: largest number.
+    """
+
+    name: str
+    unit: str | None
+    count: int
+    rows: int
+    infinite: int
+    least: float
+    greatest: float
+
+    @property
+    def missing(self) -> float:
+        """Share of rows without a number."""
+        return 1.0 - (self.count + self.infinite) / self.rows if self.rows else 1.0
+
+    @property
+    def constant(self) -> bool:
+        """Whether it never changes."""
+        return self.count > 0 and self.least == self.greatest
+
+    @property
+    def trouble(self) -> str:
+        """What makes it doubtful, in a word; empty for a column that may be mapped."""
+        size = max(abs(self.least), abs(self.greatest)) if self.count else 0.0
+        if not self.count:
+            return "no number"
+        if self.infinite:
+            return f"{self.infinite} infinite"
+        if 0 < size < _TINY or size > _HUGE:
+            return f"garbage? ({size:.1g} at most)"
+        return "constant" if self.constant else ""
+
+
+@dataclass(frozen=True)
+class ClockSummary:
+    """A column as a clock; times in seconds.
+
+    Attributes:
+        name: of the column.
+        unit: of its stamps.
+        duration: from the first stamp to the last.
+        rate: rows per second, Hz.
+        jitter: standard deviation of the step.
+        gap: longest step.
+        repeated: stamps equal to the one before.
+        backward: stamps earlier than the one before.
+    """
+
+    name: str
+    unit: str
+    duration: float
+    rate: float
+    jitter: float
+    gap: float
+    repeated: int
+    backward: int
+
+    @property
+    def moves(self) -> bool:
+        """Whether it was set at all."""
+        return self.duration != 0
+
+
+@dataclass(frozen=True)
+class TableSummary:
+    """One table: its clocks, the best first, and its columns."""
+
+    info: TableInfo
+    rows: int
+    clocks: tuple[ClockSummary, ...]
+    columns: tuple[ColumnSummary, ...]
+
+    @property
+    def clock(self) -> ClockSummary | None:
+        """The first clock that moves and never runs back, else the first that moves."""
+        moving = [clock for clock in self.clocks if clock.moves]
+        return next((clock for clock in moving if not clock.backward), moving[0] if moving else None)
+
+
+@dataclass(eq=False)
+class _Column:
+    """Running range of one column."""
+
+    count: int = 0
+    infinite: int = 0
+    least: float = math.inf
+    greatest: float = -math.inf
+
+    def take(self, values: np.ndarray) -> None:
+        if values.dtype.kind == "f":
+            self.infinite += int(np.isinf(values).sum())
+            values = values[np.isfinite(values)]
+        if values.size:
+            self.count += values.size
+            self.least = min(self.least, float(values.min()))
+            self.greatest = max(self.greatest, float(values.max()))
+
+
+@dataclass(eq=False)
+class _Clock:
+    """Running sums of a clock's steps, about a typical one so that nothing cancels."""
+
+    scale: float
+    first: np.ndarray | None = None
+    last: np.ndarray | None = None
+    typical: float = 0.0
+    steps: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+    gap: float = 0.0
+    repeated: int = 0
+    backward: int = 0
+
+    def take(self, stamps: np.ndarray) -> None:
+        stamps = stamps[np.isfinite(stamps)]
+        if not stamps.size:
+            return
+        if self.first is None or self.last is None:
+            self.first, joined = stamps[:1].copy(), stamps
+            with np.errstate(over="ignore"):
+                step = np.diff(stamps)
+            self.typical = float(np.clip(np.median(step) * self.scale, -_LONGEST, _LONGEST)) if step.size else 0.0
+        else:
+            joined = np.concatenate([self.last, stamps])
+        self.last = stamps[-1:].copy()
+        with np.errstate(over="ignore"):
+            step = np.clip(np.diff(joined).astype(float) * self.scale, -_LONGEST, _LONGEST)
+        if step.size:
+            self.steps += step.size
+            self.total += float((step - self.typical).sum())
+            self.squares += float(((step - self.typical) ** 2).sum())
+            self.gap = max(self.gap, float(step.max()))
+            self.repeated += int((step == 0).sum())
+            self.backward += int((step < 0).sum())
+
+    def summary(self, name: str, unit: str) -> ClockSummary:
+        if self.first is None or self.last is None or not self.steps:
+            return ClockSummary(name, unit, 0.0, math.nan, math.nan, 0.0, 0, 0)
+        duration = float((self.last - self.first)[0]) * self.scale
+        mean = self.total / self.steps
+        jitter = math.sqrt(max(self.squares / self.steps - mean**2, 0.0))
+        rate = self.steps / duration if duration > 0 else math.nan
+        return ClockSummary(name, unit, duration, rate, jitter, self.gap, self.repeated, self.backward)
+
+
+@dataclass(eq=False)
+class Gathered:
+    """What is kept of one table while it streams by."""
+
+    info: TableInfo
+    rows: int = 0
+    columns: dict[str, _Column] = field(default_factory=dict)
+    clocks: dict[str, _Clock] = field(default_factory=dict)
+
+    def __post_init__(self):
+        self.columns = {column.name: _Column() for column in self.info.columns}
+        for name in self.info.clocks:
+            unit = self.info.unit(name)
+            if unit in TIME_UNITS:
+                self.clocks[name] = _Clock(to_si(1.0, unit, "s", name))
+
+    def take(self, block: Block) -> None:
+        """Add some rows."""
+        for name, values in block.columns.items():
+            self.columns[name].take(values)
+        for name, clock in self.clocks.items():
+            clock.take(block.columns[name])
+        self.rows += len(next(iter(block.columns.values()), ()))
+
+    def summary(self) -> TableSummary:
+        """Sum up."""
+        units = {column.name: column.unit for column in self.info.columns}
+        columns = tuple(
+            ColumnSummary(
+                name,
+                units[name],
+                found.count,
+                self.rows,
+                found.infinite,
+                found.least if found.count else math.nan,
+                found.greatest if found.count else math.nan,
+            )
+            for name, found in self.columns.items()
+        )
+        clocks = tuple(clock.summary(name, units[name] or "s") for name, clock in self.clocks.items())
+        return TableSummary(self.info, self.rows, clocks, columns)

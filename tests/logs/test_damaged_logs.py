@@ -1,0 +1,322 @@
+"""Damaged, cut off and hostile logs of every format: read or refused with an InputError, never more, never gigabytes."""
+
+import shutil
+import struct
+import tracemalloc
+import zlib
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seatrial.core.errors import InputError
+from seatrial.logs.formats.protocol import LogFile
+from seatrial.logs.formats.registry import catalogue, read_columns, stream
+from seatrial.logs.formats.ros_decode import Decoder
+from seatrial.logs.formats.ros_layout import Undefined, steps_of
+from seatrial.logs.inspect import inspect_log
+from seatrial.logs.read import read_log
+from tests.logs.log_cases import refusal
+from tests.logs.log_writers import DATAFLASH_HEAD, RECEIVED, WRITERS, described, ros_store
+from tests.logs.test_formats import mapped
+
+EDITS = st.lists(
+    st.tuples(
+        st.floats(0, 1, exclude_max=True),
+        st.sampled_from([b"\0", b"\xff", b"\xff" * 4, b"\x7f" * 4, b"\0" * 8, b"\xff\xff\xff\x7f", b"\xff" * 8]),
+        st.booleans(),
+    ),
+    min_size=1,
+    max_size=3,
+)
+FRESH = count()
+
+
+FOLDER = TemporaryDirectory(prefix="seatrial-logs-")
+
+
+@cache
+def original(name):
+    place = Path(FOLDER.name) / name.replace(" ", "-")
+    place.mkdir()
+    return WRITERS[name](place)
+
+
+def damaged(folder, name, change):
+    """Copy a log under a new name, the largest of its files changed."""
+    written = original(name)
+    place = folder / str(next(FRESH)) / written.path.name
+    if written.path.is_dir():
+        shutil.copytree(written.path, place)
+        victim = max(place.iterdir(), key=lambda file: file.stat().st_size)
+    else:
+        place.parent.mkdir()
+        victim = place
+    victim.write_bytes(change((written.path / victim.name if written.path.is_dir() else written.path).read_bytes()))
+    return replace(written, path=place)
+
+
+def read_or_refuse(written):
+    with suppress(InputError):
+        inspect_log(written.path)
+    with suppress(InputError):
+        read_log(mapped(written))
+
+
+def edit(edits):
+    def change(data):
+        data = bytearray(data)
+        for share, junk, insert in edits:
+            at = int(share * len(data))
+            data[at : at if insert else at + len(junk)] = junk
+        return bytes(data)
+
+    return change
+
+
+@pytest.mark.parametrize("name", list(WRITERS))
+def test_bytes_changed(tmp_path_factory, name):
+    @given(EDITS)
+    @settings(max_examples=8)
+    def check(edits):
+        read_or_refuse(damaged(tmp_path_factory.getbasetemp(), name, edit(edits)))
+
+    check()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", list(WRITERS))
+def test_many_bytes_changed(tmp_path_factory, name):
+    @given(EDITS)
+    @settings(max_examples=60)
+    def check(edits):
+        read_or_refuse(damaged(tmp_path_factory.getbasetemp(), name, edit(edits)))
+
+    check()
+
+
+@pytest.mark.parametrize("name", list(WRITERS))
+def test_cut_off_anywhere(tmp_path, name):
+    for share in (0.0, 0.1, 0.6, 0.999):
+        read_or_refuse(damaged(tmp_path, name, lambda data, share=share: data[: int(share * len(data))]))
+
+
+@pytest.mark.parametrize(
+    "name", ["ros 1", "mcap", "parquet", "matlab 7", "matlab 5", "matlab 4", "netcdf 4", "netcdf 3"]
+)
+def test_a_log_cut_in_half_is_refused_by_name(tmp_path, name):
+    written = damaged(tmp_path, name, lambda data: data[: len(data) // 2])
+    with refusal(written.path.name, "remedy", "again"):
+        read_log(mapped(written))
+
+
+def peak(work):
+    """Most bytes that were in use while some work ran, and what it returned."""
+    tracemalloc.start()
+    try:
+        result = work()
+        return tracemalloc.get_traced_memory()[1], result
+    finally:
+        tracemalloc.stop()
+
+
+def matlab_5(*body):
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"".join(body)
+
+
+def element(kind, data):
+    return struct.pack("<2I", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+
+def matrix(kind, shape, rest=b""):
+    """A variable `x` of a class and shape, whatever it holds."""
+    flags, extent = struct.pack("<2I", kind, 0), struct.pack(f"<{len(shape)}i", *shape)
+    return element(14, element(6, flags) + element(5, extent) + element(1, b"x") + rest)
+
+
+def nested(depth):
+    inner = b""
+    for _ in range(depth):
+        names = element(5, struct.pack("<i", 2)) + element(1, b"a\0")
+        extent = element(5, struct.pack("<2i", 1, 1))
+        inner = element(14, element(6, struct.pack("<2I", 2, 0)) + extent + element(1, b"") + names + inner)
+    return inner
+
+
+HOSTILE = {
+    "numbers that are not there": ("a.mat", matlab_5(matrix(6, (1 << 15, 1 << 15)))),
+    "cells that are not there": ("a.mat", matlab_5(matrix(1, (1 << 15, 1 << 15)))),
+    "structs that are not there": (
+        "a.mat",
+        matlab_5(matrix(2, (1 << 15, 1 << 15), element(5, struct.pack("<i", 2)) + element(1, b"a\0b\0"))),
+    ),
+    "negative shape": ("a.mat", matlab_5(matrix(6, (-5, -5)))),
+    "structs without end": ("a.mat", matlab_5(nested(300))),
+    "a bomb of zeros": (
+        "a.mat",
+        matlab_5(
+            element(
+                15,
+                zlib.compress(struct.pack("<2I", 14, 1 << 30) + matrix(6, (1 << 13, 1 << 13))[8:] + bytes(40_000_000)),
+            )
+        ),
+    ),
+    "version 4, huge": ("a.mat", struct.pack("<5i", 0, 1 << 30, 1 << 30, 0, 2) + b"x\0"),
+    "version 4, backwards": (
+        "a.mat",
+        struct.pack("<5i", 0, 1, 1, 0, 2) + b"x\0" + bytes(8) + struct.pack("<5i", 0, -5, 5, 0, 2),
+    ),
+    "types that overlap": ("a.bin", DATAFLASH_HEAD + described(128, "FMT", "B", "B", "Type") + b"\xa3\x95\x80" * 50),
+    "type of no length": ("a.bin", DATAFLASH_HEAD + b"\xa3\x95\x80\x0c\x00NUL\0" + bytes(80) + b"\xa3\x95\x0c" * 50),
+    "nothing but headers": ("a.bin", b"\xa3\x95\x80" * 5000),
+    "an endless line": ("a.alog", b"%% LOGSTART 1\n" + b"1 NAV " + b"x" * 3_000_000),
+    "thousands of keys": (
+        "a.alog",
+        b"%% LOGSTART 1\n" + b"".join(b"%d V s K%d=1,L%d=2\n" % (k, k, k) for k in range(3000)),
+    ),
+    "classic, huge": ("a.nc", b"CDF\x01" + struct.pack(">I", 0) + struct.pack(">2I", 10, 1 << 30) + b"\xff" * 64),
+    "no packet at all": ("a.tlog", struct.pack(">Q", 1_669_909_203_000_000) + b"\xfe" + b"\xff" * 5000),
+}
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_hostile_files_are_refused_in_little_memory(tmp_path, case):
+    name, content = HOSTILE[case]
+    path = tmp_path / name
+    path.write_bytes(content)
+
+    def work():
+        with suppress(InputError):
+            inspect_log(path)
+
+    assert peak(work)[0] < 30_000_000
+
+
+def test_hdf5_that_claims_more_than_it_holds(tmp_path):
+    import h5py
+
+    path = tmp_path / "a.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("time", (1 << 40,), float, chunks=(1 << 16,))
+    with refusal("a.nc", "time", "shape (1099511627776,)", "damaged"):
+        catalogue(LogFile(path))
+    with h5py.File(path, "w") as file:
+        group = file.create_group("loop")
+        group["again"] = group
+        file["outside"] = h5py.ExternalLink("/etc/passwd", "/")
+        file.create_dataset("loop/u", data=np.arange(5.0))
+    assert [table.name for table in catalogue(LogFile(path))] == ["loop/5 rows"]
+
+
+def test_ros_definitions_cannot_grow_without_end():
+    two = {f"a/msg/T{k}": ([], [("x", (2, f"a/msg/T{k + 1}")), ("y", (2, f"a/msg/T{k + 1}"))]) for k in range(60)}
+    with pytest.raises(Undefined, match=r"itself|too many"):
+        steps_of("a/msg/T0", two, True)
+    with pytest.raises(Undefined, match="itself"):
+        steps_of("a/msg/T", {"a/msg/T": ([], [("x", (2, "a/msg/T"))])}, True)
+    with pytest.raises(Undefined, match="does not define b/msg/T"):
+        steps_of("a/msg/T", {"a/msg/T": ([], [("x", (2, "b/msg/T"))])}, False)
+
+
+@pytest.mark.parametrize("is_cdr", [True, False])
+@pytest.mark.parametrize("number", [2**32 - 1, 2**31, 10**6])
+def test_ros_sequences_that_claim_more_than_the_message(is_cdr, number):
+    fields = {
+        "a/msg/Nothing": ([], []),
+        "a/msg/T": ([], [("many", (4, ((1, ("float64", 0)), 0))), ("none", (4, ((2, "a/msg/Nothing"), 0)))]),
+    }
+    decoder = Decoder("t", steps_of("a/msg/T", fields, is_cdr), ["many[0]"], is_cdr)
+    header = b"\0\1\0\0" if is_cdr else b""
+    with pytest.raises(struct.error):
+        decoder.take(0, header + struct.pack("<I", number) + bytes(16))
+    # Elements of ROS 1 may have no bytes at all: any number of them is passed over at once.
+    empty = Decoder("t", steps_of("a/msg/T", fields, is_cdr), ["many[0]"], is_cdr)
+    if is_cdr:
+        with pytest.raises(struct.error):
+            empty.take(0, header + struct.pack("<2I", 0, number))
+    else:
+        assert not empty.take(0, struct.pack("<2I", 0, number))
+
+
+def test_ros_fixed_array_of_a_billion_costs_nothing():
+    fields = {"a/msg/T": ([], [("x", (3, ((1, ("float64", 0)), 10**9))), ("y", (1, ("float64", 0)))])}
+
+    def work():
+        decoder = Decoder("t", steps_of("a/msg/T", fields, False), ["y"], False)
+        with pytest.raises(struct.error):
+            decoder.take(0, bytes(64))
+
+    assert peak(work)[0] < 1_000_000
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_memory_follows_the_wanted_columns_not_the_messages(tmp_path, version):
+    """Three thousand messages with pictures of 8 kB: 24 MB of log for 48 kB of numbers."""
+    from rosbags import rosbag1, rosbag2
+
+    store, kind, rows, path = ros_store(version == 1), "sensor_msgs/msg/Image", 3000, tmp_path / "run.bag"
+    image, frame = store.types[kind], {"seq": 0} if version == 1 else {}
+    header = store.types["std_msgs/msg/Header"](
+        stamp=store.types["builtin_interfaces/msg/Time"](1, 2), frame_id="camera", **frame
+    )
+    picture = np.zeros(8192, np.uint8)
+    if version == 2:
+        path = tmp_path / "bag"
+        writer = rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+    else:
+        writer = rosbag1.Writer(path)
+    with writer:
+        topic = writer.add_connection("/camera", kind, typestore=store)
+        for k in range(rows):
+            message = image(header, k, 64, "mono8", 0, 64, picture)
+            data = (store.serialize_ros1 if version == 1 else store.serialize_cdr)(message, kind)
+            writer.write(topic, int(RECEIVED[0]) + 1000 * k, data)
+
+    used, raw = peak(lambda: read_columns(LogFile(path), "/camera", ["height", "log_time"]))
+    np.testing.assert_array_equal(raw.columns["height"], np.arange(rows))
+    assert used < 8_000_000
+    used, blocks = peak(lambda: sum(1 for _ in stream(LogFile(path), {"/camera": ["height"]})))
+    assert blocks >= 1
+    assert used < 8_000_000
+
+
+def test_text_is_read_in_pieces(tmp_path, monkeypatch):
+    """Pieces of a hundred bytes give the numbers, the line of an error and the notes that one piece gives."""
+    from seatrial.logs.formats import text_load
+    from seatrial.logs.source import LogSource
+    from tests.logs.log_cases import GOOD, PROPELLER, SPEED, written
+
+    channels = {"n": PROPELLER, "u": SPEED}
+    texts = {
+        "plain.csv": GOOD,
+        "returns.csv": GOOD.replace("\n", "\r\n"),
+        "quotes.csv": GOOD.replace("ok", '"all ""well"",\nso far"'),
+        "blank.csv": GOOD.replace("\n", "\n\n"),
+        "empty.csv": GOOD + ",,,\n" * 60,
+        "mixed.csv": GOOD.replace("0.0,", "0,", 1).replace("1.0,", "1,", 1),
+    }
+    for name, text in texts.items():
+        source = LogSource(written(tmp_path, text, name), "t", "s", channels)
+        whole = read_log(source)
+        for size in (40, 150):
+            monkeypatch.setattr(text_load, "_PIECE", size)
+            pieces = read_log(source)
+            monkeypatch.undo()
+            np.testing.assert_array_equal(pieces.time, whole.time)
+            np.testing.assert_array_equal(pieces.columns["u"], whole.columns["u"])
+            assert pieces.notes == whole.notes
+    repeated = GOOD.replace("1.4,614", "1.3,614")
+    source = LogSource(written(tmp_path, repeated.replace("\n", "\n\n")), "t", "s", channels)
+    monkeypatch.setattr(text_load, "_PIECE", 64)
+    with refusal('column "t", row 31', "same time stamp"):
+        read_log(source)
+    source = LogSource(written(tmp_path, GOOD.replace("1.14", "fast")), "t", "s", channels)
+    with refusal('row 16, column "speed"', "'fast'"):
+        read_log(source)

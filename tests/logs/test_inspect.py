@@ -1,0 +1,223 @@
+"""A first look: sums of a stream against NumPy on the whole, guesses with their reasons, and a map that works when pasted."""
+
+import sys
+import tomllib
+from math import pi
+
+import numpy as np
+import pytest
+
+from seatrial.apps.cli import main
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.trials import import_trials
+from seatrial.logs import summary
+from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
+from seatrial.logs.formats.registry import read_columns
+from seatrial.logs.guess import best
+from seatrial.logs.inspect import inspect_log
+from seatrial.logs.summary import Gathered
+from tests.campaign.small import write_small
+from tests.logs.log_cases import GOOD, refusal, written
+from tests.logs.log_writers import RPM, STAMPS, SURGE, WRITERS, ros_store
+
+
+@pytest.mark.parametrize("name", list(WRITERS))
+def test_every_format_is_summed_up(tmp_path, name):
+    log = WRITERS[name](tmp_path)
+    (table,) = inspect_log(log.path, log.table).tables
+    column = next(column for column in table.columns if column.name == log.surge)
+    assert (column.count, column.rows, column.missing) == (40, 40, 0.0)
+    assert (column.least, column.greatest) == (log.surge_values.min(), log.surge_values.max())
+    assert table.clock.name == log.clock
+    scale = {"ns": 1e-9, "us": 1e-6, "s": 1.0}[log.unit]
+    step = np.diff(log.stamps) * scale
+    assert table.clock.rate == pytest.approx(1 / step.mean(), rel=1e-9)
+    assert table.clock.jitter == pytest.approx(step.std(), rel=1e-6, abs=1e-12)
+    assert table.clock.gap == pytest.approx(step.max(), rel=1e-12)
+    assert (table.clock.repeated, table.clock.backward) == (0, 0)
+    whole = inspect_log(log.path)
+    assert log.table in [table.info.name for table in whole.tables]
+    assert any(log.surge in line for line in whole.lines())
+
+
+def test_blocks_are_summed_as_one(monkeypatch):
+    rng = np.random.default_rng(0)
+    time = 10**18 + np.cumsum(rng.integers(-2, 5, 1000)) * 1_000_000
+    values = np.where(rng.random(1000) < 0.1, np.nan, rng.normal(size=1000))
+    values[7] = np.inf
+    info = TableInfo("t", (ColumnInfo("time", "ns"), ColumnInfo("u"), ColumnInfo("k")), ("time",))
+    gathered = Gathered(info)
+    for part in np.array_split(np.arange(1000), 9):
+        gathered.take(Block("t", {"time": time[part], "u": values[part], "k": np.full(part.size, 3)}))
+    found = gathered.summary()
+    step = np.diff(time) * 1e-9
+    clock = found.clocks[0]
+    assert clock.jitter == pytest.approx(step.std(), rel=1e-9)
+    assert (clock.repeated, clock.backward) == ((step == 0).sum(), (step < 0).sum())
+    assert clock.duration == pytest.approx((time[-1] - time[0]) * 1e-9)
+    speed, constant = found.columns[1:]
+    finite = values[np.isfinite(values)]
+    assert (speed.count, speed.infinite) == (finite.size, 1)
+    assert speed.missing == pytest.approx(np.isnan(values).mean())
+    assert (speed.least, speed.greatest) == (finite.min(), finite.max())
+    assert speed.trouble == "1 infinite"
+    assert constant.constant
+    assert constant.trouble == "constant"
+    assert summary.ColumnSummary("u", None, 5, 5, 0, 0.0, 1e-80).trouble.startswith("garbage?")
+
+
+def test_clock_that_never_moves_or_runs_back_gives_way():
+    info = TableInfo(
+        "t", (ColumnInfo("header.stamp", "ns"), ColumnInfo("b", "s"), ColumnInfo("c", "s")), ("header.stamp", "b", "c")
+    )
+    gathered = Gathered(info)
+    gathered.take(Block("t", {"header.stamp": np.zeros(4, int), "b": np.array([0.0, 2, 1, 3]), "c": np.arange(4.0)}))
+    assert gathered.summary().clock.name == "c"
+
+
+def ros_log(folder):
+    """Odometry, an IMU with a dead gyro, and commands, as a robot records them."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    store = ros_store(False)
+    types = store.types
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    nine, many = np.zeros(9), np.zeros(36)
+
+    def header(k):
+        seconds, nanoseconds = divmod(int(STAMPS[k]), 10**9)
+        return types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](seconds, nanoseconds), "body")
+
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kinds = {
+            "/odom": "nav_msgs/msg/Odometry",
+            "/imu": "sensor_msgs/msg/Imu",
+            "/force": "geometry_msgs/msg/WrenchStamped",
+        }
+        topics = {name: writer.add_connection(name, kind, typestore=store) for name, kind in kinds.items()}
+        for k in range(40):
+            turn = vector(0.0, 0.02 * SURGE[k], 0.3 * SURGE[k])
+            twist = types["geometry_msgs/msg/Twist"](vector(SURGE[k], 0.1 * SURGE[k], 0.0), turn)
+            pose = types["geometry_msgs/msg/Pose"](types["geometry_msgs/msg/Point"](float(k), 0.0, 0.0), quaternion)
+            covered = types["geometry_msgs/msg/PoseWithCovariance"](pose, many)
+            moving = types["geometry_msgs/msg/TwistWithCovariance"](twist, many)
+            wrench = types["geometry_msgs/msg/Wrench"](vector(RPM[k], 0.0, 0.0), vector(0.0, 0.0, 0.0))
+            gyro = vector(1e-80 * k, 0.0, 0.0)
+            messages = {
+                "/odom": types[kinds["/odom"]](header(k), "base", covered, moving),
+                "/imu": types[kinds["/imu"]](header(k), quaternion, nine, gyro, nine, vector(0.0, 0.0, 9.8), nine),
+                "/force": types[kinds["/force"]](header(k), wrench),
+            }
+            for name, message in messages.items():
+                writer.write(topics[name], int(STAMPS[k]) + 5, store.serialize_cdr(message, kinds[name]))
+    return folder / "bag"
+
+
+def test_guesses_of_ros_by_type_with_axes_turned(tmp_path):
+    found = inspect_log(ros_log(tmp_path))
+    guesses = {guess.channel: guess for guess in best(found.guesses)}
+    assert guesses.keys() == {"u", "v", "q", "r", "tau_X"}
+    assert (guesses["u"].column, guesses["u"].scale, guesses["u"].role) == ("twist.twist.linear.x", 1.0, "measurement")
+    assert (guesses["r"].column, guesses["r"].scale, guesses["r"].unit) == ("twist.twist.angular.z", -1.0, "rad/s")
+    assert (guesses["tau_X"].table, guesses["tau_X"].unit, guesses["tau_X"].role) == ("/force", "N", "control")
+    assert "REP 103" in guesses["r"].reason
+    text = "\n".join(found.lines())
+    assert "garbage? (4e-79 at most)" in text
+    assert "covariance[…], 36 elements: constant" in text
+
+
+NAMES = {
+    "surge_mps": ("u", "m/s", 1.0),
+    "yaw_rate_deg_s": ("r", "deg/s", 1.0),
+    "prop_rpm": ("n", "rpm", 1.0),
+    "Heading [deg]": ("psi", "deg", 1.0),
+    "rudder_deg": ("delta_r", "deg", 1.0),
+    "speed_kn": ("u", "kn", 1.0),
+    "field.force.x": ("tau_X", "N", 1.0),
+    "nav.pitch": ("theta", "rad", 1.0),
+    "field.angular_velocity.z": ("r", "rad/s", 1.0),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_guesses_by_name_and_unit(tmp_path, name):
+    text = f"time,{name},remark\n" + "".join(f"{0.1 * k:.1f},{0.01 * k},ok\n" for k in range(20))
+    found = inspect_log(written(tmp_path, text)).guesses
+    assert [(guess.channel, guess.unit, guess.scale) for guess in found] == [NAMES[name]]
+
+
+@pytest.mark.parametrize(("reach", "unit"), [(350.0, "deg"), (3.0, "rad")])
+def test_guesses_of_angles_by_range(tmp_path, reach, unit):
+    text = "time,heading\n" + "".join(f"{k},{reach * k / 19}\n" for k in range(20))
+    (guess,) = inspect_log(written(tmp_path, text)).guesses
+    assert (guess.channel, guess.unit) == ("psi", unit)
+    assert "range" in guess.reason
+
+
+def test_stated_units_decide(tmp_path):
+    found = inspect_log(WRITERS["dataflash"](tmp_path).path)
+    assert {("phi", "deg"), ("u", "m/s")} <= {(guess.channel, guess.unit) for guess in found.guesses}
+    assert not any(guess.column == "Cm" for guess in found.guesses)
+    text = 'a remark\ntime;"speed"\n' + "".join(f"{k};{k}\n" for k in range(20))
+    from seatrial.logs.formats.protocol import TextLayout
+
+    path = written(tmp_path, text, "semi.csv")
+    toml = inspect_log(path, layout=TextLayout(";", 1)).as_toml()
+    (block,) = tomllib.loads(toml)["import"]["files"]
+    assert (block["delimiter"], block["skip_rows"]) == (";", 1)
+
+
+def test_autopilot_columns_that_no_factor_maps_are_remarked(tmp_path):
+    found = inspect_log(WRITERS["telemetry"](tmp_path).path)
+    assert any("SERVO_OUTPUT_RAW" in remark and "pulse" in remark for remark in found.remarks)
+    assert {"phi", "theta", "r"} <= {guess.channel for guess in found.guesses if "ArduPilot" in guess.reason}
+
+
+def test_pasted_map_imports_a_bag_and_a_csv(tmp_path):
+    """What `--map` prints, in a campaign file as it stands, gives the record."""
+    bag = ros_log(tmp_path / "logs") if (tmp_path / "logs").mkdir() is None else None
+    time = [f"{stamp // 10**9}.{stamp % 10**9:09d}" for stamp in STAMPS.tolist()]
+    engine = written(
+        tmp_path, "time,prop_rpm\n" + "".join(f"{t},{n}\n" for t, n in zip(time, RPM, strict=True)), "engine.csv"
+    )
+    maps = inspect_log(bag).as_toml(["u"]) + inspect_log(engine).as_toml(["n"])
+    truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
+    write_small(tmp_path / "campaign", (truth, f'[import]\nfit = ["one"]\n{maps}'))
+    (record,) = import_trials(load_campaign(tmp_path / "campaign")).fit
+    measured = record.channel("u")[np.isfinite(record.channel("u"))]
+    assert set(measured) <= set(SURGE)
+    assert measured.size >= 39
+    np.testing.assert_allclose(record.channel("n"), RPM[: record.time.size] * pi / 30)
+    tables = {file["source"]: file["table"] for file in record.provenance.options["files"]}
+    assert tables == {"bag": "/odom", "engine.csv": None}
+
+
+def test_columns_of_the_map_are_those_of_the_log(tmp_path):
+    log = WRITERS["parquet"](tmp_path)
+    (block,) = tomllib.loads(inspect_log(log.path).as_toml())["import"]["files"]
+    assert "table" not in block
+    names = [channel["column"] for channel in block["channels"].values()]
+    assert read_columns(LogFile(log.path), "rows", names).columns.keys() == set(names)
+
+
+def run(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr(sys, "argv", ["seatrial", "inspect", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code, *capsys.readouterr()
+
+
+def test_command(monkeypatch, capsys, tmp_path):
+    log = WRITERS["ros 1"](tmp_path)
+    code, out, err = run(monkeypatch, capsys, log.path)
+    assert (code, err) == (0, "")
+    assert "run.bag: a ROS 1 bag, 2 tables" in out
+    code, out, _ = run(monkeypatch, capsys, log.path, "--table", "/other")
+    assert "/state" not in out
+    code, out, _ = run(monkeypatch, capsys, written(tmp_path, GOOD.replace("t,", "time,", 1)), "--map", "--only", "n,u")
+    assert tomllib.loads(out)["import"]["files"][0]["channels"].keys() == {"n", "u"}
+    code, out, err = run(monkeypatch, capsys, tmp_path / "nowhere.bag")
+    assert (code, out) == (2, "")
+    assert "no such file" in err
+    with refusal("run.bag, table", '"/nothing"'):
+        inspect_log(log.path, "/nothing")
