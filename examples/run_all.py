@@ -5,6 +5,7 @@ Examples on real records need SEATRIAL_DATA; without it they are skipped, and it
 
 import json
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -21,7 +22,25 @@ def main() -> None:
     run_campaign("remus100", needs_data=False)
     select_terms("select_surge")
     design_trials("design_trial")
+    six_degrees("six_degrees")
     run_campaign("pool_auv", needs_data=True)
+
+
+def six_degrees(name: str) -> None:
+    """Judge a dive and estimate thirteen coefficients of a whole vehicle from it: each within four standard deviations."""
+    folder = OUTPUTS / name
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(EXAMPLES / name / "campaign.toml", folder)
+    subprocess.run([sys.executable, EXAMPLES / name / "make_log.py", folder], check=True)
+    subprocess.run([sys.executable, "-m", "seatrial", "check", str(folder)], check=True)
+    command = [sys.executable, "-m", "seatrial", "estimate", str(folder), "--by", "mode"]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    print(told, flush=True)
+    found = {line.split()[0]: line.split()[1:4:2] for line in told.splitlines() if " ± " in line}
+    truth = runpy.run_path(str(EXAMPLES / name / "make_log.py"))["TRUTH"]
+    for coefficient, value in truth.items():
+        mean, sd = map(float, found[coefficient])
+        assert abs(mean - value) < 4 * sd, f"{coefficient}: {mean} ± {sd}, truth {value}"
 
 
 def design_trials(name: str) -> None:

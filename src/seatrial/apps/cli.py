@@ -24,6 +24,7 @@ COMMANDS = {
     "profile": infer.profile,
     "select": infer.select,
     "criteria": infer.criteria,
+    "check": check.check,
     "tuning": check.tuning,
     "calibrate": check.calibrate,
     "next": loop.next_trial,

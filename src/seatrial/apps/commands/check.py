@@ -8,6 +8,25 @@ from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
 from seatrial.sampling.names import DEFAULT, METHODS
 
 
+def check(folder: Folder, quiet: Quiet = False) -> None:
+    """Judge the records: direction, size, delay, outliers, and what each can tell; raw plots are always written."""
+
+    def work(campaign: Any, watch: Any) -> Exit:
+        from seatrial.campaign.check import check_records
+        from seatrial.campaign.trials import get_trials
+        from seatrial.report.check_picture import write_check_picture
+
+        trials = get_trials(campaign, watch)
+        pictures = [write_check_picture(campaign, record) for record in (*trials.fit, *trials.predict)]
+        judged = check_records(campaign, trials)
+        for one, picture in zip(judged, pictures, strict=True):
+            typer.echo("\n".join(one.lines()))
+            typer.echo(f"  raw plot: {picture}")
+        return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
+
+    with_campaign(folder, quiet, work)
+
+
 def tuning(folder: Folder, quiet: Quiet = False) -> None:
     """Check the tuning of the filter along each fitted record, and say which of P, Q and R to change."""
 

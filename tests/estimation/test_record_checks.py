@@ -1,0 +1,70 @@
+"""What a record's own motion says about its channel map: signs, units, clocks, spikes, and what it can tell."""
+
+import numpy as np
+import pytest
+
+from seatrial.estimation.record_checks import best_lag, check_excitation, check_motion, check_samples
+
+STEP = 0.1
+TIME = np.arange(600) * STEP
+EXPECTED = np.sin(0.5 * TIME) + 0.3 * np.sin(1.7 * TIME)
+NOISE = 0.02 * np.random.default_rng(1).normal(size=TIME.size)
+
+
+def levels(findings):
+    return {finding.check: finding.level for finding in findings}
+
+
+def test_a_record_as_expected_passes():
+    assert levels(check_motion("u", STEP, 1.3 * EXPECTED + NOISE, EXPECTED)) == {"direction": "pass", "size": "pass"}
+
+
+def test_a_channel_of_the_wrong_sign():
+    (finding,) = check_motion("r", STEP, -EXPECTED + NOISE, EXPECTED)
+    assert (finding.check, finding.level) == ("direction", "fail")
+    assert "scale = -1" in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(180 / np.pi, "degrees"), (np.pi / 30, "rpm"), (1000.0, "millimetres"), (20.0, "check the units")],
+)
+def test_a_channel_in_another_unit(factor, words):
+    found = check_motion("r", STEP, factor * (EXPECTED + NOISE), EXPECTED)
+    assert levels(found)["size"] == "caution"
+    assert words in next(finding.remedy for finding in found if finding.check == "size")
+
+
+@pytest.mark.parametrize(("steps", "level"), [(5, "caution"), (-5, "caution"), (-15, "fail"), (0, None)])
+def test_a_response_that_is_late_or_early(steps, level):
+    found = check_motion("u", STEP, np.roll(EXPECTED, steps) + NOISE, EXPECTED)
+    assert levels(found).get("delay") == level
+    lag, correlation = best_lag(np.roll(EXPECTED, steps), EXPECTED, 20)
+    assert lag == steps
+    assert correlation > 0.99
+
+
+def test_a_motion_that_is_not_that_of_the_commands():
+    measured = np.random.default_rng(2).normal(size=TIME.size)
+    assert levels(check_motion("u", STEP, measured, EXPECTED)) == {"direction": "caution"}
+
+
+def test_gaps_do_not_matter():
+    gappy = np.where(np.arange(TIME.size) % 5 == 0, EXPECTED, np.nan)
+    assert levels(check_motion("u", STEP, gappy, EXPECTED)) == {"direction": "pass", "size": "pass"}
+
+
+def test_spikes_are_told_and_steep_quiet_signals_are_not():
+    steep = 5.0 * EXPECTED + 1e-4 * NOISE
+    assert check_samples("u", steep, 0.02)[0].level == "pass"
+    spiky = steep.copy()
+    spiky[::100] += 3.0
+    (finding,) = check_samples("u", spiky, 0.02)
+    assert finding.level == "caution"
+    assert 'residuals = "heavy"' in finding.remedy
+
+
+def test_coefficients_that_a_record_cannot_tell():
+    found = check_excitation(["X_u", "X_uabsu"], np.array([1.0, 2.0]), np.array([0.1, 1.9]))
+    assert [finding.level for finding in found] == ["pass", "caution"]
+    assert "95% of the prior's sd" in found[1].line
