@@ -7,12 +7,14 @@ import typer
 
 from seatrial import __version__
 from seatrial.apps.commands import check, data, infer, logs, loop, plan
+from seatrial.apps.commands.catalogue import vehicle
 from seatrial.apps.commands.paper import paper
 from seatrial.apps.commands.rehearse import rehearse
 from seatrial.apps.running import Exit
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
 
 COMMANDS = {
+    "vehicle": vehicle,
     "init": plan.init,
     "prior": plan.prior,
     "design": plan.design,
