@@ -4,14 +4,22 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.batch_trial import plan_together
+from seatrial.campaign.belief import prior_draws
 from seatrial.campaign.designs import design_first
+from seatrial.campaign.free_trial import design_free_trial
 from seatrial.campaign.global_trial import search_design
 from seatrial.campaign.load import load_campaign
+from seatrial.campaign.measures import compare_measures
 from seatrial.campaign.sensor_table import sensor_table
+from seatrial.campaign.store import Store
 from seatrial.core.errors import InputError
+from seatrial.design.plan import plan_trial
+from seatrial.design.safety import judge_safety
+from tests.campaign.small import NO_X_U, write_small
 from tests.campaign.test_designs import NARROW
 
 PREDICTION = '\n[design.prediction]\nof = "distance"\ncontrol = "0 rpm"\nafter = "15 s"\n'
+POWER = '\n[power]\nhotel = "20 W"\npropulsion = "40 W"\nat = "1500 rpm"\n'
 
 
 def asked(folder, design="", more=""):
@@ -31,22 +39,54 @@ def test_a_stated_prediction_is_known_better_by_the_design_that_serves_it(tmp_pa
     assert not np.allclose(served.best.worth, other.best.worth)
 
 
-def test_a_utility_that_lacks_what_it_needs(tmp_path):
-    with pytest.raises(InputError, match=r"without \[design.prediction\]"):
-        design_first(asked(tmp_path, 'utility = "fisher-c"'))
+@pytest.mark.parametrize(
+    ("design", "place"),
+    [
+        ('utility = "fisher-c"', r"design.utility[^$]*without \[design.prediction\]"),
+        ('per = "second"\nturnaround = "-5 s"', "design.turnaround"),
+        ('turnaround = "60 s"', r"design.turnaround[^$]*does not count it"),
+        ('per = "second"\nover = "worst"', "design.over"),
+    ],
+)
+def test_what_a_utility_needs_is_looked_for_when_the_file_is_read(tmp_path, design, place):
+    with pytest.raises(InputError, match=place):
+        asked(tmp_path, design)
+
+
+def test_a_single_structure_has_nothing_to_be_told_apart(tmp_path):
+    write_small(tmp_path, *NO_X_U, ("[design]\n", '[design]\nutility = "discrimination"\n'))
+    with pytest.raises(InputError, match=r"design.utility[^$]*of a single structure"):
+        load_campaign(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("per", "option", "work"),
+    [
+        ("second", "--free-form", lambda campaign: design_free_trial(campaign, 6)),
+        ("second", "--search", lambda campaign: search_design(campaign, 60)),
+        ("second", "--trials", lambda campaign: plan_together(campaign, 2)),
+        ("second", "--compare", lambda campaign: compare_measures(campaign, 5)),
+        ("joule", "--search", lambda campaign: search_design(campaign, 60)),
+    ],
+)
+def test_options_that_know_whole_trials_only(tmp_path, per, option, work):
+    campaign = asked(tmp_path, f'per = "{per}"', POWER)
+    with pytest.raises(InputError, match=f"design.per[^$]*{option}"):
+        work(campaign)
+    assert not list(tmp_path.rglob("*.nc"))
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("distance", "theta"), "design.prediction"),
+        (("distance", "theta"), "design.prediction.of"),
         (("15 s", "0 s"), "a positive time"),
         (('"0 rpm"', '"0 m"'), "design.prediction.control"),
     ],
 )
 def test_predictions_that_cannot_be_made(tmp_path, change, message):
     with pytest.raises(InputError, match=message):
-        design_first(asked(tmp_path, more=PREDICTION.replace(*change)))
+        asked(tmp_path, more=PREDICTION.replace(*change))
 
 
 def test_structures_are_told_apart_by_the_design_that_moves_most(tmp_path):
@@ -70,6 +110,36 @@ def test_a_trial_is_ended_when_that_pays(tmp_path):
     assert lengths[0] < 0.7 * lengths[1]
 
 
+def test_what_is_said_of_a_trial_that_is_ended_is_of_that_trial(tmp_path):
+    """Gain, standard deviations, safety and what is known after it: by a plan of that many samples and no more."""
+    limited = PREDICTION + "\n[limits.distance]\nupper = '43 m'\n"
+    campaign = asked(tmp_path, 'utility = "fisher-d"\nper = "second"\nturnaround = "20 s"', limited)
+    designs = design_first(campaign)
+    best, model, draws = (
+        designs.best,
+        campaign.model(campaign.full),
+        prior_draws(campaign, campaign.model(campaign.full)),
+    )
+    at, length = best.best, float(best.length[best.best])
+    assert 5 < length < 28
+    assert best.gain[at] / (20.0 + length) == pytest.approx(best.worth[at], rel=1e-9)
+    controls, cov = best.best_controls(), np.cov(draws, rowvar=False)
+    plan = plan_trial(model, campaign.state_trim(model), {"u": 0.05}, len(controls), 0.1)
+    assert len(controls) == round(length / 0.1)
+    information = np.stack([np.asarray(plan.information(values, controls)) for values in draws[:32]])
+    left = np.linalg.inv(np.linalg.inv(cov) + information)
+    assert best.gain[at] == pytest.approx(
+        0.5 * np.mean(np.linalg.slogdet(cov)[1] - np.linalg.slogdet(left)[1]), rel=1e-6
+    )
+    after = np.sqrt(np.diagonal(left, axis1=1, axis2=2).mean(0))
+    np.testing.assert_allclose(best.final_sd[at], after, rtol=1e-6)
+    told = judge_safety(plan, controls[None], draws[len(draws) // 2 :], campaign.motion_limits, 0.95).words(0)
+    assert designs.safety == told
+    time, value = np.loadtxt(Store(tmp_path).schedule(Store(tmp_path).design), delimiter=",", skiprows=1).T
+    assert time[-1] == pytest.approx(length, abs=0.11)
+    assert value[-1] == pytest.approx(best.family.trim * 30 / np.pi)
+
+
 @pytest.mark.parametrize("name", ["extended", "unscented"])
 def test_other_filters_agree_where_the_belief_is_narrow(tmp_path, name):
     for folder in ("a", "b"):
@@ -81,16 +151,26 @@ def test_other_filters_agree_where_the_belief_is_narrow(tmp_path, name):
 
 
 def test_trials_of_one_day_sensors_and_a_search_between_the_points(tmp_path):
-    campaign = asked(tmp_path, 'utility = "fisher-d"')
+    campaign = asked(tmp_path, 'utility = "fisher-d"', "\n[goal]\nsd = { T_nabsn = 1e-5 }\n")
     batch = plan_together(campaign, 2)
+    assert " nat so far" in batch.lines()[1]
     assert batch.found.utility[1] >= batch.found.repeated - 1e-9
     assert all(path.is_file() for path in batch.schedules)
     best = design_first(campaign).best
     table = sensor_table(campaign)
     assert table.rows[0][1].utility == pytest.approx(np.nanmax(best.worth), rel=1e-6)
-    by_rate = [worth.utility for words, worth in table.rows if " Hz" in words]
+    assert table.rows[0][0] == "as they are: u at 10 Hz"
+    assert table.meets == tuple(worth.sd[table.names.index("T_nabsn")] < 1e-5 for _, worth in table.rows)
+    assert any(table.meets)
+    assert not all(table.meets)
+    assert sum("meets the goal" in line for line in table.lines()) == sum(table.meets)
+    by_rate = [worth.utility for words, worth in table.rows[1:] if " Hz" in words]
     assert by_rate == sorted(by_rate)
-    found, _, schedule = search_design(campaign, 160)
+    found, family, schedule = search_design(campaign, 160)
     assert found.utility > found.beside - 0.05  # the search chose on other draws
     assert schedule.is_file()
+    assert (
+        search_design(campaign, 170)[0].lines(family)[0].startswith("global search over 160 designs (170 asked for: ")
+    )
+    assert f"{found.utility:.3f} nat, the best of the grid" in found.lines(family)[0]
     assert search_design(campaign, 160)[0] == found

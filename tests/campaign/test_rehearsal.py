@@ -199,6 +199,30 @@ def test_censored_vehicles_are_counted_and_said():
     assert [alarm.split(":")[0] for alarm in found.alarms()] == ["random"]
 
 
+def capped(met, vehicles):
+    """Every strategy runs all its two trials; only whether the goal was met then differs."""
+    data = made_up().data.isel(vehicle=np.full(vehicles, 1), trial=slice(2)).copy(deep=True)
+    data["trials"][:], data["met"][:] = 2, np.array(met)
+    return Rehearsal(data)
+
+
+def test_strategies_that_the_cap_makes_alike_are_told_apart_by_what_they_reached():
+    found = capped([[1, 0]] * 8 + [[1, 1]] * 4, 12)
+    assert found.more_often("random")[1] == pytest.approx(2 / 2**8)
+    (words,) = (line for line in found.verdicts() if line.startswith("against"))
+    assert "in 100% of the vehicles and this in 33%, +67 ± 14 points" in words
+    assert "chance" not in words
+    assert "which may be chance" in capped([[1, 0]] * 3 + [[1, 1]] * 4, 7).verdicts()[0]
+    assert "no difference beyond chance" in capped([[1, 1]] * 4, 4).verdicts()[0]
+
+
+def test_the_share_of_honest_intervals_of_few_vehicles_has_a_binomial_interval():
+    """All of twelve: 0.025^(1/12) at least."""
+    found = capped([[1, 1]] * 12, 12)
+    assert found.honest_band("adaptive") == pytest.approx((0.025 ** (1 / 12), 1.0))
+    assert any("1.00 (0.74 to 1.00)" in line for line in found.lines())
+
+
 @pytest.mark.parametrize("goal", ["", "[goal]\ntrials = 3\n\n"])
 def test_without_a_goal_there_is_nothing_to_rehearse(tmp_path, goal):
     campaign = load_campaign(write_small(tmp_path, ("[truth]", f"{goal}[truth]")))

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.campaign import sequence
+from seatrial.campaign import sequence, simulated
 from seatrial.campaign.left_out import left_out
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.proposal import Proposal, propose, settling
@@ -60,6 +60,18 @@ def test_a_lag_that_no_structure_has_is_told_and_stops_the_sequence(tmp_path):
     assert left_out(campaign, outcome.chosen, outcome.trials) == outcome.left_out
 
 
+@pytest.mark.parametrize(("current", "said"), [(2.0, 1), (0.3, 0)])
+def test_a_current_faster_than_the_vehicle_is_told(tmp_path, monkeypatch, current, said):
+    """By name only: nothing is simulated."""
+    campaign, lines = written(tmp_path, ONE.replace("[truth]", f"[truth]\ncurrent = {current}")), []
+    monkeypatch.setattr(simulated, "is_current", lambda path, key: True)
+    monkeypatch.setattr(simulated, "read_record", lambda path: None)
+    monkeypatch.setattr(simulated, "later_trials", lambda campaign: ())
+    simulated.simulated_records(campaign, SimpleNamespace(say=lines.append))
+    assert len(lines) == said
+    assert all(f"current of {current:g} m/s is faster than the vehicle at trim" in line for line in lines)
+
+
 def test_a_changed_campaign_begins_anew(tmp_path):
     campaign = written(tmp_path, ONE)
     assert [record.label for record in get_trials(campaign).fit] == ["trial"]
@@ -104,12 +116,28 @@ def test_settling_by_simulation(nats):
     assert abs(found - share) < 4 * np.sqrt(share * (1 - share) / n)
 
 
+def strict_lines(outcome):
+    source = outcome.campaign.source.model_copy(update={"goal": GoalTable(sd={"X_u": "1 %"})})
+    return propose(replace(outcome, campaign=replace(outcome.campaign, source=source))).lines
+
+
+def test_a_goal_of_trials_alone_is_met_once_they_are_run(tmp_path):
+    outcome = make_outcome(tmp_path)
+    run = len(outcome.trials.fit)
+    for trials, more in ((run, False), (run + 1, True)):
+        source = outcome.campaign.source.model_copy(update={"goal": GoalTable(trials=trials)})
+        found = propose(replace(outcome, campaign=replace(outcome.campaign, source=source)))
+        assert (found.trial is not None) == more
+        assert ("all that [goal] asks for" in found.lines[-1]) != more
+
+
 def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     outcome = make_outcome(tmp_path)
     assert propose(outcome).trial is not None
     source = outcome.campaign.source.model_copy(update={"goal": GoalTable(sd={"X_u": "900 %"})})
     met = replace(outcome, campaign=replace(outcome.campaign, source=source))
     assert propose(met).lines[-1] == "stop: the goal is met"
+    assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
     assert "would teach little" in propose(quiet).lines[-1]

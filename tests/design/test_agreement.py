@@ -38,6 +38,28 @@ def test_monotone_utilities_choose_alike():
     assert "chooses a design that is best" in found.words
 
 
+def test_a_perfect_order_of_a_few_designs_is_not_certain():
+    """Five of one order by chance alone: once in 120, less than once in forty, so that the bound lies above 0."""
+    few, many = (one(np.arange(n), np.arange(n)).interval for n in (5, 12))
+    assert 0.0 < few[0] < many[0] < 1.0
+    assert few[1] == many[1] == 1.0
+    low, high = one(-np.arange(5), np.arange(5)).interval
+    assert (low, high) == (-1.0, -few[0])
+
+
+def test_the_least_correlation_shows_a_perfect_order_once_in_forty():
+    rho = 2 * np.sin(np.pi / 6 * one(np.arange(6), np.arange(6)).interval[0])
+    x, e = np.random.default_rng(5).normal(size=(2, 40_000, 6))
+    share = np.mean((np.argsort(x, 1) == np.argsort(rho * x + np.sqrt(1 - rho**2) * e, 1)).all(1))
+    assert share == pytest.approx(0.025, abs=4 * np.sqrt(0.025 / 2000))
+
+
+def test_monte_carlo_errors_widen_the_interval():
+    exact, rough = (one(EXPENSIVE, std_error=error).interval for error in (1e-9, 0.5))
+    assert rough[0] < exact[0] - 0.1
+    assert one(EXPENSIVE, std_error=0.5).interval == rough
+
+
 def test_regret_of_a_wrong_choice():
     found = one([0, 1, 2, 3, 9, 4], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
     assert (found.chosen, found.best, found.regret) == (4, 5, 1.0)
@@ -47,7 +69,7 @@ def test_regret_of_a_wrong_choice():
 def test_regret_within_the_monte_carlo_error():
     found = one([0, 1, 2, 3, 9, 4], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], std_error=0.6)
     assert found.regret_error == pytest.approx(0.6 * np.sqrt(2))
-    assert "no more than the Monte Carlo error of 0.85 nat" in found.words
+    assert "within two Monte Carlo standard errors of the difference, 1.7 nat" in found.words
     assert "Monte Carlo error 0.14" in one([0, 1, 2, 3, 9, 4], range(6), std_error=0.1).words
 
 

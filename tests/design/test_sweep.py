@@ -222,9 +222,9 @@ def test_designs_outside_the_limits_have_no_gain(limits, feasible):
 @pytest.mark.parametrize(
     ("limits", "found"),
     [
-        (Limits(upper=1.5), ["upper limit 1.5, but the gentlest design reaches 2"]),
-        (Limits(lower=0.25), ["lower limit 0.25, but the gentlest design reaches 0"]),
-        (Limits(upper=1.5, rate=0.5), ["upper limit 1.5", "rate limit 0.5, but the gentlest design reaches 2"]),
+        (Limits(upper=1.5), ["no design of 3", "amplitude 1 (SI) and period 5 s", "upper limit 1.5 (SI), reaching 2"]),
+        (Limits(lower=0.25), ["lower limit 0.25 (SI), reaching 0"]),
+        (Limits(upper=1.5, rate=0.5), ["upper limit 1.5 (SI), reaching 2 and rate limit 0.5 (SI)/s, reaching 2"]),
     ],
 )
 def test_no_design_inside_the_limits(limits, found):
@@ -232,6 +232,17 @@ def test_no_design_inside_the_limits(limits, found):
         limited(limits, periods=(5.0, 12.0))
     assert all(words in caught.value.found for words in found)
     assert "widen the limits" in caught.value.remedy
+
+
+def test_the_gentlest_design_is_told_in_the_units_of_the_trade():
+    """Of 100 and 200 rpm about trim the first, with all that it breaks."""
+    limits, rpm = Limits(upper=SHORT.trim + 5.0), 30 / np.pi
+    with pytest.raises(InputError) as caught:
+        sweep_family(paper_space(BELIEF_SD), SHORT, np.array([100.0, 200.0]) * np.pi / 30, PERIODS, limits)
+    assert "amplitude 100 rpm" in caught.value.found
+    assert (
+        f"upper limit {(SHORT.trim + 5.0) * rpm:.6g} rpm, reaching {SHORT.trim * rpm + 100.0:.6g}" in caught.value.found
+    )
 
 
 def test_no_period_fits():
@@ -249,5 +260,5 @@ def test_no_edge_fits():
 
 def test_motion_that_diverges():
     runaway = np.array([U0, X_U, 60.0, THRUST])
-    with pytest.raises(NumericalError, match=r"first at amplitude.*narrow the priors"):
+    with pytest.raises(NumericalError, match=r"the extended filter.*first at amplitude.* rpm.*or set filter"):
         sweep_family(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())

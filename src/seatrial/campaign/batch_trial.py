@@ -13,7 +13,7 @@ from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store
 from seatrial.campaign.utilities import UTILITY_DRAWS, criterion_of
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import plan_of, utility_unit
+from seatrial.campaign.weighing import check_whole_trials, plan_of, utility_unit
 from seatrial.design.batch import Batch, plan_batch
 from seatrial.design.robust import information_table
 
@@ -40,16 +40,19 @@ class PlannedBatch:
     def lines(self) -> list[str]:
         """In words."""
         total, count = self.found.utility[-1], len(self.words)
-        together = f"{count} trials together: {total:.2f} {self.unit}".rstrip()
+        together = f"{count} trials together" if count > 1 else "1 trial"
         return [
-            f"{together}; the best one {count} times: {self.found.repeated:.2f}",
+            f"{together}: {self._said(total)}; the best one {count} time{'s' * (count != 1)}: {self._said(self.found.repeated)}",
             *(
-                f"{number}. {words}: {reached:.2f} so far; schedule in {path}"
+                f"{number}. {words}: {self._said(reached)} so far; schedule in {path}"
                 for number, (words, reached, path) in enumerate(
                     zip(self.words, self.found.utility, self.schedules, strict=True), 1
                 )
             ),
         ]
+
+    def _said(self, utility: float) -> str:
+        return f"{utility:.2f} {self.unit}".rstrip()
 
 
 def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> PlannedBatch:
@@ -59,6 +62,7 @@ def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> Pla
         InputError: no design inside the limits.
         NumericalError: the motion diverges at a draw of the priors.
     """
+    check_whole_trials(campaign, "--trials")
     designs, model = design_first(campaign, watch), campaign.model(campaign.full)
     plan = plan_of(campaign, model)
     draws = prior_draws(campaign, model)
@@ -68,7 +72,7 @@ def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> Pla
         places += [(sweep, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
         controls.append(held)
     every, information = np.concatenate(controls), []
-    report = watch.progress(f"information of {len(every)} designs")
+    report = watch.progress(f"information of {len(every)} design{'s' * (len(every) != 1)}")
     for start in range(0, len(every), BLOCK):
         report(start, len(every))
         information.append(information_table(plan, every[start : start + BLOCK], draws[:UTILITY_DRAWS]))

@@ -15,7 +15,7 @@ from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.utilities import design_filter, prediction_lines
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import plan_of, safety_lines, utility_unit, weigh
+from seatrial.campaign.weighing import plan_as_run, plan_of, safety_lines, utility_unit, weigh
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
@@ -72,8 +72,8 @@ class Designs:
 
     @property
     def best(self) -> Sweep:
-        """Sweep of the family that holds the best design."""
-        return self.sweeps[0]
+        """Sweep of the family that holds the best design; its duration is that design's, where it is ended early."""
+        return self.sweeps[0].as_run()
 
     def lines(self) -> list[str]:
         """The best of each family, and the families that have none."""
@@ -153,14 +153,16 @@ def _sweep(
 ) -> Designs:
     families, (amplitude, period), trim = campaign.families, campaign.grid(), campaign.control_trim(model)
     space, scales = belief_space(campaign, model, belief)
-    report = watch.progress(f"design: {len(families) * amplitude.size * period.size} trials")
+    report = watch.progress(
+        f"design: {(count := len(families) * amplitude.size * period.size)} trial{'s' * (count != 1)}"
+    )
     report(0, len(families))
     method = design_filter(campaign, len(space.states))
     mask, sweeps, refused, plan = campaign.measured_mask(campaign.family.time()), [], {}, plan_of(campaign, model)
     for done, family in enumerate(families, 1):
         try:
             found = sweep_family(space, family, amplitude, period, campaign.limits(), method, mask, trim=trim)
-            sweeps.append(weigh(campaign, plan, found, draws))
+            sweeps.append(weigh(campaign, plan, found, draws, scales))
         except InputError as error:
             if len(families) == 1:
                 raise
@@ -203,7 +205,7 @@ def _sweep(
             "trim": json.dumps(trim),
             "refused": json.dumps(refused),
             "safety": json.dumps(safety_lines(campaign, plan, best, draws)),
-            "prediction": json.dumps(prediction_lines(campaign, plan, best.best_controls(), draws)),
+            "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         },
     )
     write_dataset(path, dataset, key)

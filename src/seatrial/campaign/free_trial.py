@@ -14,7 +14,7 @@ from seatrial.campaign.problem import random_key
 from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, read_json, write_stamped_json
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import plan_of
+from seatrial.campaign.weighing import check_whole_trials, plan_of
 from seatrial.core.errors import InputError
 from seatrial.core.shown import shown_unit
 from seatrial.design.criteria import find_criterion
@@ -41,7 +41,7 @@ class FreeTrial:
 
     Attributes:
         levels: of the control, SI, each held as long as the others.
-        utility: expected entropy reduction, nats, by Fisher information over draws of the priors.
+        utility: mean of the D criterion over draws of the priors, nats, whatever the utility of the campaign.
         beside: the same of the best design of the families.
         family: name of that one.
         at_bounds: share of the levels at a bound.
@@ -65,8 +65,8 @@ class FreeTrial:
         """In words."""
         held = f"; held back by {', '.join(self.active)}" if self.active else ""
         return [
-            f"free-form design: {self.utility:.2f} nat, the best of the families ({self.family}) {self.beside:.2f} nat by the same "
-            f"measure; {self.at_bounds:.0%} of {len(self.levels)} levels at a bound{held}",
+            f"free-form design by the D criterion: {self.utility:.2f} nat, the best of the families ({self.family}) "
+            f"{self.beside:.2f} nat by the same measure; {self.at_bounds:.0%} of {len(self.levels)} levels at a bound{held}",
             *(f"start {name}: {before:.2f} nat, then {after:.2f}" for name, before, after in self.starts),
             self.status,
             *self.safety,
@@ -83,9 +83,9 @@ def design_free_trial(campaign: Campaign, levels: int, watch: Watch = SILENT) ->
         InputError: no bounds of the control, limits that admit nothing, or another vehicle than a surge model.
         NumericalError: the vehicle diverges at a draw of the priors.
     """
-    campaign.check_surge("a free form")
+    check_free_trial(campaign)
     store = Store(campaign.folder)
-    key = key_of("free form", levels, design_key(campaign))
+    key = key_of("free form", "active", levels, design_key(campaign))
     if not is_current(store.free_design, key):
         write_stamped_json(store.free_design, asdict(_search(campaign, levels, watch)), key)
     content: dict[str, Any] = read_json(store.free_design, f"seatrial design {campaign.folder}")
@@ -95,8 +95,26 @@ def design_free_trial(campaign: Campaign, levels: int, watch: Watch = SILENT) ->
     return found, write_schedule(store.schedule(store.free_design), manoeuvre, campaign.family.sample_time)
 
 
+def check_free_trial(campaign: Campaign) -> None:
+    """Check that a campaign has what a free form needs, before any work.
+
+    Raises:
+        InputError: another vehicle than a surge model, designs that are counted by the second or joule, a control without both bounds.
+    """
+    campaign.check_surge("a free form")
+    check_whole_trials(campaign, "--free-form")
+    limits, control = campaign.limits(), campaign.family.control
+    if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
+        unit = shown_unit(control)[1]
+        raise InputError(
+            campaign.where(f"limits.{control}"),
+            found="a bound that is missing",
+            expected="lower and upper: a free form goes as far as it may",
+            remedy=f'for example lower = "800 {unit}"',
+        )
+
+
 def _search(campaign: Campaign, levels: int, watch: Watch) -> FreeTrial:
-    _check_bounds(campaign)
     model, form = campaign.model(campaign.full), _form(campaign, levels)
     priors = coefficient_priors(campaign, model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
@@ -153,8 +171,9 @@ def _safety(campaign: Campaign, plan: Any, found: FreeFormDesign, draws: np.ndar
 
 
 def _form(campaign: Campaign, levels: int) -> SteppedInput:
+    """Levels over the active time of the families, and the way back to trim after it, or before the end of the trial."""
     family = campaign.family
-    active = family.duration - family.start - family.ramp
+    active = min(family.active, family.duration - family.start - family.ramp)
     return SteppedInput(family.control, family.trim, family.duration, family.start, active, levels, edge=family.ramp)
 
 
@@ -163,23 +182,6 @@ def _random(campaign: Campaign, form: SteppedInput) -> dict[str, np.ndarray]:
     assert limits.lower is not None
     assert limits.upper is not None
     return {f"random levels {i + 1}": random.choice([limits.lower, limits.upper], form.size) for i in range(2)}
-
-
-def _check_bounds(campaign: Campaign) -> None:
-    """A free form needs the amplitude of the families as its bounds.
-
-    Raises:
-        InputError: a control without both bounds.
-    """
-    limits, control = campaign.limits(), campaign.family.control
-    if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
-        unit = shown_unit(control)[1]
-        raise InputError(
-            campaign.where(f"limits.{control}"),
-            found="a bound that is missing",
-            expected="lower and upper: a free form goes as far as it may",
-            remedy=f'for example lower = "800 {unit}"',
-        )
 
 
 def _tuples(value: Any) -> Any:

@@ -14,7 +14,7 @@ from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, read_json, write_stamped_json
 from seatrial.campaign.utilities import criterion_of, utility_draws
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import plan_of
+from seatrial.campaign.weighing import check_whole_trials, plan_of, utility_unit
 from seatrial.core.errors import InputError
 from seatrial.design.global_search import search_globally
 from seatrial.design.plan import TrialPlan
@@ -22,6 +22,9 @@ from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls
 from seatrial.manoeuvres.family import Family
+
+POPULATION = 16
+"""Designs that are evaluated at once."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Searched:
         settled: whether the search of its family had come to rest.
         safety: how surely each limit of the motion is kept, on fresh draws.
         refused: families without a design inside the limits.
+        unit: of the utility.
+        budget: designs asked for.
     """
 
     kind: str
@@ -51,13 +56,18 @@ class Searched:
     settled: bool
     safety: tuple[str, ...]
     refused: tuple[str, ...]
+    unit: str
+    budget: int
 
     def lines(self, family: Family) -> list[str]:
         """In words."""
         rest = "" if self.settled else "; it had not come to rest: search longer"
+        rounded = f" ({self.budget} asked for: whole populations of {POPULATION} in each family)"
+        over = f"{self.evaluations} designs{rounded if self.evaluations != self.budget else ''}"
+        found, beside = (f"{value:.3f} {self.unit}".rstrip() for value in (self.utility, self.beside))
         return [
-            f"global search over {self.evaluations} designs: {design_words(family, self.amplitude, self.period)}: "
-            f"{self.utility:.3f}, the best of the grid ({self.grid}) {self.beside:.3f} by the same measure{rest}",
+            f"global search over {over}: {design_words(family, self.amplitude, self.period)}: "
+            f"{found}, the best of the grid ({self.grid}) {beside} by the same measure{rest}",
             *self.safety,
             *(f"{kind}: no design inside the limits was met" for kind in self.refused),
         ]
@@ -78,7 +88,11 @@ def search_design(campaign: Campaign, budget: int, watch: Watch = SILENT) -> tup
         InputError: a grid of one amplitude or period, too small a budget, or no design inside the limits.
         NumericalError: the motion diverges at a draw of the priors.
     """
-    store, key = Store(campaign.folder), key_of("searched", budget, design_key(campaign))
+    check_search(campaign, budget)
+    store, key = (
+        Store(campaign.folder),
+        key_of("searched", list(Searched.__dataclass_fields__), budget, design_key(campaign)),
+    )
     if not is_current(store.searched, key):
         write_stamped_json(store.searched, asdict(_search(campaign, budget, watch)), key)
     content: dict[str, Any] = read_json(store.searched, f"seatrial design {campaign.folder}")
@@ -89,16 +103,33 @@ def search_design(campaign: Campaign, budget: int, watch: Watch = SILENT) -> tup
     return found, family, write_schedule(store.schedule(store.searched), manoeuvre, family.sample_time)
 
 
-def _search(campaign: Campaign, budget: int, watch: Watch) -> Searched:
-    amplitude, period = campaign.grid()
-    lower, upper = np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
-    if not (lower < upper).all():
+def check_search(campaign: Campaign, budget: int) -> None:
+    """Check that there is something to search in, and enough to search it, before any work.
+
+    Raises:
+        InputError: a grid of one amplitude or period, too small a budget, or designs that are counted by the second or joule.
+    """
+    check_whole_trials(campaign, "--search")
+    lower, upper = _box(campaign)
+    for name, low, high in zip(("amplitude", "period"), lower, upper, strict=True):
+        if not low < high:
+            raise InputError(
+                campaign.where(f"design.{name}"),
+                found="one value",
+                expected="a range to search in",
+                remedy="give `from` below `to`, or leave out --search",
+            )
+    if budget < (fewest := POPULATION * len(campaign.families)):
         raise InputError(
-            campaign.where("design"),
-            found="a grid of one amplitude or one period",
-            expected="ranges to search in",
-            remedy="give `from` below `to` for both",
+            "--search",
+            found=f"{budget} design{'s' * (budget != 1)}",
+            expected=f"at least {fewest}: populations of {POPULATION} in each family",
+            remedy=f"ask for some {20 * fewest}",
         )
+
+
+def _search(campaign: Campaign, budget: int, watch: Watch) -> Searched:
+    lower, upper = _box(campaign)
     model = campaign.model(campaign.full)
     plan, best = plan_of(campaign, model), design_first(campaign, watch).best
     draws = prior_draws(campaign, model)
@@ -108,7 +139,7 @@ def _search(campaign: Campaign, budget: int, watch: Watch) -> Searched:
         share, seed = budget // len(campaign.families), campaign.source.campaign.seed
         progress = watch.progress(f"global search: {family.words}")
         try:
-            found.append((family, search_globally(worth, lower, upper, share, seed, progress=progress)))
+            found.append((family, search_globally(worth, lower, upper, share, seed, POPULATION, progress=progress)))
         except InputError as error:
             if "allowed" not in error.found:
                 raise
@@ -134,7 +165,7 @@ def _search(campaign: Campaign, budget: int, watch: Watch) -> Searched:
     row, column = best.best
     grid = design_words(best.family, float(best.amplitude[row]), float(best.period[column]))
     at = optimum.settings
-    evaluations = sum(one.evaluations for _, one in found)
+    evaluations = budget // len(campaign.families) // POPULATION * POPULATION * len(campaign.families)
     return Searched(
         family.kind,
         float(at[0]),
@@ -146,7 +177,15 @@ def _search(campaign: Campaign, budget: int, watch: Watch) -> Searched:
         optimum.settled,
         safety,
         tuple(refused),
+        utility_unit(campaign),
+        budget,
     )
+
+
+def _box(campaign: Campaign) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest amplitude and period of the grid."""
+    amplitude, period = campaign.grid()
+    return np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
 
 
 def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.ndarray):

@@ -17,13 +17,18 @@ class Goal:
         shares: standard deviation wanted of a coefficient, as a share of its value.
         sds: standard deviation wanted, SI.
         decided: whether one structure is to hold 95 % of the probability.
-        trials: most trials to run.
+        trials: most trials to run; where nothing else is asked for, the goal is met once these are run.
     """
 
     shares: Mapping[str, float]
     sds: Mapping[str, float]
     decided: bool
     trials: int
+
+    @property
+    def only_trials(self) -> bool:
+        """Whether nothing is asked for but a number of trials: all of them are run then."""
+        return not (self.shares or self.sds or self.decided)
 
     def unmet(self, known: Mapping[str, tuple[float, float]]) -> dict[str, float]:
         """Coefficients not yet known well enough, each with its standard deviation over the one wanted.

@@ -6,8 +6,9 @@ from seatrial.campaign.config import FILE_NAME, Campaign
 from seatrial.campaign.earlier import with_earlier
 from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
-from seatrial.campaign.simulated import beyond_structures
+from seatrial.campaign.simulated import actuator_lag, beyond_structures
 from seatrial.campaign.toml_file import read_toml
+from seatrial.campaign.utilities import check_utility
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.priors import Uniform
@@ -74,7 +75,25 @@ def _check(campaign: Campaign) -> None:
     _ = campaign.families, campaign.grid(), campaign.limits(), campaign.motion_limits, campaign.goal
     if campaign.source.design.per == "joule":
         campaign.power()
+    check_utility(campaign)
+    _check_ranges(campaign)
     _check_source(campaign, names | beyond_structures(campaign))
+
+
+def _check_ranges(campaign: Campaign) -> None:
+    """A range of one point has one end."""
+    table = campaign.source.design
+    ranges = {"amplitude": table.amplitude, "period": table.period}
+    if table.relay is not None:
+        ranges["relay.threshold"] = table.relay.threshold
+    for name, one in ranges.items():
+        if one.points == 1 and one.start != one.stop:
+            raise InputError(
+                campaign.where(f"design.{name}"),
+                found=f"1 point from {one.start} to {one.stop}",
+                expected="2 points or more, or `from` and `to` the same",
+                remedy="ask for more points",
+            )
 
 
 def _check_source(campaign: Campaign, names: set[str]) -> None:
@@ -94,6 +113,14 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
                 expected="one of " + ", ".join(sorted(names)),
                 remedy=nearest(name, names),
             )
+    lag = actuator_lag(source.design.control)
+    if source.truth.get(lag, 0.0) < 0:
+        raise InputError(
+            campaign.where(f"truth.{lag}"),
+            found=f"{source.truth[lag]:g} s",
+            expected="0 s or more",
+            remedy="give the time constant of the actuator; 0 s is none",
+        )
     moves_ahead = "u" in campaign.model(campaign.full).states
     if source.estimation.initial == "trim" and moves_ahead and "u" not in campaign.hull.trim:
         raise InputError(

@@ -18,7 +18,7 @@ from seatrial.campaign.problem import random_key
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.utilities import UTILITY_DRAWS
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import plan_of
+from seatrial.campaign.weighing import check_whole_trials, plan_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
 from seatrial.design.agreement import Agreement, compare_utilities
@@ -70,6 +70,7 @@ def compare_measures(campaign: Campaign, count: int, watch: Watch = SILENT) -> M
     Raises:
         NumericalError: the motion diverges at a draw of the priors.
     """
+    check_whole_trials(campaign, "--compare", joules=True)
     store, key = Store(campaign.folder), key_of("measures", count, design_key(campaign))
     if not is_current(store.measures, key):
         write_dataset(store.measures, _compute(campaign, count, watch), key)

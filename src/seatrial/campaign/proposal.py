@@ -38,8 +38,13 @@ def propose(outcome: Outcome) -> Proposal:
     if wrong:
         return Proposal(None, (*standing, *wrong))
     goal, unmet, doubt = outcome.campaign.goal, _unmet(outcome), _in_doubt(outcome)
+    counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
-        return Proposal(None, (*standing, "stop: the goal is met"))
+        if not counting:
+            return Proposal(None, (*standing, "stop: the goal is met"))
+        if len(outcome.trials.fit) >= goal.trials:
+            trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
+            return Proposal(None, (*standing, f"stop: {trials} run, which is all that [goal] asks for"))
     found = outcome.contenders
     if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
         sweep = outcome.next.best
@@ -50,7 +55,7 @@ def propose(outcome: Outcome) -> Proposal:
             return _run(outcome, sweep, found.decisive, standing, promise)
     sweep = outcome.next.best
     gain = float(sweep.gain[sweep.best])
-    if gain < ENOUGH:
+    if gain < ENOUGH and not counting:
         why = f"stop: another trial of this kind would teach little ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, (*standing, why))
     return _run(outcome, sweep, sweep.best, standing, f"it lowers the entropy of the coefficients by {gain:.2f} nat")
@@ -92,8 +97,15 @@ def _standing(outcome: Outcome) -> tuple[str, ...]:
     known = _known(outcome)
     for name, ratio in _unmet(outcome).items():
         mean, sd = known[name]
-        lines.append(f"{name} is known to {percent(sd / abs(mean))}, {ratio:.2g} times what is wanted")
+        lines.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
     return tuple(lines)
+
+
+def _beside_wanted(share: float, wanted: float) -> str:
+    """Both in per cent, with as many digits as tell them apart."""
+    if percent(share) != percent(wanted):
+        return f"{percent(share)}, {percent(wanted)}"
+    return f"{100 * share:.4g} %, {100 * wanted:.4g} %"
 
 
 def _wrong(outcome: Outcome) -> tuple[str, ...]:

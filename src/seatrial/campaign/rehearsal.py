@@ -28,6 +28,7 @@ from seatrial.campaign.rehearsal_result import ADAPTIVE, Rehearsal
 from seatrial.campaign.rehearsal_vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
+from seatrial.campaign.weighing import check_whole_trials
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
@@ -69,6 +70,7 @@ def rehearse(campaign: Campaign, truths: int, watch: Watch = SILENT) -> Rehearsa
         NumericalError: a prior of which hardly a draw can be simulated.
     """
     campaign.check_surge("a rehearsal")
+    check_whole_trials(campaign, "a rehearsal", joules=True)
     goal = _goal(campaign)
     if truths < FEWEST_VEHICLES:
         raise InputError(

@@ -7,12 +7,16 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float, Int
-from scipy.stats import beta
+from scipy.stats import beta, binomtest
 
 ADAPTIVE = "adaptive"
 WITHIN = 1.64
 """Standard deviations of an estimate within which the truth lies with 90 % probability."""
 HONEST = 0.9
+MANY = 30
+"""Vehicles from which the share of honest intervals is nearly normal."""
+CHANCE = 0.05
+"""Probability below which a difference between strategies is not put down to chance."""
 SURE = 3.0
 """Standard errors beyond which a difference is not chance."""
 
@@ -53,6 +57,10 @@ class Rehearsal:
     def most(self) -> int:
         """N."""
         return self.data.sizes["trial"]
+
+    @property
+    def _most(self) -> str:
+        return f"{self.most} trial{'s' * (self.most != 1)}"
 
     @property
     def needed(self) -> Int[np.ndarray, "V S"]:
@@ -102,6 +110,26 @@ class Rehearsal:
         distance = np.abs(self.data["estimate"].values[last] - self.data["truth"].values)
         return _mean((distance <= WITHIN * self.data["sd"].values[last]).mean(1))
 
+    def honest_band(self, strategy: str) -> tuple[float, float]:
+        """95 % interval of `honest_share`: of few vehicles the binomial one (Clopper and Pearson), as if each were one case."""
+        share = self.honest_share(strategy)
+        if self.vehicles >= MANY:
+            return share.value - 1.96 * share.error, share.value + 1.96 * share.error
+        inside, n = share.value * self.vehicles, self.vehicles
+        low = 0.0 if inside == 0 else float(beta.ppf(0.025, inside, n - inside + 1))
+        return low, 1.0 if inside == n else float(beta.ppf(0.975, inside + 1, n - inside))
+
+    def more_often(self, strategy: str) -> tuple[Mean, float]:
+        """Share of the vehicles in which the adaptive strategy met the goal and the other did not, less the opposite.
+
+        Returns:
+            the difference, and the probability that chance alone makes one as large (McNemar's test, exact).
+        """
+        here, there = (self.met[:, self.strategies.index(name)] for name in (ADAPTIVE, strategy))
+        gained, lost = int((here & ~there).sum()), int((there & ~here).sum())
+        chance = binomtest(gained, gained + lost).pvalue if gained + lost else 1.0
+        return _mean(here.astype(float) - there), float(chance)
+
     def lines(self) -> list[str]:
         """A table of the strategies, and what was found in words."""
         heads = ("", "trials", "never met", "adaptive saves", "truth within 1.64 sd", *self.coefficients)
@@ -109,7 +137,7 @@ class Rehearsal:
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         said = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
         said.append(
-            f"columns of coefficients: median sd at the end, SI; {self.vehicles} vehicles, {self.most} trials at most"
+            f"columns of coefficients: median sd at the end, SI; {self.vehicles} vehicles, {self._most} at most"
         )
         return [*said, *self.verdicts()]
 
@@ -117,7 +145,7 @@ class Rehearsal:
         """One sentence for each strategy that the adaptive one is compared with, and one about those that never met the goal."""
         said = [self._compared(name) for name in self.strategies if name != ADAPTIVE]
         if not self.met.all():
-            said.append(f"a vehicle that never met the goal counts as {self.most} trials: it would have needed more")
+            said.append(f"a vehicle that never met the goal counts as {self._most}: it would have needed more")
         if self.refused:
             drawn = self.vehicles + self.refused
             said.append(f"{self.refused} of {drawn} draws from the prior ran away and were drawn again")
@@ -127,10 +155,10 @@ class Rehearsal:
         """Strategies after which the stated uncertainty does not hold."""
         found = {name: self.honest_share(name) for name in self.strategies}
         return [
-            f"{name}: the truth lies within 1.64 sd in {share.value:.0%} ± {share.error:.0%} of the cases, and should in 90 %: "
+            f"{name}: the truth lies within 1.64 sd in {self._honest(name)} of the cases, and should in 0.90: "
             "the posterior is not normal about its mode, and goals may have been met too early"
             for name, share in found.items()
-            if share.value + SURE * share.error < HONEST
+            if max(share.value + SURE * share.error, self.honest_band(name)[1]) < HONEST
         ]
 
     def _row(self, name: str) -> Sequence[str]:
@@ -138,10 +166,23 @@ class Rehearsal:
         saved = "-" if name == ADAPTIVE else _signed(self.saved_against(name))
         never = int((~self.met[:, column]).sum())
         sds = (f"{sd:.3g}" for sd in self.median_sd(name)[-1])
-        return (name, _said(self.trials_of(name)), str(never), saved, _said(self.honest_share(name)), *sds)
+        return (name, _said(self.trials_of(name)), str(never), saved, self._honest(name), *sds)
+
+    def _honest(self, name: str) -> str:
+        share, (low, high) = self.honest_share(name), self.honest_band(name)
+        return _said(share) if self.vehicles >= MANY else f"{share.value:.2f} ({low:.2f} to {high:.2f})"
 
     def _compared(self, name: str) -> str:
         saved, of = self.saved_against(name), self.trials_of(name)
+        more, chance = self.more_often(name)
+        if more.value and not abs(saved.value) > 2.0 * saved.error:
+            # Trials beyond the most allowed are not counted, so that they cannot tell the two apart: what they reached may.
+            here, there = (float(self.share_met(one)[0][-1]) for one in (ADAPTIVE, name))
+            words = (
+                f"within {self._most} choosing each anew meets the goal in {here:.0%} of the vehicles and "
+                f"this in {there:.0%}, {100 * more.value:+.0f} ± {100 * more.error:.0f} points"
+            )
+            return f"against {name}: {words}" + (", which may be chance" if chance > CHANCE else "")
         if abs(saved.value) <= 2.0 * saved.error:
             return f"against {name}: no difference beyond chance, {_signed(saved)} trials of {of.value:.1f}"
         verb = "saves" if saved.value > 0 else "costs"

@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 from seatrial.campaign.belief import belief_space, believed, coefficient_priors
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.problem import random_key
-from seatrial.campaign.weighing import plan_of
+from seatrial.campaign.schema import RelayTable
+from seatrial.campaign.weighing import check_whole_trials, plan_of
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.state_space import StateSpace
@@ -64,21 +65,7 @@ def relay_loop(campaign: Campaign) -> RelayLoop:
     Raises:
         InputError: no such table, or an output that is not measured or does not answer the control.
     """
-    table, model = campaign.source.design.relay, campaign.model(campaign.full)
-    if table is None:
-        raise InputError(
-            campaign.where("design.relay"),
-            found="nothing",
-            expected="the output that is fed back, and its thresholds",
-            remedy='add [design.relay] with output = "r" and threshold = { from = "2 deg/s", to = "10 deg/s", points = 8 }',
-        )
-    if table.output not in campaign.channels:
-        raise InputError(
-            campaign.where("design.relay.output"),
-            found=f'"{table.output}"',
-            expected="a measured channel: " + ", ".join(campaign.channels),
-            remedy=nearest(table.output, campaign.channels),
-        )
+    table, model = check_relay(campaign), campaign.model(campaign.full)
     shared, plan, rate = campaign.family, plan_of(campaign, model), campaign.limits().rate
     priors, trim = coefficient_priors(campaign, model), campaign.control_trim(model)
     space, scales = belief_space(campaign, model, believed(priors))
@@ -97,6 +84,31 @@ def relay_loop(campaign: Campaign) -> RelayLoop:
     )
     thresholds = campaign.range(table.threshold, signal_unit(table.output), "design.relay.threshold")
     return RelayLoop(family, space, scales, plan, thresholds)
+
+
+def check_relay(campaign: Campaign) -> RelayTable:
+    """`[design.relay]`, found before any work to be there and to feed back what is measured.
+
+    Raises:
+        InputError: no such table, an output that is not measured, or designs that are counted by the second.
+    """
+    check_whole_trials(campaign, "--self-oscillation", joules=True)
+    table = campaign.source.design.relay
+    if table is None:
+        raise InputError(
+            campaign.where("design.relay"),
+            found="nothing",
+            expected="the output that is fed back, and its thresholds",
+            remedy='add [design.relay] with output = "r" and threshold = { from = "2 deg/s", to = "10 deg/s", points = 8 }',
+        )
+    if table.output not in campaign.channels:
+        raise InputError(
+            campaign.where("design.relay.output"),
+            found=f'"{table.output}"',
+            expected="a measured channel: " + ", ".join(campaign.channels),
+            remedy=nearest(table.output, campaign.channels),
+        )
+    return table
 
 
 def sensor_noise(campaign: Campaign, output: str, count: int) -> Float[np.ndarray, "S n"]:

@@ -98,7 +98,9 @@ class RelayTrial:
             f"({low:.3g} to {high:.3g}), second {after[1]:.3g} {y_unit} ({after[0]:.3g} to {after[2]:.3g})",
             f"it oscillates in {self.oscillates:.0%} of the vehicles that are believed possible",
             *(
-                (f"{self.passed_over} more informative designs may not oscillate, or break a limit",)
+                (
+                    f"{self.passed_over} more informative design{'s' * (self.passed_over != 1)} may not oscillate, or break a limit",
+                )
                 if self.passed_over
                 else ()
             ),
@@ -195,10 +197,13 @@ def _sure_best(
         if probability_at_least(kept.sum(), len(draws), CONFIDENCE) >= probability:
             report(len(order), len(order))
             return row, column, tried
-        most = max(most, (float(kept.mean()), words))
+        (c, c_unit), (y, y_unit) = shown_unit(loop.family.control), shown_unit(loop.family.output)
+        design = f"±{sweep.amplitude[row] * c:.4g} {c_unit} reversed at ±{threshold * y:.4g} {y_unit}"
+        most = max(most, (float(kept.mean()), f"{design}, {words}"))
     raise InputError(
         campaign.where("design.relay"),
-        found=f"no design of {len(order)} that is sure enough; the surest of them {most[1]}",
+        found=f"{len(order)} of {sweep.gain.size} designs of the grid oscillate at the prior means"
+        f", none of them surely enough; the surest, {most[1]}",
         expected=f"one at least that oscillates inside every limit with probability {probability:g}",
         remedy="lower the thresholds, lengthen the trial, narrow priors that let a vehicle hardly answer the control, or widen the limits",
     )

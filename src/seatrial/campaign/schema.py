@@ -203,7 +203,7 @@ class DesignTable(Table):
 
 class GoalTable(Table):
     """`[goal]`: what ends the campaign: `sd` of each coefficient, a quantity or a percentage of its value ("10 %"), whether one
-    structure is to hold 95 % of the probability, and the most trials to run."""
+    structure is to hold 95 % of the probability, and the most trials to run; where only these are given, all of them are run."""
 
     sd: dict[str, Quantity | float] = {}
     decided: bool = False

@@ -26,11 +26,13 @@ class SensorTable:
         names: coefficients.
         units: SI unit of each.
         rows: each choice in words, and what it is worth; the first is as the campaign says.
+        meets: whether each row meets the standard deviations of the goal; empty where it asks for none.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     rows: tuple[tuple[str, SensorWorth], ...]
+    meets: tuple[bool, ...] = ()
 
     def lines(self) -> list[str]:
         """A table."""
@@ -40,9 +42,11 @@ class SensorTable:
             for name, unit in zip(self.names, self.units, strict=True)
         ]
         lines = [f"{'sensors':<{width}}  {'nat':>6}  {'  '.join(columns)}"]
-        for words, worth in self.rows:
+        for (words, worth), met in zip(self.rows, self.meets or (False,) * len(self.rows), strict=True):
             values = [f"{sd:>{len(column)}.3g}" for sd, column in zip(worth.sd, columns, strict=True)]
-            lines.append(f"{words:<{width}}  {worth.utility:>6.2f}  {'  '.join(values)}")
+            lines.append(f"{words:<{width}}  {worth.utility:>6.2f}  {'  '.join(values)}{'  meets the goal' * met}")
+        if self.meets and not any(self.meets):
+            lines.append("none of them meets the goal with this one trial")
         return lines
 
 
@@ -54,15 +58,19 @@ def sensor_table(campaign: Campaign, watch: Watch = SILENT) -> SensorTable:
     """
     best, model, family = design_first(campaign, watch).best, campaign.model(campaign.full), campaign.family
     noise = {channel: campaign.noise(channel) for channel in campaign.channels}
-    plan = plan_trial(model, campaign.state_trim(model), noise, family.time().size, family.sample_time)
+    controls = best.best_controls()
+    plan = plan_trial(model, campaign.state_trim(model), noise, len(controls), family.sample_time)
     words, choices = zip(*_choices(campaign), strict=True)
     draws = prior_draws(campaign, model)
     cov = np.atleast_2d(np.cov(draws, rowvar=False))
-    found = sensor_worth(
-        plan, best.best_controls(), draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices
-    )
+    found = sensor_worth(plan, controls, draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices)
     units = tuple(model.unit_of(term) for term in model.coefficients)
-    return SensorTable(plan.names, units, tuple(zip(words, found, strict=True)))
+    goal, mean, meets = campaign.goal, draws.mean(0), ()
+    if goal is not None and (goal.shares or goal.sds):
+        meets = tuple(
+            not goal.unmet({name: (mean[i], worth.sd[i]) for i, name in enumerate(plan.names)}) for worth in found
+        )
+    return SensorTable(plan.names, units, tuple(zip(words, found, strict=True)), meets)
 
 
 def _choices(campaign: Campaign) -> list[tuple[str, SensorChoice]]:
@@ -70,7 +78,11 @@ def _choices(campaign: Campaign) -> list[tuple[str, SensorChoice]]:
     mask, step = campaign.measured_mask(campaign.family.time()), campaign.family.sample_time
     every = tuple(round(len(mask) / column.sum()) for column in mask.T)
     ones = (1.0,) * len(every)
-    found = [("as they are", SensorChoice(every, ones))]
+    rates = (
+        f"{channel} at {1.0 / (samples * step):.3g} Hz"
+        for channel, samples in zip(campaign.channels, every, strict=True)
+    )
+    found = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
     for i, channel in enumerate(campaign.channels):
         for rate in RATES:
             samples = round(1.0 / (rate * step))

@@ -22,6 +22,6 @@ def run_sequence(campaign: Campaign, watch: Watch = SILENT) -> tuple[Outcome, Pr
         for line in proposal.lines:
             watch.say(line)
         if len(outcome.trials.fit) >= goal.trials:
-            end = f"stop: {goal.trials} trials are run, the most that [goal] allows"
+            end = f"stop: {goal.trials} trial{'s are' if goal.trials != 1 else ' is'} run, the most that [goal] allows"
             return outcome, Proposal(None, (proposal.lines[0], end))
         add_trial(campaign, proposal.trial)

@@ -69,6 +69,9 @@ def simulated_records(campaign: Campaign, watch: Watch = SILENT) -> tuple[tuple[
         InputError: a true vehicle that runs away.
     """
     begun = _begun(campaign)
+    current, ahead = abs(campaign.source.truth.get(CURRENT, 0.0)), campaign.hull.trim.get("u")
+    if ahead is not None and current > abs(ahead):
+        watch.say(f"caution: the current of {current:g} m/s is faster than the vehicle at trim, {ahead:g} m/s")
     key, records = key_of("simulate", begun), []
     first = Store(campaign.folder).record(FIRST)
     if not is_current(first, key):

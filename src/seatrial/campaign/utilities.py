@@ -1,5 +1,7 @@
 """What makes a design of a campaign worth running: its filter, its criterion of the information, and the prediction it serves."""
 
+from math import inf
+
 import numpy as np
 from jaxtyping import Float
 
@@ -45,6 +47,49 @@ def utility_draws(campaign: Campaign, draws: Float[np.ndarray, "S k"]) -> Float[
     return draws.mean(0)[None] if campaign.source.design.over == "local" else draws[:UTILITY_DRAWS]
 
 
+def check_utility(campaign: Campaign) -> None:
+    """Check what makes a design the best: the prediction, what the utility needs, and what is counted.
+
+    Raises:
+        InputError: naming the key at fault.
+    """
+    table, where = campaign.source.design, campaign.where
+    wanted = stated_prediction(campaign, campaign.model(campaign.full))
+    if table.utility == "fisher-c" and wanted is None:
+        raise InputError(
+            where("design.utility"),
+            found='"fisher-c" without [design.prediction]',
+            expected="the prediction whose variance is to fall",
+            remedy='add [design.prediction] with of = "distance", control = "0 rpm" and after = "30 s"',
+        )
+    if table.utility == "discrimination" and not campaign.rules.optional:
+        raise InputError(
+            where("design.utility"),
+            found='"discrimination" of a single structure',
+            expected="terms whose presence the data decide",
+            remedy='add them to structure.optional, or set utility = "fisher-d"',
+        )
+    turnaround = campaign.si(table.turnaround, "s", "design.turnaround")
+    if not 0 <= turnaround < inf:
+        raise InputError(
+            where("design.turnaround"), found=f"{turnaround:g} s", expected="0 s or more", remedy='for example "2 min"'
+        )
+    if turnaround > 0 and table.per != "second":
+        raise InputError(
+            where("design.turnaround"),
+            found=f'{turnaround:g} s with per = "{table.per}", which does not count it',
+            expected='per = "second" beside it',
+            remedy='set per = "second", or remove turnaround',
+        )
+    if table.over == "worst" and table.per == "second":
+        raise InputError(
+            where("design.over"),
+            found='"worst" with per = "second"',
+            expected="mean or local",
+            remedy='set over = "mean"',
+        )
+
+
 def criterion_of(campaign: Campaign, plan: TrialPlan, draws: Float[np.ndarray, "S k"]) -> Criterion | Discrimination:
     """The campaign's criterion of the information about a plan's coefficients.
 
@@ -52,9 +97,6 @@ def criterion_of(campaign: Campaign, plan: TrialPlan, draws: Float[np.ndarray, "
         campaign: utility, prediction and structures.
         plan: vehicle of the trial.
         draws: its coefficients as they are believed, SI.
-
-    Raises:
-        InputError: no prediction, or nothing to tell apart.
     """
     table, cov = campaign.source.design, np.atleast_2d(np.cov(draws, rowvar=False))
     name = "fisher-d" if table.utility == "entropy" else table.utility
@@ -62,24 +104,11 @@ def criterion_of(campaign: Campaign, plan: TrialPlan, draws: Float[np.ndarray, "
         rivals = _rivals(campaign, plan.names)
         if len(rivals):
             return Discrimination(utility_draws(campaign, draws), rivals, cov)
-        if not campaign.rules.optional:
-            raise InputError(
-                campaign.where("design.utility"),
-                found='"discrimination" of a single structure',
-                expected="terms whose presence the data decide",
-                remedy='add them to structure.optional, or set utility = "fisher-d"',
-            )
         name = "fisher-d"  # the smallest structure was chosen: what settles it against others is searched beside this
     if name != "fisher-c":
         return find_criterion(name, cov)
     wanted = stated_prediction(campaign, plan.model)
-    if wanted is None:
-        raise InputError(
-            campaign.where("design.utility"),
-            found='"fisher-c" without [design.prediction]',
-            expected="the prediction whose variance is to fall",
-            remedy='add [design.prediction] with of = "distance", control = "0 rpm" and after = "30 s"',
-        )
+    assert wanted is not None  # `check_utility`
     return find_criterion(name, cov, wanted.at(draws.mean(0))[1])
 
 
@@ -102,7 +131,7 @@ def stated_prediction(campaign: Campaign, model: VehicleModel) -> Prediction | N
         )
     set_to = campaign.si(table.control, signal_unit(family.control), "design.prediction.control")
     control = [set_to if name == family.control else value for name, value in campaign.control_trim(model)]
-    with located(campaign.where("design.prediction")):
+    with located(campaign.where("design.prediction.of")):
         return prediction(model, table.of, campaign.state_trim(model), control, after, family.sample_time)
 
 

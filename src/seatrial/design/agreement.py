@@ -1,14 +1,17 @@
 """How well cheap utilities agree with an expensive one over the same designs: by rank, and by what choosing with them loses.
 
-Spearman's rank correlation with a bootstrap interval over the designs (Efron and Tibshirani, 1993), and the regret
-max(expensive) - expensive[argmax(cheap)].
+Spearman's rank correlation with a bootstrap interval over the designs (Efron and Tibshirani, 1993), the Monte Carlo errors drawn anew
+in every resample, and the regret max(expensive) - expensive[argmax(cheap)]. Where no resample has any other order than the designs,
+the interval reaches to the correlation of normal variables that would show as much in one sample of forty.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import brentq
 from scipy.stats import rankdata
 
 from seatrial.core.errors import InputError
@@ -69,14 +72,17 @@ def compare_utilities(
     error = np.broadcast_to(np.asarray(std_error, float), expensive.shape)
     for label, values in {name: expensive, **cheap}.items():
         _check(label, np.asarray(values, float), expensive.size)
-    resampled = np.random.default_rng(seed).integers(expensive.size, size=(RESAMPLES, expensive.size))
+    random = np.random.default_rng(seed)
+    resampled = random.integers(expensive.size, size=(RESAMPLES, expensive.size))
+    # The designs' own draws are common to all resamples of a design, so that one design drawn twice stays tied with itself.
+    again = (expensive + error * random.normal(size=resampled.shape))[np.arange(RESAMPLES)[:, None], resampled]
     best = int(np.argmax(expensive))
     compared = []
     for label, values in cheap.items():
         values = np.asarray(values, float)
         correlation = float(_spearman(values[None], expensive[None])[0])
-        spread = _spearman(values[resampled], expensive[resampled])
-        interval = _interval(spread[np.isfinite(spread)])
+        spread = _spearman(values[resampled], again)
+        interval = _interval(spread[np.isfinite(spread)], correlation, expensive.size)
         chosen = int(np.argmax(values))
         regret = float(expensive[best] - expensive[chosen])
         doubt = 0.0 if chosen == best else float(np.hypot(error[best], error[chosen]))
@@ -95,11 +101,26 @@ def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 0)
 
 
-def _interval(spread: np.ndarray) -> tuple[float, float]:
+def _interval(spread: np.ndarray, correlation: float, designs: int) -> tuple[float, float]:
     if spread.size < RESAMPLES / 2:
         return float("nan"), float("nan")
-    low, high = np.quantile(spread, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2])
-    return float(low), float(high)
+    low, high = map(float, np.quantile(spread, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]))
+    if high - low > 1e-9:
+        return min(low, correlation), max(high, correlation)
+    least = _least(designs)
+    return (least, 1.0) if correlation > 0 else (-1.0, -least)
+
+
+@lru_cache(maxsize=16)
+def _least(designs: int) -> float:
+    """Rank correlation of normal variables that still put so many designs into one order with the probability beside `LEVEL`."""
+    x, e = np.random.default_rng(0).normal(size=(2, RESAMPLES, designs))
+
+    def beyond(r: float) -> float:
+        return float(np.mean(_spearman(x, r * x + np.sqrt(1.0 - r * r) * e) > 1.0 - 1e-9)) - (0.5 - LEVEL / 2)
+
+    r: Any = brentq(beyond, -0.99, 1.0 - 1e-9, xtol=1e-4)
+    return float(6.0 / np.pi * np.arcsin(r / 2.0))
 
 
 def _of_ranks(correlation: float, interval: tuple[float, float]) -> str:
@@ -114,7 +135,7 @@ def _of_choice(regret: float, error: float, expensive: np.ndarray, unit: str) ->
     span = float(np.ptp(expensive))
     lost = f"{regret:.3g} {unit} ({regret / span:.1%} of the range over these designs)"
     if regret <= 2.0 * error:
-        return f"its choice seems to lose {lost}, no more than the Monte Carlo error of {error:.2g} {unit} explains"
+        return f"its choice seems to lose {lost}, within two Monte Carlo standard errors of the difference, {2 * error:.2g} {unit}"
     return f"its choice loses {lost}" + (f", Monte Carlo error {error:.2g}" if error else "")
 
 

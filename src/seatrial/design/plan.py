@@ -4,12 +4,12 @@ A plan is a pytree: the numbers are leaves, so that code compiled for one vehicl
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from seatrial.core.trees import compiled_tree
 from seatrial.estimation.information import coefficient_information
@@ -46,6 +46,14 @@ class TrialPlan:
         """Sample times, s."""
         step = np.asarray(self.step)
         return np.concatenate([[0.0], np.cumsum(step)[:-1]])
+
+    def until(self, samples: Int[Array, ""] | int) -> "TrialPlan":
+        """The plan of a trial that is ended after so many samples: from then on the motion stands still and nothing is measured.
+
+        Its arrays keep their shapes, so that what is compiled serves any end; traced, may be batched over the samples.
+        """
+        taken = jnp.arange(self.step.shape[0]) < samples
+        return replace(self, step=jnp.where(taken, self.step, 0.0), weight=jnp.where(taken[:, None], self.weight, 0.0))
 
     def motion(self, values: Float[Array, " k"], control: Float[Array, "n c"]) -> Float[Array, "n n_states"]:
         """States at every sample under a control, without noise; may be batched.

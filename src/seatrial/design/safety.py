@@ -130,6 +130,7 @@ def judge_safety(
     limits: Sequence[MotionLimit],
     probability: float = 0.95,
     confidence: float = 0.95,
+    samples: Int[np.ndarray, " D"] | None = None,
 ) -> Safety:
     """Simulate every design with every draw and count which limits hold from the first sample to the end of the last step.
 
@@ -140,6 +141,7 @@ def judge_safety(
         limits: limits of the motion.
         probability: with which all must hold together.
         confidence: of that claim.
+        samples: after which each design is ended; None where all run to the end of the plan.
 
     Raises:
         InputError: limits that the vehicle cannot have, arrays of other shapes or without a number, or so few draws that not even
@@ -148,7 +150,8 @@ def judge_safety(
     check_motion_limits(plan.model, limits)
     _check(probability, confidence, len(draws))
     controls, draws = check_runs(plan, controls, draws)
-    least, finite = in_blocks(partial(_rooms, plan, tuple(limits), draws=jnp.asarray(draws)), controls)
+    ends = np.full(len(controls), plan.step.shape[0]) if samples is None else np.asarray(samples)
+    least, finite = in_blocks(partial(_rooms, plan, tuple(limits), jnp.asarray(draws)), controls, ends)
     rooms = np.where(finite[..., None], least, -np.inf)
     return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(1))
 
@@ -245,9 +248,9 @@ def check_runs(
 
 
 @jax.jit
-def _rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array) -> tuple[Array, Array]:
+def _rooms(plan: TrialPlan, limits: tuple, draws: Array, controls: Array, ends: Array) -> tuple[Array, Array]:
     of_draws = jax.vmap(least_rooms, in_axes=(None, None, 0, None))
-    return jax.vmap(of_draws, in_axes=(None, None, None, 0))(plan, limits, draws, controls)
+    return jax.vmap(lambda control, end: of_draws(plan.until(end), limits, draws, control))(controls, ends)
 
 
 @jax.jit

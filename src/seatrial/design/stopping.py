@@ -8,6 +8,7 @@ trial that is often at once.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -26,6 +27,22 @@ ENDS = 30
 """Ends of a trial that are weighed for each of many designs."""
 LOSS = 1e-9
 """Loss of utility along the trial that is rounding, as a share of the largest gain."""
+
+
+class BestStops(NamedTuple):
+    """When to end each of D designs; S draws, k coefficients.
+
+    Attributes:
+        rate: most gain for a second, 1/s.
+        samples: taken by the end that has it.
+        length: time by then, s.
+        information: Fisher information of these samples, SI; zero where it is no finite number.
+    """
+
+    rate: Float[np.ndarray, " D"]
+    samples: Int[np.ndarray, " D"]
+    length: Float[np.ndarray, " D"]
+    information: Float[np.ndarray, "D S k k"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +100,8 @@ def best_stops(
     utility: Utility,
     overhead: float,
     ends: int = ENDS,
-) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
-    """Most gain for a second of each design, 1/s, and the length of the trial that has it, s.
+) -> BestStops:
+    """End of each design that has most gain for a second; ends by which a motion diverges at a draw are no choice.
 
     Args:
         plan: vehicle, start and sensors.
@@ -95,7 +112,7 @@ def best_stops(
         ends: evenly spaced ends to choose from.
 
     Raises:
-        NumericalError: a motion diverges.
+        NumericalError: a motion diverges before the first end.
     """
     controls, draws = check_runs(plan, controls, draws)
     n, k, shape = plan.step.shape[0], len(plan.names), (len(controls), len(draws))
@@ -103,14 +120,16 @@ def best_stops(
     design, draw = (index.ravel() for index in np.indices(shape))
     held = jnp.asarray(controls)
     found = in_blocks(lambda which, values: (_until(plan, held, at, which, values),), design, draws[draw])[0]
-    if not np.isfinite(found).all():
-        raise NumericalError("a motion diverges at a draw of the coefficients: narrow the priors, or excite less")
     by_end = np.moveaxis(found.reshape(*shape, at.size, k, k), 2, 1)
+    finite = np.isfinite(by_end).all(axis=(2, 3, 4))
+    if not finite.any(1).all():
+        raise NumericalError("a motion diverges at a draw of the coefficients: narrow the priors, or excite less")
+    by_end = np.where(np.asarray(finite)[:, :, None, None, None], by_end, 0.0)
     gain = np.asarray(utility(by_end)).mean(-1) - np.asarray(utility(np.zeros((shape[1], k, k)))).mean()
     length = np.cumsum(np.asarray(plan.step))[np.asarray(at) - 1]
-    rate = gain / (overhead + length)
-    best = rate.argmax(1)
-    return rate[np.arange(shape[0]), best], length[best]
+    rate = np.where(finite, gain / (overhead + length), -np.inf)
+    best, each = rate.argmax(1), np.arange(shape[0])
+    return BestStops(rate[each, best], np.asarray(at)[best], length[best], by_end[each, best])
 
 
 @jax.jit

@@ -12,11 +12,14 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.shown import shown_unit
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
+from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import summarise_filter
+from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
@@ -24,6 +27,9 @@ Trim = tuple[tuple[str, float], ...]
 """Every control's name and trim value, SI, in the vehicle's order."""
 LANES = 80
 """Designs in one call on a CPU: fewer leave its vector units idle, more no longer fit its cache."""
+
+FILTERS = {ExtendedKalmanFilter: "extended", UnscentedKalmanFilter: "unscented"}
+"""Filters beside the square-root unscented one, in words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,12 @@ class Sweep:
         """All controls of the best design, as `controls`."""
         return self.controls(*self.best, trim)
 
+    def as_run(self) -> "Sweep":
+        """The sweep with the duration of its best design, as long as that is to be run."""
+        if self.length is None:
+            return self
+        return replace(self, family=replace(self.family, duration=float(self.length[self.best])))
+
     def best_manoeuvre(self) -> Manoeuvre:
         """The best design, as long as it is to be run."""
         row, column = self.best
@@ -112,13 +124,13 @@ def sweep_family(
         trim: every control's name and trim value, in the vehicle's order; None where the family's is the only one.
 
     Raises:
-        InputError: no design of the grid is inside the limits; the least violation of each limit is named.
+        InputError: no design of the grid is inside the limits; the gentlest is named with all that it breaks.
         NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
     """
     amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
     trim = ((family.control, family.trim),) if trim is None else trim
     controls = all_controls(family, trim, amplitudes, periods)
-    allowed = _allowed(family, controls[..., _place(family, trim)], periods, limits)
+    allowed = _allowed(family, controls[..., _place(family, trim)], amplitudes, periods, limits)
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
@@ -127,11 +139,11 @@ def sweep_family(
     gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), controls)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
-        worst = int(np.argmax(broken))
+        worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
         raise NumericalError(
-            f"the filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude {amplitudes[worst]:.4g} "
-            f"and period {periods[worst]:.4g} s (SI): the expected motion diverges or the prior is too wide for it; "
-            "narrow the priors"
+            f"the {name or 'square-root unscented'} filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude "
+            f"{amplitudes[worst] * factor:.4g} {unit} and period {periods[worst]:.4g} s: the expected motion diverges or the prior is "
+            "too wide for it; narrow the priors" + (', or set filter = "square-root-unscented"' if name else "")
         )
     shape = (len(amplitude), len(period))
     return Sweep(
@@ -157,27 +169,43 @@ def _place(family: Family, trim: Trim) -> int:
     return [name for name, _ in trim].index(family.control)
 
 
-def _allowed(family: Family, controls: np.ndarray, periods: np.ndarray, limits: Limits) -> np.ndarray:
+def _allowed(
+    family: Family, controls: np.ndarray, amplitudes: np.ndarray, periods: np.ndarray, limits: Limits
+) -> np.ndarray:
     fits = family.fits(periods)
     if not fits.any():
         found = f"periods from {periods.min():g} s to {periods.max():g} s"
         raise InputError(f"design grid, {family.words}", found=found, **family.expected())
-    excesses = [limits.excess(control, family.sample_time) for control in controls]
+    excesses: list[dict[str, tuple[float, float]]] = [limits.excess(one, family.sample_time) for one in controls]
     allowed = fits & np.array([not excess for excess in excesses])
     if not allowed.any():
-        found = []
-        for name in sorted({name for excess in excesses for name in excess}):
-            reached, bound = min(
-                (excess[name] for excess in excesses if name in excess), key=lambda pair: abs(pair[0] - pair[1])
-            )
-            found.append(f"{name} limit {bound:.6g}, but the gentlest design reaches {reached:.6g}")
+        factor, unit = _shown(family.control)
+        # One that breaks the fewest limits, and of these the one whose excesses, as shares of the bounds, are least together.
+        gentlest = min(np.flatnonzero(fits), key=lambda i: (len(excesses[i]), sum(map(_share, excesses[i].values()))))
+        broken = " and ".join(
+            f"{name} limit {bound * factor:.6g}{f' {unit}/s' if name == 'rate' else f' {unit}'}, reaching {reached * factor:.6g}"
+            for name, (reached, bound) in excesses[gentlest].items()
+        )
         raise InputError(
             f"design grid, control {family.control}",
-            found="; ".join(found) + " (SI)",
+            found=f"no design of {fits.sum()} inside the limits; the gentlest, of amplitude {amplitudes[gentlest] * factor:.4g} {unit} "
+            f"and period {periods[gentlest]:.4g} s, breaks its {broken}",
             expected="at least one design inside the limits",
             remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it",
         )
     return allowed
+
+
+def _share(excess: tuple[float, float]) -> float:
+    reached, bound = excess
+    return abs(reached - bound) / max(abs(bound), 1e-9)
+
+
+def _shown(control: str) -> tuple[float, str]:
+    try:
+        return shown_unit(control)
+    except KeyError:  # a control that is no signal of a vehicle
+        return 1.0, "(SI)"
 
 
 def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarray]:

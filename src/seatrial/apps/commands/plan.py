@@ -1,5 +1,6 @@
 """Before the trial: a campaign file, what its priors mean, the most informative trial."""
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -71,6 +72,7 @@ def design(
         from seatrial.campaign.known import known_before
         from seatrial.campaign.store import Store
 
+        _check_options(campaign, free_form, self_oscillation, trials, search, compare)
         designs = design_first(campaign, watch)
         first, *others = designs.lines()
         typer.echo(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
@@ -79,37 +81,93 @@ def design(
         promised = known_before(campaign, designs.best)
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
         typer.echo("\n".join(promised.lines()))
-        if free_form:
-            from seatrial.campaign.free_trial import design_free_trial
-
-            found, schedule = design_free_trial(campaign, free_form, watch)
-            typer.echo("\n".join(found.lines()))
-            typer.echo(f"schedule: {schedule}")
-        if self_oscillation:
-            from seatrial.campaign.relay_trial import design_relay_trial
-            from seatrial.report.relay_picture import write_relay_picture
-
-            test, schedule = design_relay_trial(campaign, watch)
-            typer.echo("\n".join(test.lines()))
-            typer.echo(f"schedule as foreseen: {schedule}; picture: {write_relay_picture(campaign, test)}")
-        if trials:
-            from seatrial.campaign.batch_trial import plan_together
-
-            typer.echo("\n".join(plan_together(campaign, trials, watch).lines()))
-        if sensors:
-            from seatrial.campaign.sensor_table import sensor_table
-
-            typer.echo("\n".join(sensor_table(campaign, watch).lines()))
-        if search:
-            from seatrial.campaign.global_trial import search_design
-
-            searched, family, schedule = search_design(campaign, search, watch)
-            typer.echo("\n".join(searched.lines(family)))
-            typer.echo(f"schedule: {schedule}")
-        if compare:
-            from seatrial.campaign.measures import compare_measures
-
-            typer.echo("\n".join(compare_measures(campaign, max(compare, 5), watch).lines()))
+        asked = (
+            (free_form, lambda: _free_form(campaign, free_form, watch)),
+            (self_oscillation, lambda: _self_oscillation(campaign, watch)),
+            (trials, lambda: _together(campaign, trials, watch)),
+            (sensors, lambda: _sensors(campaign, watch)),
+            (search, lambda: _searched(campaign, search, watch)),
+            (compare, lambda: _compared(campaign, max(compare, 5), watch)),
+        )
+        _each([one for wanted, one in asked if wanted])
         return Exit.OK
 
     with_campaign(folder, quiet, work)
+
+
+def _check_options(
+    campaign: Any, free_form: int, self_oscillation: bool, trials: int, search: int, compare: int
+) -> None:
+    """Look for what each option needs before any work."""
+    from seatrial.campaign.free_trial import check_free_trial
+    from seatrial.campaign.global_trial import check_search
+    from seatrial.campaign.relay_loop import check_relay
+    from seatrial.campaign.weighing import check_whole_trials
+
+    if free_form:
+        check_free_trial(campaign)
+    if self_oscillation:
+        check_relay(campaign)
+    if trials:
+        check_whole_trials(campaign, "--trials")
+    if search:
+        check_search(campaign, search)
+    if compare:
+        check_whole_trials(campaign, "--compare", joules=True)
+
+
+def _each(options: list[Callable[[], list[str]]]) -> None:
+    """Print what each option finds; one that fails does not keep the others from running, and ends the command after them."""
+    from seatrial.apps.console import fail
+    from seatrial.core.errors import SeatrialError
+
+    failed = []
+    for option in options:
+        try:
+            typer.echo("\n".join(option()))
+        except SeatrialError as error:
+            failed.append(error)
+    for error in failed[:-1]:
+        fail(str(error))
+    if failed:
+        raise failed[-1]
+
+
+def _free_form(campaign: Any, levels: int, watch: Any) -> list[str]:
+    from seatrial.campaign.free_trial import design_free_trial
+
+    found, schedule = design_free_trial(campaign, levels, watch)
+    return [*found.lines(), f"schedule: {schedule}"]
+
+
+def _self_oscillation(campaign: Any, watch: Any) -> list[str]:
+    from seatrial.campaign.relay_trial import design_relay_trial
+    from seatrial.report.relay_picture import write_relay_picture
+
+    test, schedule = design_relay_trial(campaign, watch)
+    return [*test.lines(), f"schedule as foreseen: {schedule}; picture: {write_relay_picture(campaign, test)}"]
+
+
+def _together(campaign: Any, trials: int, watch: Any) -> list[str]:
+    from seatrial.campaign.batch_trial import plan_together
+
+    return plan_together(campaign, trials, watch).lines()
+
+
+def _sensors(campaign: Any, watch: Any) -> list[str]:
+    from seatrial.campaign.sensor_table import sensor_table
+
+    return sensor_table(campaign, watch).lines()
+
+
+def _searched(campaign: Any, designs: int, watch: Any) -> list[str]:
+    from seatrial.campaign.global_trial import search_design
+
+    found, family, schedule = search_design(campaign, designs, watch)
+    return [*found.lines(family), f"schedule: {schedule}"]
+
+
+def _compared(campaign: Any, designs: int, watch: Any) -> list[str]:
+    from seatrial.campaign.measures import compare_measures
+
+    return compare_measures(campaign, designs, watch).lines()
