@@ -28,7 +28,12 @@ def main(folder: Path) -> None:
     """Simulate and write."""
     time, states, control = dive()
     noise = np.random.default_rng(7)
-    columns = {"t": time, "rpm": control[:, 0] / RPM, "rudder_deg": control[:, 1] / DEG, "plane_deg": control[:, 2] / DEG}
+    columns = {
+        "t": time,
+        "rpm": control[:, 0] / RPM,
+        "rudder_deg": control[:, 1] / DEG,
+        "plane_deg": control[:, 2] / DEG,
+    }
     for name, sd in NOISE.items():
         columns[name] = states[name] + sd * noise.normal(size=time.size)
     with (folder / "dive.csv").open("w", newline="") as file:
