@@ -11,7 +11,7 @@ from seatrial.campaign.design_words import design_words
 from seatrial.campaign.designs import design_first
 from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store
-from seatrial.campaign.utilities import UTILITY_DRAWS, criterion_of
+from seatrial.campaign.utilities import criterion_of, utility_draws
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.campaign.weighing import check_whole_trials, plan_of, utility_unit
 from seatrial.design.batch import Batch, plan_batch
@@ -56,7 +56,7 @@ class PlannedBatch:
 
 
 def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> PlannedBatch:
-    """Choose so many trials among all designs inside the limits, averaged over draws of the priors.
+    """Choose so many trials among all designs inside the limits, weighed as one alone is.
 
     Raises:
         InputError: no design inside the limits.
@@ -66,6 +66,7 @@ def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> Pla
     designs, model = design_first(campaign, watch), campaign.model(campaign.full)
     plan = plan_of(campaign, model)
     draws = prior_draws(campaign, model)
+    few = utility_draws(campaign, draws)
     places, controls = [], []
     for sweep in designs.sweeps:
         rows, columns, held = sweep.inside()
@@ -75,9 +76,8 @@ def plan_together(campaign: Campaign, trials: int, watch: Watch = SILENT) -> Pla
     report = watch.progress(f"information of {len(every)} design{'s' * (len(every) != 1)}")
     for start in range(0, len(every), BLOCK):
         report(start, len(every))
-        information.append(information_table(plan, every[start : start + BLOCK], draws[:UTILITY_DRAWS]))
+        information.append(information_table(plan, every[start : start + BLOCK], few))
     report(len(every), len(every))
-    # Its draws are those of the information, also where one design alone would be weighed at their mean.
     criterion = criterion_of(campaign, plan, draws)
     found = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), trials)
     words, schedules = [], []

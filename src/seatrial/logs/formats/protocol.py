@@ -158,6 +158,16 @@ class Columns:
         return Block(self.table, columns, done)
 
 
+def unreadable(path: Path, cause: OSError) -> InputError:
+    """The error of a file that is there and cannot be read."""
+    return InputError(
+        str(path),
+        found=f"a file that cannot be read ({cause.strerror})",
+        expected="a readable file",
+        remedy="check its permissions and the disk",
+    )
+
+
 def optional(module: str, extra: str, path: Path) -> Any:
     """Import a library that an extra installs.
 

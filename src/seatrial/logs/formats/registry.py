@@ -9,7 +9,7 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of, sha256_of_json
 from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, table_text, telemetry
-from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted
+from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 
 FORMATS: tuple[LogFormat, ...] = (
     parquet.FORMAT,
@@ -176,12 +176,7 @@ def _head(path: Path) -> bytes:
         with path.open("rb") as stream:
             return stream.read(_HEAD)
     except OSError as cause:
-        raise InputError(
-            str(path),
-            found=f"a file that cannot be read ({cause.strerror})",
-            expected="a readable file",
-            remedy="check its permissions and the disk",
-        ) from cause
+        raise unreadable(path, cause) from cause
 
 
 def _some(names: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from seatrial.core.errors import InputError
+from seatrial.logs.formats.protocol import unreadable
 
 _PIECE = 1 << 24
 _HEAD = 4096
@@ -86,12 +87,7 @@ def _read(stream: BinaryIO, path: Path) -> bytes:
             remedy="rename the file if it is plain text, or export it again",
         ) from cause
     except OSError as cause:
-        raise InputError(
-            str(path),
-            found=f"a file that cannot be read ({cause.strerror})",
-            expected="a readable file",
-            remedy="check its permissions and the disk",
-        ) from cause
+        raise unreadable(path, cause) from cause
 
 
 def _decoder(path: Path, encoding: str) -> codecs.IncrementalDecoder:
