@@ -1,0 +1,1 @@
+"""Estimated vehicles out to simulators, and trials out to vehicles."""
