@@ -37,6 +37,7 @@ MEASUREMENTS = {
     "kernels.growth": (1,),
     "filter_growth.seconds": (1,),
     "subsets.speed": (1, 2),
+    "subsets.package": (1,),
     "structure_recovery.recovered": (1,),
     "design_peers.reached": (2,),
 }
@@ -47,6 +48,7 @@ NEEDS = {
     "chains.speed": ("gcc",),
     "peer_chains.effective": ("g++", "peers"),
     "subsets.speed": ("gcc",),
+    "subsets.package": ("Rscript",),
     "structure_recovery.recovered": ("peers",),
     "design_peers.reached": ("peers",),
 }

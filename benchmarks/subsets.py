@@ -1,11 +1,14 @@
-"""All subsets of a linear regression: ours against C of the same algorithm, a Gray-code sweep in C, and a NumPy loop.
+"""All subsets of a linear regression: ours against C of the same algorithm, a Gray-code sweep in C, a NumPy loop, and R's BMS.
 
 The response hardly depends on the regressors, so that no block of structures is negligible and none is left out.
 """
 
 import ctypes
+import io
 import resource
+import subprocess
 import time
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,13 +18,17 @@ from timing import Ratio, Row, agree, alternate, row
 import seatrial.selection.subsets.all_subsets as engine
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.gram import Gram, gram
-from seatrial.selection.subsets.prior import IndependentPrior, physical_prior
+from seatrial.selection.subsets.prior import GPrior, IndependentPrior, physical_prior
 from seatrial.selection.subsets.problem import Problem, averages, make_problem
 
 SAMPLES, TOP = 400, 1000
 BOUNDS = {16: 0.020, 20: 0.3, 25: 10.0}
 """Seconds on two cores."""
 LOOPED = 12
+PACKAGE = 16
+"""Terms given to R."""
+VAGUE = 1e-9
+"""Shape and rate of a noise variance of which nothing is believed, as the package has it."""
 
 
 class Case(NamedTuple):
@@ -35,6 +42,28 @@ class Case(NamedTuple):
 def speed(cores: int) -> list[Row | Ratio]:
     """Sizes 16, 20 and 25, averages, joint inclusion and the best thousand included."""
     return [found for k in BOUNDS for found in _one_size(k, cores)]
+
+
+def package(cores: int) -> list[Row | Ratio]:
+    """A published package of Bayesian model averaging on the same data, which must find the same inclusion probabilities."""
+    phi, y = _data(PACKAGE)
+    table = io.StringIO()
+    np.savetxt(table, np.column_stack([y, phi]), delimiter=",")
+    script = Path(__file__).with_name("peer_bms.R")
+    said = subprocess.run(["Rscript", script], input=table.getvalue(), capture_output=True, text=True, check=True)
+    taken, *inclusion = map(float, said.stdout.split())
+    # Its offset is always there and believed to be anything: as many rows less one, all columns without their means.
+    stats = gram(phi - phi.mean(0), y - y.mean())._replace(n=SAMPLES - 1)
+    prior, names = GPrior(float(SAMPLES), VAGUE, VAGUE), tuple(f"t{i}" for i in range(PACKAGE))
+    found = engine.all_subsets(stats, prior, names)
+    agree("inclusion probabilities of seatrial and BMS", found.inclusion, np.array(inclusion), 1e-6)
+    seconds = alternate({"": lambda: engine.all_subsets(stats, prior, names, threads=cores)}, 11)[""]
+    group = f"all 2^{PACKAGE} subsets under a g-prior worth one row"
+    rows = [
+        row(group, "seatrial", cores, "ms", seconds, 1e-3),
+        Row(group, "R, BMS", cores, "ms", 1e3 * taken, 1e3 * taken),
+    ]
+    return [*rows, Ratio(group, "BMS / seatrial", cores, taken / seconds.min())]
 
 
 def _one_size(k: int, cores: int) -> list[Row | Ratio]:
@@ -69,11 +98,14 @@ def _one_size(k: int, cores: int) -> list[Row | Ratio]:
     return [*rows, *bound, Ratio(group, "seatrial / C", cores, best["seatrial"] / best["C, same algorithm"], at_most=3)]
 
 
-def _case(k: int) -> Case:
+def _data(k: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(k)
     phi = rng.normal(size=(SAMPLES, k)) + 0.5 * rng.normal(size=(SAMPLES, 1))
-    y = 0.05 * phi[:, ::3].sum(1) + rng.normal(size=SAMPLES)
-    return Case(gram(phi, y), physical_prior(np.full(k, 0.3), 1.0), tuple(f"t{i}" for i in range(k)))
+    return phi, 0.05 * phi[:, ::3].sum(1) + rng.normal(size=SAMPLES)
+
+
+def _case(k: int) -> Case:
+    return Case(gram(*_data(k)), physical_prior(np.full(k, 0.3), 1.0), tuple(f"t{i}" for i in range(k)))
 
 
 def _problem(case: Case) -> Problem:

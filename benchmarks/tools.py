@@ -12,6 +12,7 @@ PEERS = Path(__file__).parents[1] / ".venv-peers" / "bin" / "python"
 REMEDIES = {
     "gcc": "install it (apt install gcc)",
     "g++": "install it (apt install g++)",
+    "Rscript": "install R and its package BMS (apt install r-base-core r-cran-bms)",
     "peers": f"`make bench` sets it up in {PEERS.parents[1].name}",
 }
 
