@@ -48,14 +48,15 @@ def write_log(folder):
     )
 
 
-def many(folder, rules=()):
+def many(folder, rules=(), g=None):
     lines = ", ".join(f'"{rule}"' for rule in rules)
+    folder.mkdir(exist_ok=True)
     write_log(folder)
     return load_campaign(
         write_small(
             folder,
             ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4\n", IMPORT),
-            ('optional = ["X_u"]', f"optional = [{NAMES}]\nrules = [{lines}]\nshortlist = 4"),
+            ('optional = ["X_u"]', f"optional = [{NAMES}]\nrules = [{lines}]\nshortlist = 4{g or ''}"),
             ("[sensors.u]", PRIORS + "[sensors.u]"),
         )
     )
@@ -92,6 +93,29 @@ def test_a_screening_is_kept_and_read_again(campaign, trials):
     said = "\n".join(first.lines())
     assert "screening of 128 structures in closed form" in said
     assert said.endswith("output-error or filter-error likelihood")
+
+
+def test_a_g_prior_by_file_is_the_closed_form(tmp_path, campaign, trials):
+    """Worth one row, it is what stands beside the stated priors anyway; with a g, the mean shrinks by 1 / (1 + 1 / g)."""
+    beside = screen_terms(campaign, trials).data["inclusion_by_unit_information"]
+    rows = many(tmp_path / "rows", g='\ng = "rows"')
+    found = screen_terms(rows, get_trials(rows))
+    np.testing.assert_allclose(found.data["inclusion"], beside, rtol=1e-9)
+    assert "in closed form, under a g-prior, g = rows (" in found.lines()[0]
+    few = many(tmp_path / "few", g="\ng = 20")
+    other = screen_terms(few, get_trials(few)).data
+    assert np.abs(other["inclusion"] - beside).max() > 0.05
+    with pytest.raises(InputError, match=r"(?s)structure.g.*greater than 0"):
+        many(tmp_path / "none", g="\ng = 0")
+
+
+def test_mistakes_in_names_are_told_where_they_are(tmp_path):
+    with pytest.raises(InputError, match=r"(?s)key truth.X_u.*the rules of \[structure\] leave it out"):
+        load_campaign(
+            write_small(tmp_path / "never", ('optional = ["X_u"]', 'optional = ["X_u"]\nrules = ["never X_u"]'))
+        )
+    with pytest.raises(InputError, match=r"prior.X_u\b[^?]*is \[prior.X_uu\] meant"):
+        load_campaign(write_small(tmp_path / "name", ("[prior.X_u]", "[prior.X_uu]")))
 
 
 def test_rules_shrink_it_until_all_can_be_simulated(tmp_path):

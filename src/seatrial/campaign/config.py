@@ -1,6 +1,7 @@
 """A campaign's configuration as objects in SI; every error names the file and the key."""
 
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cached_property
 from math import inf
 from pathlib import Path
@@ -201,11 +202,13 @@ class Campaign:
         """
         table = self.source.prior.get(name)
         if table is None:
+            unused = [other for other in self.source.prior if other not in self.full.terms]
+            meant = f" (is [prior.{close[0]}] meant for it?)" if (close := get_close_matches(name, unused, 1)) else ""
             raise InputError(
                 self.where(f"prior.{name}"),
                 found="nothing",
                 expected=f"a prior of {name}, SI unit {unit}",
-                remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper',
+                remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper{meant}',
             )
         inertia = 1.0 if self.hull.mass is None else self.hull.mass
         return read_prior(table, unit, self.where(f"prior.{name}"), name=name, inertia=inertia)

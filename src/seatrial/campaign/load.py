@@ -7,7 +7,7 @@ from seatrial.campaign.earlier import with_earlier
 from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
 from seatrial.campaign.simulated import actuator_lag, beyond_structures
-from seatrial.campaign.toml_file import read_toml
+from seatrial.campaign.toml_file import parse_toml, read_toml
 from seatrial.campaign.utilities import check_utility
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
@@ -32,6 +32,17 @@ def load_campaign(folder: Path | str) -> Campaign:
             remedy=f"create one with `seatrial init {folder}`",
         )
     campaign = with_earlier(Campaign(folder, read_toml(path, CampaignFile)))
+    _check(campaign)
+    return campaign
+
+
+def check_text(folder: Path, text: str) -> Campaign:
+    """Check what is to become the campaign file of a folder, before it is written there.
+
+    Raises:
+        InputError: as `load_campaign`.
+    """
+    campaign = with_earlier(Campaign(folder, parse_toml(folder / FILE_NAME, text, CampaignFile)))
     _check(campaign)
     return campaign
 
@@ -111,7 +122,9 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
                 campaign.where(f"truth.{name}"),
                 found=f'"{name}"',
                 expected="one of " + ", ".join(sorted(names)),
-                remedy=nearest(name, names),
+                remedy="the rules of [structure] leave it out of every structure: drop it here, or the rule that does"
+                if name in campaign.rules.never
+                else nearest(name, names),
             )
     lag = actuator_lag(source.design.control)
     if source.truth.get(lag, 0.0) < 0:

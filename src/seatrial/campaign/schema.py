@@ -1,6 +1,6 @@
 """The keys of a campaign's TOML file. Quantities with a dimension are strings with a unit, such as "200 rpm"."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -69,13 +69,16 @@ class StructureTable(Table):
     """`[structure]`: terms always there, terms whose presence the data decide, and which of them may stand together.
 
     Rules are lines such as "X_uabsu requires X_u", "together X_u X_uabsu", "at most one of X_u3 X_du3", "never X_0", "heredity".
-    Where more than 64 structures are left, a screening in closed form chooses `shortlist` of them at most to be simulated.
+    Where more than 64 structures are left, a screening in closed form chooses `shortlist` of them at most to be simulated. `g` screens
+    under Zellner's g-prior about zero, whose variance is g times that of least squares, in place of the stated priors; "rows" makes it
+    worth one row.
     """
 
     always: list[str] = []
     optional: list[str] = []
     rules: list[str] = []
     shortlist: int = Field(default=6, ge=2, le=64)
+    g: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | Literal["rows"] | None = None
 
 
 class PriorTable(Table):
@@ -286,6 +289,25 @@ class SelectionTable(Table):
     repeats: int = Field(default=4, ge=2)
 
 
+class SlurmTable(Table):
+    """`[compute.slurm]`: what each of some jobs asks for; a worker of one thread on each of its cores shares its memory."""
+
+    memory: str = Field(pattern=r"^[0-9.]+ ?[kMGT]i?B$")
+    walltime: str = Field(pattern=r"^[0-9:-]+$")
+    cores: int = Field(default=1, ge=1)
+    jobs: int = Field(default=1, ge=1)
+    queue: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.,-]+$")
+    account: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$")
+    interface: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$")
+
+
+class ComputeTable(Table):
+    """`[compute]`: where work is done, which is no part of what is computed: `local`, `slurm`, or the address of a Dask scheduler."""
+
+    workers: str = "local"
+    slurm: SlurmTable | None = None
+
+
 class CampaignFile(Table):
     """The whole file."""
 
@@ -303,3 +325,4 @@ class CampaignFile(Table):
     filter: FilterTable = FilterTable()
     estimation: EstimationTable = EstimationTable()
     selection: SelectionTable = SelectionTable()
+    compute: ComputeTable = ComputeTable()

@@ -13,6 +13,7 @@ from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
+from seatrial.estimation.late_rows import delayed, likely_delay
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.estimation.weak_form import where_measured
 from seatrial.estimation.windows import FEWEST
@@ -23,7 +24,7 @@ from seatrial.selection.verdict import Shortlist
 
 NARROWEST = 1.0
 """Width of the first windows, s; they are doubled until residuals no longer follow one another."""
-_LAYOUT = "with unit information"
+_LAYOUT = "with prior and delay"
 """What a stored screening has that an older one had not."""
 KEPT = 50
 """Structures that are kept, most probable first."""
@@ -65,8 +66,10 @@ class Screened:
         """What was found, in words."""
         data, optional = self.data, self.optional
         narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
+        settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
         said = [
-            f"screening of {data.attrs['count']} structures in closed form (in brackets: prior three times narrower; wider; worth one row):"
+            f"screening of {data.attrs['count']} structures in closed form{settings} "
+            "(in brackets: prior three times narrower; wider; worth one row):"
         ]
         here = data["inclusion"].sel(term=optional).values
         unit = data["inclusion_by_unit_information"].sel(term=optional).values
@@ -89,8 +92,7 @@ def screen_terms(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> S
     if not is_current(path, key):
         progress = watch.progress(f"screen {count_structures(campaign.rules).structures} structures")
         progress(0, 1)
-        found = _screen(campaign, trials)
-        write_dataset(path, _dataset(campaign, found), key)
+        write_dataset(path, _dataset(campaign, *_screen(campaign, trials)), key)
         progress(1, 1)
     return Screened(open_dataset(path))
 
@@ -152,7 +154,8 @@ def screening_key(campaign: Campaign, trials: Trials) -> str:
     return key_of("screening", _LAYOUT, trials.key, [table.model_dump() for table in tables], source.campaign.seed)
 
 
-def _screen(campaign: Campaign, trials: Trials) -> Screening:
+def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None]:
+    """The screening, and the delay of the commands for which it is made."""
     equations = campaign.vehicle.equations(campaign.full)
     if not equations:
         raise InputError(
@@ -179,10 +182,15 @@ def _screen(campaign: Campaign, trials: Trials) -> Screening:
     records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
     slowest = max(float(np.median(record.step)) for record in records)
     narrowest = max(NARROWEST, FEWEST * slowest)
-    return screen(equations, campaign.rules, records, noise, believed, random_key(campaign, "screening"), narrowest)
+    delay = None
+    if campaign.has_delay:
+        delay = likely_delay(records, equations, narrowest, *campaign.prior("delay", "s").bounds)
+        records = [delayed(record, delay) for record in records]
+    key, g = random_key(campaign, "screening"), campaign.source.structure.g
+    return screen(equations, campaign.rules, records, noise, believed, key, narrowest, g), delay
 
 
-def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:
+def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> xr.Dataset:
     posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
     names = list(posterior.names)
     columns = [found.rows.names.index(name) for name in names]
@@ -212,6 +220,9 @@ def _dataset(campaign: Campaign, found: Screening) -> xr.Dataset:
         coords={"term": names, "other": names, "scale": found.sensitivity.scales},
         attrs={
             "count": posterior.count,
+            "prior": ""
+            if campaign.source.structure.g is None
+            else f"under a g-prior, g = {campaign.source.structure.g}",
             "rows": found.fit.status,
             "noise": found.bias.status,
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,

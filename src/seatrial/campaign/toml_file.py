@@ -11,7 +11,8 @@ from seatrial.core.errors import InputError, nearest
 
 Schema = TypeVar("Schema", bound=BaseModel)
 
-
+ALTERNATIVES = ("float", "str", "constrained-float", "literal['rows']")
+"""What the path of an error has after a key whose value may be of several types."""
 CAMPAIGN = "the README and `seatrial init` show an example with every table"
 
 
@@ -22,7 +23,7 @@ def read_toml(path: Path, schema: type[Schema], example: str = CAMPAIGN) -> Sche
         InputError: not UTF-8, malformed TOML, unknown or missing key, or a value of the wrong type.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as cause:
         raise InputError(
             f"{path}, line {cause.object[: cause.start].count(10) + 1}",
@@ -30,6 +31,13 @@ def read_toml(path: Path, schema: type[Schema], example: str = CAMPAIGN) -> Sche
             expected="a TOML file in UTF-8",
             remedy="save the file as UTF-8",
         ) from cause
+    return parse_toml(path, text, schema, example)
+
+
+def parse_toml(path: Path, text: str, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
+    """Text of a file, as it is or as it is to be written, against its schema; errors as `read_toml`."""
+    try:
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as cause:
         raise InputError(
             str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
@@ -47,7 +55,7 @@ def validated(path: Path, content: Mapping[str, Any], schema: type[Schema], exam
 
 def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError, example: str) -> InputError:
     first = min(cause.errors(), key=lambda error: error["type"] != "extra_forbidden")
-    location = [part for part in first["loc"] if part not in ("float", "str")]
+    location = [part for part in first["loc"] if part not in ALTERNATIVES]
     where = f"{path}, key {'.'.join(map(str, location))}"
     if first["type"] == "extra_forbidden":
         allowed = _keys_at(schema, location[:-1])

@@ -6,8 +6,8 @@ sensors is in the regressors too: the bias that is left is estimated, and the sh
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import jax
 import numpy as np
@@ -21,7 +21,7 @@ from seatrial.estimation.rows import Rows
 from seatrial.selection.compiled_rules import CompiledRules
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.gram import Gram, gram
-from seatrial.selection.subsets.prior import IndependentPrior, physical_prior, unit_information
+from seatrial.selection.subsets.prior import physical_prior, unit_information
 from seatrial.selection.subsets.rules import Rules
 from seatrial.selection.subsets.sampler import subset_posterior
 from seatrial.selection.subsets.sensitivity import Sensitivity, sensitivity
@@ -83,6 +83,7 @@ def screen(
     prior: Mapping[str, Believed],
     key: jax.Array,
     narrowest: float = 1.0,
+    g: float | Literal["rows"] | None = None,
 ) -> Screening:
     """Screen every structure of one or several axes.
 
@@ -94,6 +95,7 @@ def screen(
         prior: of each term.
         key: random key of the simulated repetitions.
         narrowest: width of the first windows, s.
+        g: of a g-prior about zero in place of `prior`; "rows" for as many as the rows are worth, the information of one of them.
 
     Raises:
         InputError: rules for other terms, a term without a prior, or rows that cannot tell the terms apart.
@@ -104,7 +106,9 @@ def screen(
     columns = [rows.names.index(name) for name in names]
     stats = worth(gram(rows.design[:, columns], rows.target), float(fit.effective.sum()))
     means, sds = np.array([prior[name] for name in names]).T
-    believed: IndependentPrior = physical_prior(sds, 1.0, mean=means)
+    one_row = unit_information(stats, 1.0)
+    stated = physical_prior(sds, 1.0, mean=means)
+    believed = stated if g is None else one_row if g == "rows" else replace(one_row, g=g)
     options = {"always": rules.always, "rules": Rules(rules.parents, rules.groups, rules.exclusive)}
     return Screening(
         rules,
@@ -112,7 +116,7 @@ def screen(
         fit,
         subset_posterior(stats, believed, names, **options),
         sensitivity(stats, believed, names, SCALES, **options),
-        subset_posterior(stats, unit_information(stats, 1.0), names, **options).inclusion,
+        subset_posterior(stats, one_row, names, **options).inclusion,
         regressor_noise_bias(rows, key, PAIRS),
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.gram import gram
 from seatrial.selection.subsets.prior import GPrior, physical_prior
@@ -81,8 +82,9 @@ def test_twenty_terms_against_all_structures(rules):
 
 
 @pytest.mark.thorough
-def test_stated_errors_are_the_spread_of_repeats():
+def test_stated_errors_are_the_spread_of_repeats(monkeypatch):
     """With all covered, the stated variance is s^2 of the chains plus the error e^2 itself: e^2 / (s^2 + e^2), e normal, has mean 0.344."""
+    monkeypatch.setattr(sampler, "HELD", 2.0)
     stats, prior = problem(11)[2], some_prior(11)
     exact = all_subsets(stats, prior, NAMES[:11]).inclusion
     runs = [sample_subsets(stats, prior, NAMES[:11], seed=seed, chains=16, moves=400) for seed in range(8)]
@@ -112,17 +114,52 @@ def test_one_entry_point_counts_or_samples():
     assert exact.count == 2**12
 
 
-def test_chains_that_stay_apart_are_reported():
-    """Two triples of terms make nearly the same response, and no move of three terms leads over without a valley."""
+def two_valleys():
+    """Two quadruples of terms make nearly the same response, and no move of three terms leads over without a valley."""
     random = np.random.default_rng(1)
     phi = random.normal(size=(400, 8))
     mix = np.array([[1.0, 2.0, 1.0, -1.0], [2.0, -1.0, 1.0, 1.0], [1.0, 1.0, -2.0, 1.0], [-1.0, 1.0, 1.0, 2.0]])
     phi[:, 4:] = phi[:, :4] @ mix + 0.001 * random.normal(size=(400, 4))
     stats = gram(phi, phi[:, :4] @ np.ones(4) + 0.01 * random.normal(size=400))
     rules = Rules(groups=(0b1111,), exclusive=tuple(1 << i | 1 << j for i, j in product(range(4), range(4, 8))))
-    found = sample_subsets(stats, physical_prior(np.ones(8), 0.01), NAMES[:8], rules=rules, chains=16, moves=400)
+    return stats, physical_prior(np.ones(8), 0.01), NAMES[:8], rules
+
+
+def test_ladders_lead_over_a_valley(monkeypatch):
+    """By the visits alone, of which averages over the best structures would make nothing."""
+    monkeypatch.setattr(sampler, "HELD", 2.0)
+    stats, prior, names, rules = two_valleys()
+    found = sample_subsets(stats, prior, names, rules=rules, chains=32, moves=800)
+    assert found.monte_carlo.status == ""
+    exact = all_subsets(stats, prior, names, rules=rules).inclusion
+    np.testing.assert_allclose(found.inclusion, exact, atol=4.5 * found.monte_carlo.inclusion_error.max() + 1e-3)
+    assert found.monte_carlo.inclusion_error.max() < 0.02
+
+
+def test_chains_that_stay_apart_are_reported(monkeypatch):
+    monkeypatch.setattr(sampler, "HELD", 2.0)
+    monkeypatch.setattr(structure_chains, "ALIKE", 1e9)
+    stats, prior, names, rules = two_valleys()
+    found = sample_subsets(stats, prior, names, rules=rules, chains=16, moves=400)
     assert "the chains disagree about" in found.monte_carlo.status
     assert found.monte_carlo.r_hat.max() > 1.4
+
+
+def test_many_rows_and_rival_regressors_against_all_structures():
+    """Evidences some thousands of nats apart: 2000 rows of little noise, of which no structure is quite the truth."""
+    random = np.random.default_rng(2)
+    u, r = 1 + 0.3 * random.normal(size=2000), 0.5 * random.normal(size=2000)
+    powers = [u**i * r**j for i, j in ((0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (0, 3), (1, 3))]
+    moduli = [u * np.abs(r), np.abs(r) * r, np.abs(r) * r * u, np.abs(r) ** 1.5]
+    stats = gram(np.column_stack(powers + moduli), u**2 * np.tanh(2 * r) + np.exp(-u) + 1e-3 * random.normal(size=2000))
+    prior, names = physical_prior(np.full(13, 3.0), 0.01), MANY[:13]
+    exact = all_subsets(stats, prior, names)
+    found = sample_subsets(stats, prior, names, **SHORT)
+    assert found.monte_carlo.status == ""
+    np.testing.assert_allclose(found.inclusion, exact.inclusion, atol=1e-6)
+    np.testing.assert_allclose(found.mean, exact.mean, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(np.diag(found.within), np.diag(exact.within), rtol=1e-4)
+    assert found.log_evidence_total == pytest.approx(exact.log_evidence_total, abs=0.05)
 
 
 @pytest.mark.parametrize("sure", [[], [3], [4], [0, 6]])

@@ -35,7 +35,8 @@ class Averaged(NamedTuple):
 
 
 class MonteCarlo(NamedTuple):
-    """What is known of the errors of a posterior that was sampled, standard errors from the spread of the chains.
+    """What is known of the errors of a posterior that was sampled: standard errors from the spread of the chains, or what the averages
+    lack where they are over the best structures.
 
     Attributes:
         visits: structures that the chains stood at after warm-up, with repetition.

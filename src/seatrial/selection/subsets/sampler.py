@@ -7,6 +7,7 @@
 A are the structures evaluated in the first half of the run, the visits those of the second (George and McCulloch, Statistica
 Sinica 7, 1997). Renormalised probabilities are off by at most the probability of what was not evaluated. Standard errors are from
 the spread of chains, which start apart; of inclusion, not below what the two ways differ by and cannot blame on the rest.
+Where the best structures hold nearly everything, all averages are over them by their evidences, and off by the rest.
 """
 
 from collections.abc import Sequence
@@ -25,12 +26,16 @@ from seatrial.selection.subsets.prior_mass import allowed_mass, closure, wanted_
 from seatrial.selection.subsets.problem import Problem, averages, make_problem
 from seatrial.selection.subsets.question import MOST_OPTIONAL, Question, check_question
 from seatrial.selection.subsets.rules import MOST_TERMS, Rules, bits, no_structure
-from seatrial.selection.subsets.structure_chains import Chains, RuleArrays, make_units, some_starts
-from seatrial.selection.subsets.tour import Seen, presence_r_hat, share_inside, walk
+from seatrial.selection.subsets.structure_chains import Chains, RuleArrays, make_units, rungs_between, some_starts
+from seatrial.selection.subsets.tour import Seen, Sums, presence_r_hat, share_inside, sums_over, walk
 
 MAX_R_HAT = 1.05
 """Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more."""
+HELD, BEST = 0.99, 4096
+"""Probability that these best structures must hold together for averages over them to stand for all."""
 LEAST_CHAINS, LEAST_MOVES = 4, 400
+LEAST_LADDERS = 8
+"""Chains at least where each has a ladder."""
 
 
 def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options: Any) -> SubsetPosterior:
@@ -77,7 +82,8 @@ def sample_subsets(
         inclusion: prior probability that a term is there, before the rules; one for all, or one for each name.
         top: how many of the best structures to keep.
         seed: of the random numbers.
-        chains: chains in step, which start apart.
+        chains: walkers in step, which start apart; where evidences lie far apart, they are shared out over ladders of temperatures, of
+            which each is one chain.
         moves: of each chain, the first quarter of them warm-up.
 
     Raises:
@@ -101,7 +107,11 @@ def sample_subsets(
     problem = make_problem(stats, prior, question.sure, question.free, question.chance)
     units, random = make_units(rules, question.free, problem, len(question.names)), np.random.default_rng(seed)
     starts = some_starts(units, certain, array, chains, random)
-    walkers = Chains(problem, units, question.free, array, starts, random)
+    scores = Chains(problem, units, question.free, array, starts, chains, random).move().scores
+    rungs = rungs_between(float(scores[scores > -np.inf].min()), float(scores.max()))
+    chains = chains if rungs == 1 else max(chains // rungs, LEAST_LADDERS)
+    starts = some_starts(units, certain, array, chains * rungs, random)
+    walkers = Chains(problem, units, question.free, array, starts, chains, random)
     seen, before, evaluated = walk(walkers, units.mask.size, moves)
 
     count, mass = allowed_mass(rules, question.sure, chance.tolist())
@@ -112,17 +122,27 @@ def sample_subsets(
     )
     best = np.lexsort((evaluated.codes, -evaluated.scores))[:top]
     log_evidence, log_chance = _exactly(stats, prior, question, chance, evaluated.codes[best])
-    found = _collect(question, problem, seen, owner, moves)
     renormalised = np.ones(len(question.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
     for term in question.free:
         renormalised[term] = weight[evaluated.codes >> np.uint64(term) & np.uint64(1) == 1].sum()
     covered = min(float(np.exp(np.logaddexp.reduce(evaluated.scores) - log_total)), 1.0)
+    most = np.argsort(-evaluated.scores, kind="stable")[:BEST]
+    held = covered * float(weight[most].sum())
+    found = _by_visits(question, problem, seen, owner, moves)
     errors = found.pop("errors")
-    status = _status(question.names, found["inclusion"], renormalised, covered, errors)
-    # chains that have hardly seen a rare structure agree too well: the evidences know of it
-    unexplained = np.maximum(np.abs(found["inclusion"] - renormalised) - (1 - covered), 0.0)
-    errors["inclusion_error"] = np.hypot(errors["inclusion_error"], unexplained)
+    if held >= HELD:
+        listed = Chains(problem, units, question.free, array, evaluated.codes[most], most.size, random)
+        share = weight[most] / weight[most].sum()
+        found = _averaged(question, problem, sums_over(listed.matrix, listed.present().astype(float), share))
+        errors["inclusion_error"] = np.full(len(question.names), 1 - held)
+        errors["mean_error"] = (1 - held) * np.sqrt(np.diag(found["within"] + found["between"]) + found["mean"] ** 2)
+        status = ""
+    else:
+        status = _status(question.names, found["inclusion"], renormalised, covered, errors)
+        # chains that have hardly seen a rare structure agree too well: the evidences know of it
+        unexplained = np.maximum(np.abs(found["inclusion"] - renormalised) - (1 - covered), 0.0)
+        errors["inclusion_error"] = np.hypot(errors["inclusion_error"], unexplained)
     return SubsetPosterior(
         names=question.names,
         stats=stats,
@@ -186,36 +206,46 @@ def _exactly(
     return logs, each[:, question.free].sum(1)
 
 
-def _collect(question: Question, problem: Problem, seen: Seen, owner: np.ndarray, moves: int) -> dict[str, Any]:
+def _by_visits(question: Question, problem: Problem, seen: Seen, owner: np.ndarray, moves: int) -> dict[str, Any]:
     """Averages over the visits, in the order of the library, and their errors."""
-    sure, free, chains = question.sure, question.free, seen.mean.shape[0]
-    d, order = len(question.names), np.argsort([*question.sure, *question.free])
-    looks = seen.moment[-1, -1]
+    free, chains, d = question.free, seen.mean.shape[0], len(question.names)
+    found, looks = _averaged(question, problem, seen.sums), seen.sums.moment[-1, -1]
     draws, chance = seen.draws[:, owner], seen.chance[:, owner]
-    inclusion, error, r_hat = np.ones(d), np.zeros(d), np.ones(d)
+    error, r_hat = np.zeros(d), np.ones(d)
+    inclusion = found["inclusion"]
     inclusion[free] = value = chance.sum(0) / draws.sum(0)
     error[free] = (chance - value * draws).std(0, ddof=1) / draws.mean(0) / np.sqrt(chains)
     r_hat[free] = presence_r_hat(seen.presence, moves)
-    joint = np.ones((d, d))
-    joint[np.ix_(free, free)] = seen.pairs / looks
-    joint[np.ix_(sure, free)], joint[np.ix_(free, sure)] = value, value[:, None]
-    np.fill_diagonal(joint, inclusion)
-    found = averages(problem, seen.moment, seen.spread, float(seen.corner[0]))
+    sure = question.sure
+    found["joint"][np.ix_(sure, free)], found["joint"][np.ix_(free, sure)] = value, value[:, None]
+    np.fill_diagonal(found["joint"], inclusion)
     up = np.vstack([problem.slope[:, :-1], np.eye(len(free))]) * problem.scale
     each = seen.mean * chains / looks @ up.T
+    mean_error = (each.std(0, ddof=1) / np.sqrt(chains))[_library_order(question)]
+    return {**found, "errors": {"inclusion_error": error, "r_hat": r_hat, "mean_error": mean_error}}
+
+
+def _averaged(question: Question, problem: Problem, sums: Sums) -> dict[str, Any]:
+    """Inclusion, coefficients and their covariances from weighted sums, in the order of the library."""
+    sure, free, d = question.sure, question.free, len(question.names)
+    share = sums.pairs / sums.moment[-1, -1]
+    joint = np.ones((d, d))
+    joint[np.ix_(free, free)] = share
+    joint[np.ix_(sure, free)], joint[np.ix_(free, sure)] = np.diag(share), np.diag(share)[:, None]
+    found, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(question)
     square = np.ix_(order, order)
     return {
-        "inclusion": inclusion,
+        "inclusion": np.diag(joint).copy(),
         "joint": joint,
         "mean": found.mean[order],
         "within": found.within[square],
         "between": found.between[square],
-        "errors": {
-            "inclusion_error": error,
-            "r_hat": r_hat,
-            "mean_error": (each.std(0, ddof=1) / np.sqrt(chains))[order],
-        },
     }
+
+
+def _library_order(question: Question) -> np.ndarray:
+    """Where each term of the library stands among those always there and then the others."""
+    return np.argsort([*question.sure, *question.free])
 
 
 def _status(

@@ -7,6 +7,10 @@ product of pivots is |A_S| (Goodnight, The American Statistician 33, 1979). The 
 those rows only. One move draws from all 2^3 settings of three units at once (units: terms that rules keep together), which has
 adding, deleting and swapping in it and is never refused: Gibbs sampling in blocks. Which three is drawn without a look at the state,
 half the time among partners: alike regressors, or terms that share a rule.
+
+Many rows and little noise part the structures by hundreds of nats, and single chains stay where they start. So each chain is the cold
+end of a ladder: the rungs see the evidence to the power beta = 1, 0.6, 0.4, … down to where all structures are nearly alike, and
+neighbours exchange their places (parallel tempering: Geyer 1991). What is averaged is seen on the cold rungs alone.
 """
 
 from typing import NamedTuple
@@ -22,6 +26,10 @@ BLOCK = 3
 """Units in a move."""
 REFRESH = 200
 """Moves after which the matrices are made anew, so that rounding does not add up."""
+RUNG = 1.6
+"""Ratio of beta between neighbours."""
+ALIKE = 10.0
+"""Nats between the worst structure and the best, on the hottest rung."""
 _ONE = np.uint64(1)
 
 
@@ -42,27 +50,28 @@ class Units(NamedTuple):
 
 
 class Move(NamedTuple):
-    """What one move of all chains saw.
+    """What one move of all walkers saw.
 
     Attributes:
-        units: drawn, shape (chains, 3).
+        units: drawn on the cold rungs, shape (chains, 3).
         chance: probability that each is there given the rest, shape (chains, 3).
-        codes: structures it chose from, shape (8, chains).
-        scores: their log P(S) p(y | S), -inf where the rules forbid them, shape (8, chains).
+        codes: structures it chose from, shape (8, walkers), those of the other rungs included.
+        scores: their log P(S) p(y | S), -inf where the rules forbid them, shape (8, walkers).
     """
 
     units: Int[np.ndarray, "chains 3"]
     chance: Float[np.ndarray, "chains 3"]
-    codes: UInt64[np.ndarray, "8 chains"]
-    scores: Float[np.ndarray, "8 chains"]
+    codes: UInt64[np.ndarray, "8 walkers"]
+    scores: Float[np.ndarray, "8 walkers"]
 
 
 class Chains:
-    """The state of the chains.
+    """The state of the walkers, one on each rung of the ladder of each chain.
 
     Attributes:
-        codes: where they are, bit i for term i, terms always there included, shape (chains,).
-        matrix: swept on the optional terms that are there, shape (chains, k+1, k+1).
+        codes: where they are, bit i for term i, terms always there included, shape (walkers,).
+        matrix: swept on the optional terms that are there, shape (walkers, k+1, k+1).
+        places: walker on each rung of each ladder, the cold rung first, shape (chains, rungs).
     """
 
     def __init__(
@@ -71,10 +80,11 @@ class Chains:
         units: Units,
         free: list[int],
         rules: "RuleArrays",
-        codes: UInt64[np.ndarray, " chains"],
+        codes: UInt64[np.ndarray, " walkers"],
+        chains: int,
         random: np.random.Generator,
     ):
-        """Start at allowed structures."""
+        """Start at allowed structures, as many for each chain as it has rungs."""
         self._problem, self._units, self._rules, self._random = problem, units, rules, random
         self._free = np.asarray(free, np.uint64)
         k = len(free)
@@ -83,9 +93,17 @@ class Chains:
         self._at = np.arange(codes.size)
         self._first = units.mask & (~units.mask + _ONE)
         self.codes = codes
+        self.places = random.permutation(codes.size).reshape(chains, -1)
+        self._beta = RUNG ** -np.arange(float(self.places.shape[1]))
+        self._moved = 0
         self.refresh()
 
-    def present(self) -> Bool[np.ndarray, "chains k"]:
+    @property
+    def cold(self) -> Int[np.ndarray, " chains"]:
+        """Walkers that see the evidence as it is."""
+        return self.places[:, 0]
+
+    def present(self) -> Bool[np.ndarray, "walkers k"]:
         """Which optional terms are there."""
         return (self.codes[:, None] >> self._free & _ONE).astype(bool)
 
@@ -98,12 +116,13 @@ class Chains:
             self._sweep(np.flatnonzero(there[:, column]), column)
 
     def move(self) -> Move:
-        """Let every chain make one move."""
+        """Let every walker make one move, then exchange rungs."""
         units = self._pick()
         columns = self._units.members[units].reshape(self.codes.size, -1)
         codes, scores = self._settings(units, columns)
-        highest = scores.max(0)
-        weight = np.exp(scores - highest)
+        beta = np.empty(self.codes.size)
+        beta[self.places] = self._beta
+        weight = np.exp(beta * (scores - scores.max(0)))
         weight /= weight.sum(0)
         chosen = (np.cumsum(weight, 0) < self._random.random(self.codes.size)).sum(0).clip(max=len(weight) - 1)
         chance = ((codes[:, :, None] & self._first[units] != 0) * weight[:, :, None]).sum(0)
@@ -114,7 +133,21 @@ class Chains:
             # units drawn twice were made nobody, so that no column is swept twice
             self._sweep(np.flatnonzero(flips), column[flips])
         self.codes = self.codes ^ changed
-        return Move(units, chance, codes, scores)
+        seen = Move(units[self.cold], chance[self.cold], codes, scores)
+        self._exchange(scores[chosen, self._at])
+        return seen
+
+    def _exchange(self, scores: Float[np.ndarray, " walkers"]) -> None:
+        """Let walkers on neighbouring rungs change places, every other pair of them at a time."""
+        lower = np.arange(self._moved % 2, self._beta.size - 1, 2)
+        self._moved += 1
+        if not lower.size:
+            return
+        colder, hotter = self.places[:, lower], self.places[:, lower + 1]
+        gain = (self._beta[lower] - self._beta[lower + 1]) * (scores[hotter] - scores[colder])
+        swap = np.log(self._random.random(gain.shape)) < gain
+        self.places[:, lower] = np.where(swap, hotter, colder)
+        self.places[:, lower + 1] = np.where(swap, colder, hotter)
 
     def _pick(self) -> Int[np.ndarray, "chains 3"]:
         """Three different units for each chain, or fewer and nobody."""
@@ -206,15 +239,20 @@ def make_units(rules: Rules, free: list[int], problem: Problem, n_terms: int) ->
     )
 
 
+def rungs_between(least: float, most: float) -> int:
+    """Rungs of a ladder for structures whose log evidences lie this far apart."""
+    return 1 + max(int(np.ceil(np.log((most - least) / ALIKE) / np.log(RUNG))), 0) if most > least else 1
+
+
 def some_starts(
-    units: Units, certain: int, rules: RuleArrays, chains: int, random: np.random.Generator
-) -> UInt64[np.ndarray, " chains"]:
+    units: Units, certain: int, rules: RuleArrays, walkers: int, random: np.random.Generator
+) -> UInt64[np.ndarray, " walkers"]:
     """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between."""
-    starts = np.full(chains, certain, np.uint64)
-    share = np.linspace(0.0, 1.0, chains)
+    starts = np.full(walkers, certain, np.uint64)
+    share = np.linspace(0.0, 1.0, walkers)
     for u in random.permutation(units.with_wanted.size):
         bigger = starts | units.with_wanted[u]
-        take = rules.allowed(bigger) & (random.random(chains) < share)
+        take = rules.allowed(bigger) & (random.random(walkers) < share)
         starts = np.where(take, bigger, starts)
     return starts
 

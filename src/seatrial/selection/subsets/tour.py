@@ -1,4 +1,7 @@
-"""What Markov chains over structures see on their way: visits, probabilities, coefficients, and every structure evaluated."""
+"""What Markov chains over structures see on their way: visits, probabilities, coefficients, and every structure evaluated.
+
+All but the last is seen on the cold rungs of the chains' ladders.
+"""
 
 from typing import NamedTuple
 
@@ -11,6 +14,22 @@ EVERY = 5
 """Moves between two looks at the coefficients."""
 
 
+class Sums(NamedTuple):
+    """Weighted sums over structures, of k optional terms, in scaled columns.
+
+    Attributes:
+        pairs: weight of both of each two terms, shape (k, k).
+        moment: sum of w z z^T, z the posterior means and -1, shape (k+1, k+1).
+        spread: sum of w corner A_S^-1, shape (k, k).
+        corner: sum of w corner, shape (1,).
+    """
+
+    pairs: np.ndarray
+    moment: np.ndarray
+    spread: np.ndarray
+    corner: np.ndarray
+
+
 class Seen(NamedTuple):
     """What the chains saw after warm-up, of k optional terms in u units.
 
@@ -18,22 +37,16 @@ class Seen(NamedTuple):
         presence: visits with each term, for each half of each chain, shape (2, chains, k).
         chance: sum of each unit's probability of being there given the rest, shape (chains, u+1).
         draws: moves that drew each unit, shape (chains, u+1).
-        pairs: visits with both of each two terms, shape (k, k).
         mean: sum of posterior means, scaled, shape (chains, k).
-        moment: sum of z z^T as `averages` wants it, shape (k+1, k+1).
-        spread: sum of corner A_S^-1, shape (k, k).
-        corner: sum of corners, shape (1,).
+        sums: over the looks.
         inside: visits in the second half to structures evaluated before it, shape (chains,).
     """
 
     presence: np.ndarray
     chance: np.ndarray
     draws: np.ndarray
-    pairs: np.ndarray
     mean: np.ndarray
-    moment: np.ndarray
-    spread: np.ndarray
-    corner: np.ndarray
+    sums: Sums
     inside: np.ndarray
 
 
@@ -46,12 +59,13 @@ class Evaluated(NamedTuple):
 
 def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Seen, Evaluated, Evaluated]:
     """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all."""
-    chains, k = walkers.codes.size, walkers.matrix.shape[1] - 1
+    chains, k = walkers.cold.size, walkers.matrix.shape[1] - 1
     warmup = moves // 4
     half = half_of(moves)
     seen = Seen(
-        *(np.zeros(shape) for shape in ((2, chains, k), (chains, n_units), (chains, n_units), (k, k), (chains, k))),
-        *(np.zeros(shape) for shape in ((k + 1, k + 1), (k, k), (1,), (chains,))),
+        *(np.zeros(shape) for shape in ((2, chains, k), (chains, n_units), (chains, n_units), (chains, k))),
+        Sums(*(np.zeros(shape) for shape in ((k, k), (k + 1, k + 1), (k, k), (1,)))),
+        np.zeros(chains),
     )
     found, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
     before, at = found, np.arange(chains)[:, None]
@@ -66,29 +80,37 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Seen, Evaluated, Ev
             before = found
         if now < warmup:
             continue
-        there = walkers.present().astype(float)
+        cold = walkers.cold
+        there = walkers.present()[cold].astype(float)
         seen.presence[int(now >= half)] += there
         seen.chance[at, move.units] += move.chance
         seen.draws[at, move.units] += 1
         if now >= half:
-            visits.append(walkers.codes)
+            visits.append(walkers.codes[cold])
         if now % EVERY == 0:
             _look(walkers, there, seen)
     seen.inside[:] = np.isin(np.array(visits), before.codes).sum(0)
     return seen, before, found
 
 
+def sums_over(
+    matrix: Float[np.ndarray, "n k1 k1"], there: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
+) -> Sums:
+    """Sums over structures whose swept matrices and terms are given."""
+    z = np.column_stack([matrix[:, :-1, -1] * there, np.full(weight.size, -1.0)])
+    corner = weight * matrix[:, -1, -1]
+    covariance = matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
+    return Sums(
+        (weight * there.T) @ there, (weight * z.T) @ z, -np.tensordot(corner, covariance, 1), np.array([corner.sum()])
+    )
+
+
 def _look(walkers: Chains, there: np.ndarray, seen: Seen) -> None:
     """Add the coefficients where the chains are."""
-    mean = walkers.matrix[:, :-1, -1] * there
-    z = np.column_stack([mean, np.full(mean.shape[0], -1.0)])
-    corner = walkers.matrix[:, -1, -1]
-    seen.pairs[:] += there.T @ there
-    seen.mean[:] += mean
-    seen.moment[:] += z.T @ z
-    weighted = walkers.matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
-    seen.spread[:] -= np.tensordot(corner, weighted, 1)
-    seen.corner[:] += corner.sum()
+    matrix = walkers.matrix[walkers.cold]
+    seen.mean[:] += matrix[:, :-1, -1] * there
+    for total, part in zip(seen.sums, sums_over(matrix, there, np.ones(len(there))), strict=True):
+        total[:] += part
 
 
 def _merge(found: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
