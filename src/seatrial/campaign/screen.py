@@ -220,6 +220,7 @@ def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> xr.Da
         coords={"term": names, "other": names, "scale": found.sensitivity.scales},
         attrs={
             "count": posterior.count,
+            "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
             "prior": ""
             if campaign.source.structure.g is None
             else f"under a g-prior, g = {campaign.source.structure.g}",

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import fminbound
 
 from seatrial.core.record import Record
 from seatrial.estimation.rows import solve
@@ -33,8 +33,8 @@ def likely_delay(
         InputError: as `weak_trials`.
     """
 
-    def loss(delay: float) -> float:
-        trials = weak_trials([delayed(record, delay) for record in records], equations, width)
+    def loss(delay: float | np.ndarray) -> float:
+        trials = weak_trials([delayed(record, float(delay)) for record in records], equations, width)
         raw, total, start = [raw_rows(equations, trial) for trial in trials], 0.0, 0
         for number, equation in enumerate(equations):
             columns = slice(start, start + len(equation.terms))
@@ -42,13 +42,13 @@ def likely_delay(
             design = np.concatenate([rows.design[number, :, columns] for rows in raw])
             target = np.concatenate([rows.target[number] for rows in raw])
             left = target - design @ solve(design, target)[0]
-            total += 0.5 * target.size * np.log(left @ left)
+            total += 0.5 * target.size * float(np.log(left @ left))
         return total
 
     tried = np.linspace(lower, upper, POINTS)
     best = int(np.argmin([loss(delay) for delay in tried]))
     around = tried[[max(best - 1, 0), min(best + 1, POINTS - 1)]]
-    return float(minimize_scalar(loss, bounds=around, method="bounded", options={"xatol": 1e-3 * (upper - lower)}).x)
+    return float(fminbound(loss, *around, xtol=1e-3 * (upper - lower)))
 
 
 def delayed(record: Record, delay: float) -> Record:

@@ -63,9 +63,12 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Seen, Evaluated, Ev
     warmup = moves // 4
     half = half_of(moves)
     seen = Seen(
-        *(np.zeros(shape) for shape in ((2, chains, k), (chains, n_units), (chains, n_units), (chains, k))),
-        Sums(*(np.zeros(shape) for shape in ((k, k), (k + 1, k + 1), (k, k), (1,)))),
-        np.zeros(chains),
+        presence=np.zeros((2, chains, k)),
+        chance=np.zeros((chains, n_units)),
+        draws=np.zeros((chains, n_units)),
+        mean=np.zeros((chains, k)),
+        sums=Sums(np.zeros((k, k)), np.zeros((k + 1, k + 1)), np.zeros((k, k)), np.zeros(1)),
+        inside=np.zeros(chains),
     )
     found, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
     before, at = found, np.arange(chains)[:, None]
