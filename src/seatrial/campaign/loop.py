@@ -76,8 +76,9 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
     """Run every step that is not current, and summarise.
 
     Raises:
-        InputError: as the steps.
+        InputError: as the steps; that the next trial cannot be designed is said before the first of them.
     """
+    campaign.control_trim(campaign.model(campaign.full))
     first = design_first(campaign, watch) if campaign.source.imported is None else None
     trials = get_trials(campaign, watch)
     screened, screening_cautions = screening_of(campaign, trials, watch)
