@@ -221,11 +221,16 @@ class TimeTable(Table):
 
 
 class ColumnTable(Table):
-    """Which column holds a channel, in which unit; `scale` multiplies it, -1 to turn an axis round."""
+    """Which column holds a channel, in which unit; `scale` multiplies it, -1 to turn an axis round.
+
+    `curve` is a CSV of two columns with a header, the logged number and what it stands for in `unit`, between whose rows it is
+    interpolated: the thrust of each PWM width in microseconds, from the maker's table.
+    """
 
     column: str
     unit: str
     scale: float = 1.0
+    curve: str | None = None
 
 
 class FileTable(Table):
@@ -246,13 +251,18 @@ class FileTable(Table):
 
 
 class ImportTable(Table):
-    """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records."""
+    """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
+
+    Every run is trimmed to between `start` and `end`, and cut into pieces of about `split`, each a trial with a start of its own: for
+    long records, and for vehicles that run away where nobody steers.
+    """
 
     fit: list[str] = Field(min_length=1)
     predict: list[str] = []
     step: Quantity | None = None
     start: Quantity | None = None
     end: Quantity | None = None
+    split: Quantity | None = None
     files: list[FileTable] = Field(min_length=1)
 
 

@@ -1,6 +1,7 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.logs.align import align
+from seatrial.logs.curve import read_curve
 from seatrial.logs.formats.registry import hash_of_log
+from seatrial.logs.pieces import cut
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 
@@ -62,16 +65,67 @@ def import_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
             expected="each run once",
             remedy="a run that was fitted cannot also be a test of prediction",
         )
-    records, keys = [], []
+    length = None if table.split is None else campaign.si(table.split, "s", "import.split")
+    pieces, keys = {}, []
     for run in runs:
         record, key = _import_run(campaign, run)
-        watch.say(f"run {run}: {record.time.size} samples, {record.time[-1]:.1f} s")
-        records.append(record)
+        pieces[run] = (record,) if length is None else cut(record, length)
+        said = f", in {len(pieces[run])} pieces" if len(pieces[run]) > 1 else ""
+        watch.say(f"run {run}: {record.time.size} samples, {record.time[-1]:.1f} s{said}")
         keys.append(key)
-    return Trials(tuple(records[: len(table.fit)]), tuple(records[len(table.fit) :]), key_of("import", keys, table.fit))
+    fit, predict = (tuple(one for run in some for one in pieces[run]) for some in (table.fit, table.predict))
+    return Trials(fit, predict, trials_key(campaign, keys))
+
+
+def trials_key(campaign: Campaign, records: list[str]) -> str:
+    """Key of all imported trials from those of their records."""
+    table = campaign.source.imported
+    assert table is not None
+    return key_of("import", records, table.fit, table.split)
+
+
+def read_untrimmed(campaign: Campaign, run: str) -> Record:
+    """The record of one run with all that its files hold between start and end of their overlap; nothing is stored.
+
+    Raises:
+        InputError: files that cannot be used.
+    """
+    return _aligned(campaign, run, _located(campaign, run), ("step",))
+
+
+def record_key(campaign: Campaign, run: str, hash_of: Callable[[Path], str] = hash_of_log) -> str:
+    """Key of the record of one run, without reading more of its files than `hash_of` does.
+
+    Raises:
+        InputError: a name that cannot be a file's, or files that are missing.
+    """
+    return _key(campaign, run, _located(campaign, run), hash_of)
 
 
 def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
+    paths = _located(campaign, run)
+    key = _key(campaign, run, paths, hash_of_log)
+    path = Store(campaign.folder).record(run)
+    if not is_current(path, key):
+        _write(path, _aligned(campaign, run, paths, ("step", "start", "end")), key)
+    return read_record(path), key
+
+
+def _aligned(campaign: Campaign, run: str, paths: list[Path], kept: tuple[str, ...]) -> Record:
+    """Read the files of a run, and put them on one axis under those settings that are to be kept."""
+    table = campaign.source.imported
+    assert table is not None
+    sources = [
+        _source(campaign, file, path, index) for index, (file, path) in enumerate(zip(table.files, paths, strict=True))
+    ]
+    seconds = {
+        name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}")
+        for name in kept
+    }
+    return align([read_log(source) for source in sources], **seconds, label=run)
+
+
+def _located(campaign: Campaign, run: str) -> list[Path]:
     table = campaign.source.imported
     assert table is not None
     if not run or any(character in run for character in "/\\\0") or run.startswith("."):
@@ -81,25 +135,17 @@ def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
             expected="a plain name",
             remedy="it becomes a file name: use letters and digits",
         )
-    paths = [_locate(campaign, file, run, index) for index, file in enumerate(table.files)]
-    key = key_of(
-        "record",
-        run,
-        [hash_of_log(path) for path in paths],
-        table.model_dump(include={"step", "start", "end", "files"}),
-    )
-    path = Store(campaign.folder).record(run)
-    if not is_current(path, key):
-        sources = [
-            _source(campaign, file, path, index)
-            for index, (file, path) in enumerate(zip(table.files, paths, strict=True))
-        ]
-        seconds = {
-            name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}")
-            for name in ("step", "start", "end")
-        }
-        _write(path, align([read_log(source) for source in sources], **seconds, label=run), key)
-    return read_record(path), key
+    return [_locate(campaign, file, run, index) for index, file in enumerate(table.files)]
+
+
+def _key(campaign: Campaign, run: str, paths: list[Path], hash_of: Callable[[Path], str]) -> str:
+    table = campaign.source.imported
+    assert table is not None
+    options = table.model_dump(include={"step", "start", "end", "files"})
+    curves = [
+        campaign.folder / column.curve for file in table.files for column in file.channels.values() if column.curve
+    ]
+    return key_of("record", run, [hash_of(path) for path in (*paths, *filter(Path.is_file, curves))], options)
 
 
 def _locate(campaign: Campaign, file: FileTable, run: str, index: int) -> Path:
@@ -136,7 +182,15 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
             )
     channels = {
         name: ColumnMap(
-            column.column, column.unit, "control" if name in model.controls else "measurement", scale=column.scale
+            column.column,
+            column.unit,
+            "control" if name in model.controls else "measurement",
+            scale=column.scale,
+            curve=None
+            if column.curve is None
+            else read_curve(
+                campaign.folder / column.curve, campaign.where(f"import.files[{index}].channels.{name}.curve")
+            ),
         )
         for name, column in file.channels.items()
     }

@@ -9,6 +9,7 @@ from scipy.optimize import fminbound
 from seatrial.core.record import Record
 from seatrial.estimation.rows import solve
 from seatrial.estimation.weak_form import raw_rows, weak_trials
+from seatrial.numerics.held import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
 POINTS = 17
@@ -54,10 +55,5 @@ def likely_delay(
 def delayed(record: Record, delay: float) -> Record:
     """The record with the controls that act: those of `delay` seconds ago, averaged over each step; the first ones before the start."""
     edges = np.append(record.time, record.time[-1] + record.step[-1])
-    late = edges - delay
-    acting = []
-    for column in record.control.T:
-        total = np.concatenate([[0.0], np.cumsum(column * record.step)])
-        at = np.interp(late, edges, total) + column[0] * np.minimum(late - edges[0], 0.0)
-        acting.append(np.diff(at) / np.diff(edges))
+    acting = [held_mean(record.time, column, edges - delay) for column in record.control.T]
     return replace(record, control=np.column_stack(acting))

@@ -1,4 +1,7 @@
-"""Several logs on one time axis: controls held from sample to sample, measurements left where they were taken."""
+"""Several logs on one time axis: controls held from sample to sample, measurements left where they were taken.
+
+On a coarser grid a control is the mean over each step of what was held, which is what moves the vehicle and has no aliases.
+"""
 
 import math
 from collections.abc import Sequence
@@ -12,6 +15,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.logs.source import LogTable
+from seatrial.numerics.held import held_mean
 
 _MOST_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
@@ -41,9 +45,9 @@ def align(
     """Put logs on one time axis.
 
     The common interval is where every control is known and something is measured. Controls are held from the last
-    known sample. Nothing is interpolated: with `step` each measurement goes to the nearest grid instant, and those
-    that meet there are averaged (angles on the circle); without, the axis is the union of all stamps. An instant at
-    which a channel was not measured holds NaN.
+    known sample, and averaged over a `step` in which several fall. Nothing is interpolated: with `step` each measurement
+    goes to the nearest grid instant, and those that meet there are averaged (angles on the circle); without, the axis is
+    the union of all stamps. An instant at which a channel was not measured holds NaN.
 
     Args:
         tables: logs as `read_log` gives them.
@@ -185,10 +189,14 @@ def _holes(time: np.ndarray, last: float, role: str) -> list[str]:
 
 
 def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
-    """Hold each control from its stamp to the next."""
+    """Hold each control from its stamp to the next; the mean over a step in which several begin."""
     index = np.searchsorted(time, instants + slack, side="right") - 1
-    unseen = int(index[-1] - index[0] + 1 - np.unique(index).size)
-    return values[index], f"{unseen} samples fell between two instants and are not seen" if unseen else ""
+    begun = np.diff(index)
+    several = np.flatnonzero(begun > 1)
+    held = values[index]
+    if several.size:
+        held[several] = held_mean(time, values, instants)[several]
+    return held, f"{several.size} instants hold the mean of what was held until the next" if several.size else ""
 
 
 def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float) -> tuple[np.ndarray, str]:

@@ -74,6 +74,8 @@ def read_log(source: LogSource) -> LogTable:
     mapped = {}
     for name, column in source.channels.items():
         values = _finite(raw, column.column, where)[kept]
+        if column.curve is not None:
+            values = column.curve(values, f'{where}, column "{column.column}"')
         with np.errstate(invalid="ignore", over="ignore"):
             mapped[name] = (column.scale * values + column.offset) * si_factor(source, name)
         if gaps := int(np.isnan(values).sum()):

@@ -14,6 +14,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel, Role
 from seatrial.core.signals import RATES, SIGNALS, signal_unit
 from seatrial.core.units import to_si
+from seatrial.logs.curve import Curve
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.text_rows import separator
 
@@ -22,7 +23,7 @@ Clock = Literal["as_stamped", "even", "drop_repeated"]
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """One channel taken from one column: value = scale * cell + offset, in `unit`; then converted to SI.
+    """One channel taken from one column: value = scale * curve(cell) + offset, in `unit`; then converted to SI.
 
     Attributes:
         column: name in the header.
@@ -30,6 +31,7 @@ class ColumnMap:
         role: whether the channel drives the vehicle or observes it.
         scale: plain factor on the cell, for example -1 to flip the sign.
         offset: added after scaling, in `unit`.
+        curve: what the cell's number stands for, between whose points it is interpolated; by default itself.
     """
 
     column: str
@@ -37,6 +39,7 @@ class ColumnMap:
     role: Role
     scale: float = 1.0
     offset: float = 0.0
+    curve: Curve | None = None
 
 
 @dataclass(frozen=True)
@@ -177,6 +180,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
                 "scale": float(column.scale),
                 "offset": float(column.offset),
             }
+            | ({} if column.curve is None else {"curve": column.curve.name})
             for name, column in source.channels.items()
         },
     }

@@ -99,16 +99,22 @@ def _provenance(record: Any) -> dict[str, Any]:
     }
 
 
+def _runs(outcome: Outcome) -> list[str]:
+    """Labels of the records as they are stored, of which trials may be pieces."""
+    trials = (*outcome.trials.fit, *outcome.trials.predict)
+    cut = [
+        record.label.rpartition(".")[0] if "piece" in record.provenance.options else record.label for record in trials
+    ]
+    return list(dict.fromkeys(cut))
+
+
 def _files(outcome: Outcome) -> list[tuple[str, str]]:
     """Files that exist, relative to the campaign's folder, and what they hold."""
     store = Store(outcome.campaign.folder)
     folder = outcome.campaign.folder
     listed = [
         (folder / FILE_NAME, "what was known, asked and allowed"),
-        *(
-            (store.record(record.label), f"record {record.label}")
-            for record in (*outcome.trials.fit, *outcome.trials.predict)
-        ),
+        *((store.record(run), f"record {run}") for run in _runs(outcome)),
         (store.design, "designs swept for the trial"),
         (store.schedule(store.design), "control of the trial over time, its unit in the header"),
         *(

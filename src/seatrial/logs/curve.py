@@ -1,0 +1,83 @@
+"""Curves that say what a logged number stands for, such as the thrust of a thruster at each PWM width."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.files import sha256_of
+
+_FEWEST = 2
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points between which a number is interpolated.
+
+    Attributes:
+        name: of the file.
+        sha256: of its bytes.
+        logged: numbers as logged, increasing.
+        value: what each stands for, in the unit of the column.
+    """
+
+    name: str
+    sha256: str
+    logged: tuple[float, ...]
+    value: tuple[float, ...]
+
+    def __call__(self, cells: Float[np.ndarray, " n"], where: str) -> Float[np.ndarray, " n"]:
+        """Interpolate; NaN stays NaN.
+
+        Raises:
+            InputError: a number beyond the ends of the curve.
+        """
+        outside = np.flatnonzero((cells < self.logged[0]) | (cells > self.logged[-1]))
+        if outside.size:
+            raise InputError(
+                where,
+                found=f"{cells[outside[0]]:g} in sample {outside[0] + 1}, and {outside.size} such samples in all",
+                expected=f"{self.logged[0]:g} to {self.logged[-1]:g}, the ends of {self.name}",
+                remedy="map the column that the curve is for, or extend the curve",
+            )
+        return np.interp(cells, self.logged, self.value)
+
+
+def read_curve(path: Path, where: str) -> Curve:
+    """Read a CSV of two columns with a header.
+
+    Args:
+        path: of the file.
+        where: file and key that name it, for errors.
+
+    Raises:
+        InputError: no such file, not two columns of numbers, fewer than two rows, or numbers that do not increase.
+    """
+    if not path.is_file():
+        raise InputError(where, found=f"no file {path}", expected="a CSV of two columns", remedy="correct the path")
+    try:
+        rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8-sig")
+    except ValueError as cause:
+        raise _malformed(path, str(cause)) from cause
+    if rows.shape[0] < _FEWEST or rows.shape[1] != 2 or not np.isfinite(rows).all():
+        raise _malformed(path, f"{rows.shape[0]} rows of {rows.shape[1]} numbers")
+    back = np.flatnonzero(np.diff(rows[:, 0]) <= 0)
+    if back.size:
+        raise InputError(
+            f"{path}, row {back[0] + 3}",
+            found=f"{rows[back[0] + 1, 0]:g} after {rows[back[0], 0]:g}",
+            expected="logged numbers that increase from row to row",
+            remedy="sort the rows, and drop repetitions",
+        )
+    return Curve(path.name, sha256_of(path), tuple(rows[:, 0].tolist()), tuple(rows[:, 1].tolist()))
+
+
+def _malformed(path: Path, found: str) -> InputError:
+    return InputError(
+        str(path),
+        found=found,
+        expected="a header, then rows of two numbers: the logged one, and what it stands for",
+        remedy="save the table as a CSV with a comma between two columns",
+    )

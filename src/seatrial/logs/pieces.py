@@ -1,0 +1,51 @@
+"""Long records cut into pieces, each a trial with a start of its own (multiple shooting: Bock 1983)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+
+FEWEST = 10
+"""Samples in a piece, at least."""
+
+
+def cut(record: Record, length: float) -> tuple[Record, ...]:
+    """Pieces of about equal length, labelled 1.1, 1.2, … of record 1; a record not half as long again stays whole.
+
+    Args:
+        record: one trial.
+        length: of a piece, s.
+
+    Raises:
+        InputError: a length that is not positive, or that leaves pieces of a few samples.
+    """
+    whole = float(record.time[-1])
+    count = max(round(whole / length), 1) if length > 0 else 0
+    if not 1 <= count <= record.time.size // FEWEST:
+        raise InputError(
+            f'record "{record.label}", split',
+            found=f"{length:g} s",
+            expected=f"more than 0 s, and pieces of at least {FEWEST} samples of this record of {whole:g} s",
+            remedy="give the time over which the vehicle can be simulated, such as 20 s",
+        )
+    if count == 1:
+        return (record,)
+    edges = np.searchsorted(record.time, np.linspace(0.0, whole, count + 1)[1:-1] - 1e-9)
+    bounds = [0, *edges.tolist(), record.time.size]
+    return tuple(_piece(record, number, slice(*bounds[number : number + 2])) for number in range(count))
+
+
+def _piece(record: Record, number: int, rows: slice) -> Record:
+    time, options = record.time[rows], dict(record.provenance.options)
+    if number:  # what is said of the whole record is said once
+        options["cautions"] = []
+    return replace(
+        record,
+        time=time - time[0],
+        control=record.control[rows],
+        measurement=record.measurement[rows],
+        provenance=replace(record.provenance, options={**options, "piece": [float(time[0]), float(time[-1])]}),
+        label=f"{record.label}.{number + 1}",
+    )
