@@ -1,0 +1,107 @@
+"""Vehicles out to simulators, and trials out to vehicles."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.apps.running import Exit, Quiet, watched
+
+_TARGETS = "gz, uuv, stonefish, fossen, holoocean, json or csv"
+_TRIALS = "csv, json, mavlink, ros2 or mcap"
+
+
+def export(
+    what: Annotated[
+        str, typer.Argument(metavar="DIR|VEHICLE", help="Folder of a finished campaign, or a vehicle of the catalogue.")
+    ],
+    to: Annotated[str | None, typer.Option("--to", help=f"{_TARGETS}; with --trial {_TRIALS}.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Where to write; DIR/export/<target> if not given.")
+    ] = None,
+    trial: Annotated[
+        bool, typer.Option("--trial", help="Export the trial to run next instead of the vehicle.")
+    ] = False,
+    structure: Annotated[
+        str | None, typer.Option(help="Label of another structure than the chosen one, such as M-1.")
+    ] = None,
+    rest: Annotated[
+        str | None,
+        typer.Option(metavar="VEHICLE", help="Published vehicle from which comes what the campaign does not model."),
+    ] = None,
+    schedule: Annotated[
+        str | None, typer.Option(help="With --trial: another schedule of results/, such as design.")
+    ] = None,
+    engine: Annotated[
+        str | None, typer.Option(help="With --to gz: dart, or other for an engine without added mass of its own.")
+    ] = None,
+    density: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help='Of the water, for simulators; "1025 kg/m^3" if not given.')
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Export the estimated vehicle to a simulator, saying what is lost, or the next trial to a vehicle."""
+
+    def work(watch: Any) -> Exit:
+        from seatrial.core.units import quantity
+
+        folder = Path(what)
+        if trial:
+            _only("--trial", structure=structure, rest=rest, engine=engine, density=density)
+            return _trial(folder, to, out, schedule)
+        _only("a vehicle, without --trial", schedule=schedule)
+        options = {"engine": engine, "density": None if density is None else quantity(density, "kg/m^3", "--density")}
+        return _vehicle(what, to, out, structure, rest, options)
+
+    watched(quiet, work)
+
+
+def _vehicle(
+    what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
+) -> Exit:
+    from seatrial.core.errors import InputError
+    from seatrial.export.from_campaign import of_campaign
+    from seatrial.export.published import of_catalogue
+    from seatrial.export.registry import EXPORTERS, make_exporter
+    from seatrial.export.write import export_vehicle
+
+    if to is None:
+        raise InputError(
+            "--to", found="nothing", expected="one of " + ", ".join(EXPORTERS), remedy="for example `--to gz`"
+        )
+    exporter = make_exporter(to, **options)
+    if Path(what).exists():
+        vehicle, provenance = of_campaign(what, structure, rest)
+        folder = out or Path(what) / "export" / exporter.name
+    else:
+        vehicle, provenance = of_catalogue(what)
+        _only("a published vehicle", structure=structure, rest=rest)
+        folder = out or Path("export") / what / exporter.name
+    statement, paths = export_vehicle(exporter, vehicle, provenance, folder)
+    typer.echo("\n".join(statement.lines))
+    for path in paths:
+        typer.echo(f"wrote: {path}")
+    return Exit.ALARMS if provenance.cautions else Exit.OK
+
+
+def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:
+    from seatrial.export.trials.trial import read_trial
+    from seatrial.export.trials.write import PLAIN, write_trial
+
+    trial = read_trial(folder, schedule)
+    paths = write_trial(trial, out or folder / "export" / "trial", PLAIN if to is None else (to,))
+    typer.echo("\n".join(trial.lines))
+    for path in paths:
+        typer.echo(f"wrote: {path}")
+    return Exit.OK
+
+
+def _only(place: str, **options: Any) -> None:
+    """Refuse options that have no meaning where they stand."""
+    from seatrial.core.errors import InputError
+
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(
+                f"--{name}", found=f"{value}, together with {place}", expected="nothing", remedy=f"leave --{name} out"
+            )

@@ -1,0 +1,230 @@
+"""The vehicle of a finished campaign: its estimated structure, and the rest from its body or from a published vehicle.
+
+Nothing is computed here: results that are missing, or were made from another configuration than the folder now holds, are refused.
+"""
+
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+
+import numpy as np
+
+from seatrial import __version__
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.estimate import Estimate, estimate_key
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.screen import with_shortlist
+from seatrial.campaign.store import Store, read_json, stamp_of
+from seatrial.campaign.trials import get_trials
+from seatrial.campaign.whole_vehicle import WholeVehicle
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import RATES
+from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published
+from seatrial.selection.structures import Structure
+from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.freedom import acting_terms
+from seatrial.vehicles.hull import GRAVITY, Hull
+from seatrial.vehicles.model import VehicleModel
+
+_SAME = 1e-3
+"""Difference of two masses, as a share, up to which they are the same vehicle's."""
+
+
+def of_campaign(
+    folder: Path | str, structure: str | None = None, rest: str | None = None
+) -> tuple[ExportedVehicle, Provenance]:
+    """The vehicle that a campaign's data support.
+
+    Args:
+        folder: of the campaign.
+        structure: label of another structure than the chosen one.
+        rest: published vehicle from which everything is taken that the campaign does not model.
+
+    Raises:
+        InputError: results missing or made from another configuration, an unknown structure, estimates per unit of an unknown mass,
+            or a published vehicle of another mass.
+    """
+    campaign = load_campaign(folder)
+    estimate = _stored(campaign, structure)
+    alone, provenance = _alone(campaign, estimate)
+    return (alone, provenance) if rest is None else _with_rest(campaign, alone, provenance, rest)
+
+
+def stored_labels(folder: Path | str) -> tuple[str, ...]:
+    """Labels of the structures of which a campaign has a posterior."""
+    return tuple(sorted(path.stem for path in Store(Path(folder)).posterior("x").parent.glob("*.nc")))
+
+
+def _stored(campaign: Campaign, label: str | None) -> Estimate:
+    store, remedy = Store(campaign.folder), f"run `seatrial run {campaign.folder}` first"
+    summary = read_json(store.summary, f"seatrial run {campaign.folder}")
+    if summary["seatrial_version"] != __version__:
+        raise _stale(campaign, f"results of seatrial {summary['seatrial_version']}", remedy)
+    trials = get_trials(campaign)
+    campaign = with_shortlist(campaign, trials)
+    labels = {structure.label: structure for structure in campaign.structures}
+    chosen = label or summary["chosen"]
+    if chosen not in labels:
+        raise InputError(
+            f"{campaign.folder}, structure {chosen}",
+            found=f'"{chosen}"' if label else f'"{chosen}", which the campaign no longer has',
+            expected="one of " + ", ".join(labels),
+            remedy=nearest(chosen, labels) if label else remedy,
+        )
+    key = estimate_key(campaign, labels[chosen], trials)
+    path = store.posterior(chosen)
+    if stamp_of(path) != key:
+        raise _stale(campaign, "another configuration, or none", remedy)
+    return Estimate(labels[chosen], open_dataset(path))
+
+
+def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Provenance]:
+    """What the campaign itself knows."""
+    hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure
+    if hull.mass is None:
+        raise InputError(
+            campaign.where("vehicle.mass"),
+            found='"unknown": every coefficient is per unit of an effective mass or inertia',
+            expected="coefficients in newtons: a vehicle whose mass is known",
+            remedy="give the mass, and the inertia of axes that turn, and estimate again",
+        )
+    estimated = _estimated(estimate, structure)
+    means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
+    coefficients = {**hull.fixed, **means}
+    common = {"coefficients": coefficients, "estimated": estimated}
+    if isinstance(vehicle, WholeVehicle):
+        model = vehicle.model(structure)
+        moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
+        found = ExportedVehicle(
+            hull.name,
+            replace(vehicle.hull, fixed={}),
+            moves=moves,
+            added_coriolis=vehicle.body.added_coriolis,
+            thrusters=vehicle.body.thrusters,
+            actuators=_actuators(campaign, model),
+            **common,
+        )
+        moved = ", ".join(rate for rate in RATES if rate in model.states)
+    else:
+        body = Hull(
+            hull.name,
+            hull.mass,
+            weight=hull.mass * GRAVITY,
+            buoyancy=hull.mass * GRAVITY,
+            thrust_deduction=hull.thrust_deduction,
+            trim=hull.trim,
+        )
+        found = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign), **common)
+        moved = "u"
+    source = campaign.source.vehicle.catalogue
+    given = [name for name in coefficients if name not in means]
+    where = f"catalogue {source}" if source else "campaign.toml"
+    absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
+    absent += [f"limits and lag of {name}" for name in _controls(found) if name not in found.actuators]
+    return found, Provenance(
+        estimate.key,
+        campaign.source.campaign.name,
+        f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
+        str(estimate.data.attrs.get("seatrial_version", "")),
+        tuple(term for term in campaign.full.terms if term not in structure.terms),
+        tuple([", ".join(absent)] if absent else []),
+        (
+            f"{'body' if found.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
+            *_limit_words(campaign, found),
+        ),
+        tuple(estimate.alarms),
+    )
+
+
+def _with_rest(
+    campaign: Campaign, alone: ExportedVehicle, provenance: Provenance, rest: str
+) -> tuple[ExportedVehicle, Provenance]:
+    """The published vehicle, in which all that acts in the campaign's motion is the campaign's."""
+    published = of_published(rest, load_vehicle(rest))
+    own, other = alone.hull.mass, published.hull.mass
+    if own is None or other is None or abs(own - other) > _SAME * own:
+        raise InputError(
+            f"{REST} {rest}",
+            found=f"a mass of {other} kg, where the coefficients were estimated with {own} kg",
+            expected="the same vehicle: coefficients that were estimated with one mass do not fit another",
+            remedy=f"name a published vehicle of {own} kg, or estimate with the mass of {rest}",
+        )
+    whole = isinstance(campaign.vehicle, WholeVehicle)
+    moves = campaign.model(campaign.full).states if whole else ("u",)
+    replaced = {
+        CoefficientName.parse(name)
+        for name in acting_terms(
+            tuple(published.coefficients), tuple(r for r in RATES if r in moves), (), published.thrusters
+        )
+    } | {CoefficientName.parse(name) for name in alone.coefficients}
+    kept = {
+        name: value for name, value in published.coefficients.items() if CoefficientName.parse(name) not in replaced
+    }
+    gone = [name for name in published.coefficients if name not in kept and name not in alone.coefficients]
+    hull = replace(
+        published.hull,
+        mass=own,
+        thrust_deduction=alone.hull.thrust_deduction,
+        trim={**published.hull.trim, **alone.hull.trim},
+    )
+    found = replace(
+        published,
+        name=alone.name,
+        hull=replace(hull, name=alone.name),
+        coefficients={**alone.coefficients, **kept},
+        actuators={**published.actuators, **alone.actuators},
+        estimated=alone.estimated,
+    )
+    lost = [name for name in _controls(found) if name not in found.actuators]
+    return found, replace(
+        provenance,
+        sources=(
+            *provenance.sources,
+            f"{REST} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
+            *([f"of {rest} left out, since they act in the campaign's own motion: {' '.join(gone)}"] if gone else []),
+        ),
+        absent=((f"limits and lag of {', '.join(lost)}",) if lost else ()),
+    )
+
+
+def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[str, Actuator]:
+    """Lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
+    found: dict[str, dict[str, float]] = {}
+    for key, value in () if model is None else model.constants:
+        if key.startswith("actuator "):
+            _, name, part = key.split(" ")
+            found.setdefault(name, {})[part] = value
+    actuators = {name: Actuator(**parts) for name, parts in found.items()}
+    control, limits = campaign.source.design.control, campaign.limits()
+    lower, upper, rate = (getattr(limits, key) for key in ("lower", "upper", "rate"))
+    if control not in actuators and not (lower is None and upper is None and rate is None):
+        actuators[control] = Actuator(
+            0.0, -inf if lower is None else lower, inf if upper is None else upper, inf if rate is None else rate
+        )
+    return actuators
+
+
+def _limit_words(campaign: Campaign, vehicle: ExportedVehicle) -> list[str]:
+    control = campaign.source.design.control
+    known = control in vehicle.actuators and control in campaign.source.limits
+    return [f"limits of {control}: those of its trials, [limits] of campaign.toml"] if known else []
+
+
+def _controls(vehicle: ExportedVehicle) -> tuple[str, ...]:
+    return vehicle.model().controls
+
+
+def _estimated(estimate: Estimate, structure: Structure) -> Estimated:
+    names = tuple(term for term in structure.terms if term in estimate.names)
+    draws = estimate.draws(names)
+    covariance = np.cov(draws.T, bias=True).reshape(len(names), len(names))
+    return Estimated(names, draws.mean(0), np.sqrt(np.diag(covariance)), covariance)
+
+
+def _stale(campaign: Campaign, found: str, remedy: str) -> InputError:
+    return InputError(
+        str(campaign.folder), found=found, expected="finished results of today's campaign.toml", remedy=remedy
+    )

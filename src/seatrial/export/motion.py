@@ -1,0 +1,91 @@
+"""Accelerations of a vehicle in NumPy, term by term, for a few states at a time and without compilation.
+
+    nudot = (M_RB + M_A)^-1 ( sum c phi + B T - C(nu) nu - g )
+
+The model of `seatrial.vehicles.whole` is the reference; tests compare the two. Fossen, Handbook of Marine Craft Hydrodynamics and
+Motion Control, 2nd ed., 2021, eqs. (3.56), (6.43) and (8.1) to (8.4).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.signals import RATES
+from seatrial.export.vehicle import ExportedVehicle
+from seatrial.vehicles.hull import AXES
+
+Velocity = Float[np.ndarray, "6 *n"]
+Motion = Callable[[Velocity, Any, Any, Mapping[str, Any]], Velocity]
+"""(velocities, roll, pitch, controls) to accelerations, SI."""
+
+
+def motion_of(vehicle: ExportedVehicle) -> Motion:
+    """Accelerations of the vehicle; those of velocities that do not move are zero."""
+    return motion_with(vehicle, force_of(vehicle))
+
+
+def motion_with(vehicle: ExportedVehicle, *forces: Motion) -> Motion:
+    """Accelerations of the vehicle's mass under forces."""
+    moving = [RATES.index(rate) for rate in vehicle.moves]
+    inverse = np.linalg.inv((vehicle.rigid_mass + vehicle.added_mass)[np.ix_(moving, moving)])
+
+    def accelerate(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
+        total = np.sum([force(nu, phi, theta, controls) for force in forces], axis=0)
+        found = np.zeros_like(np.asarray(nu, float))
+        found[moving] = np.tensordot(inverse, total[moving], 1)
+        return found
+
+    return accelerate
+
+
+def force_of(vehicle: ExportedVehicle) -> Motion:
+    """Everything on the right of M nudot = …: named terms, thrust, Coriolis forces, weight and buoyancy."""
+    hull = vehicle.hull
+    coriolis = vehicle.rigid_mass if hull.mass is not None else np.zeros((6, 6))
+    if vehicle.added_coriolis == "automatic":
+        coriolis = coriolis + vehicle.added_mass
+    named = [(CoefficientName.parse(name), value) for name, value in vehicle.forces.items()]
+    thrust = [(name, value) for name, value in named if name.axis == "T"]
+    acting = [(AXES.index(name.axis), name, value) for name, value in named if name.axis in AXES]
+    share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
+    righting = np.array(hull.righting)
+
+    def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
+        nu = np.asarray(nu, float)
+        known = {**dict(zip(RATES, nu, strict=True)), "phi": phi, "theta": theta, "psi": 0.0, **controls}
+        found = -coriolis_force(coriolis, nu) + restoring_force(hull.weight - hull.buoyancy, righting, phi, theta)
+        for axis, name, value in acting:
+            found[axis] += value * name.regressor(known, hull.trim)
+        if not vehicle.thrusters and thrust:
+            local = {**known, "u": inflow * known["u"]}
+            found[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
+        for number, thruster in enumerate(vehicle.thrusters, 1):
+            if thrust:
+                local = {**known, "n": controls[f"n_{number}"], "u": inflow * thruster.inflow(tuple(nu))}
+                push = sum(value * name.regressor(local, hull.trim) for name, value in thrust)
+            else:
+                push = controls[f"f_{number}"]
+            found += share * np.multiply.outer(np.array(thruster.column), push)
+        return found
+
+    return force
+
+
+def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:
+    """C(nu) nu of a mass matrix: (omega x P, v x P + omega x L) with (P, L) = M nu."""
+    momentum = np.tensordot(mass, nu, 1)
+    v, omega, linear, angular = nu[:3], nu[3:], momentum[:3], momentum[3:]
+    return np.concatenate([_cross(omega, linear), _cross(v, linear) + _cross(omega, angular)])
+
+
+def restoring_force(net: float, righting: Float[np.ndarray, " 3"], phi: Any, theta: Any) -> Velocity:
+    """Force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B."""
+    down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
+    return np.concatenate([net * down, _cross(righting, down)])
+
+
+def _cross(a: Any, b: Any) -> Any:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

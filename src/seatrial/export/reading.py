@@ -1,0 +1,136 @@
+"""Reads the package's own JSON of a vehicle back, and refuses what is not one."""
+
+import json
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError, located
+from seatrial.core.signals import RATES
+from seatrial.export.targets.own_json import FORMAT
+from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance
+from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.thrusters import Thruster
+
+
+def read_exported(path: Path | str) -> tuple[ExportedVehicle, Provenance]:
+    """Read a vehicle and where it comes from.
+
+    Raises:
+        InputError: no such file, no JSON, another format, something missing, or numbers that no vehicle has.
+    """
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as cause:
+        raise _refusal(path, "no such file") from cause
+    except (ValueError, RecursionError) as cause:
+        raise _refusal(path, f"no JSON ({cause})") from cause
+    found = content.get("format") if isinstance(content, dict) else None
+    if found != FORMAT:
+        raise _refusal(path, "no format number" if found is None else f"format {found}")
+    try:
+        with located(str(path)):
+            vehicle = _vehicle(content)
+            vehicle.model()
+    except (KeyError, TypeError, ValueError, AttributeError) as cause:
+        raise _refusal(path, f"{type(cause).__name__} at {cause}") from cause
+    return vehicle, _provenance(path, content)
+
+
+def _vehicle(content: dict[str, Any]) -> ExportedVehicle:
+    rows = content["coefficients"]
+    for row in rows:
+        name = CoefficientName.parse(row["name"])
+        if row["unit"] != name.unit:
+            raise InputError(
+                f"coefficient {name}",
+                found=f'unit "{row["unit"]}"',
+                expected=f'"{name.unit}"',
+                remedy="the unit follows from the name: give the value in SI",
+            )
+    body = {key: _body_value(one["value"]) for key, one in content["body"].items()}
+    places = ("products_of_inertia", "centre_of_gravity", "centre_of_buoyancy")
+    products, gravity, buoyancy = (_three(body[key] or [0.0] * 3) for key in places)
+    hull = Hull(
+        content["name"],
+        body["mass"],
+        _three(body["inertia_about_origin"]),
+        products,
+        gravity,
+        buoyancy,
+        body["weight"] or 0.0,
+        body["buoyancy"] or 0.0,
+        body["thrust_deduction"],
+        body["wake"],
+        {},
+        {name: _number(one["value"]) for name, one in content["trim"].items()},
+    )
+    moves = tuple(content["moves"])
+    if not set(moves) <= set(RATES):
+        raise ValueError(f"moves {moves}")
+    return ExportedVehicle(
+        content["name"],
+        hull,
+        {row["name"]: _number(row["value"]) for row in rows},
+        moves,
+        content["added_coriolis"],
+        tuple(Thruster(_three(one["place"]), _three(one["direction"])) for one in content["thrusters"]),
+        {name: _actuator(one) for name, one in content["actuators"].items()},
+        _estimated(content["estimated"]),
+    )
+
+
+def _estimated(table: dict[str, Any]) -> Estimated:
+    names = tuple(table["names"])
+    mean, sd = np.array(table["mean"], float), np.array(table["sd"], float)
+    covariance = np.array(table["covariance"], float).reshape(len(names), len(names))
+    spread = np.sqrt(np.diag(covariance))
+    if mean.shape != sd.shape or not np.allclose(spread, sd, rtol=1e-6) or not np.allclose(covariance, covariance.T):
+        raise ValueError("a covariance that is not symmetric, or whose diagonal is not sd^2")
+    return Estimated(names, mean, sd, covariance)
+
+
+def _provenance(path: Path, content: dict[str, Any]) -> Provenance:
+    try:
+        table = content["provenance"]
+        lists = {key: tuple(table[key]) for key in ("dropped", "absent", "sources", "cautions")}
+        return Provenance(table["run"], table["title"], table["structure"], table["seatrial"], **lists)
+    except (KeyError, TypeError) as cause:
+        raise _refusal(path, f"no provenance ({cause})") from cause
+
+
+def _actuator(one: dict[str, Any]) -> Actuator:
+    lower, upper, rate = (
+        unbounded if one[key] is None else _number(one[key])
+        for key, unbounded in (("lower", -inf), ("upper", inf), ("rate", inf))
+    )
+    return Actuator(_number(one["time_constant"]), lower, upper, rate)
+
+
+def _body_value(value: Any) -> Any:
+    return value if value is None or isinstance(value, list) else _number(value)
+
+
+def _three(values: list) -> tuple:
+    first, second, third = (None if value is None else _number(value) for value in values)
+    return first, second, third
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise ValueError(f"{value!r} where a number stands")
+    return float(value)
+
+
+def _refusal(path: Path, found: str) -> InputError:
+    return InputError(
+        str(path),
+        found=found,
+        expected=f"a vehicle exported with `--to json`, format {FORMAT}",
+        remedy="export it again with this version of seatrial",
+    )

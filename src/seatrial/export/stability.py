@@ -1,0 +1,113 @@
+"""What is refused because a simulator that steps through time would run away with it.
+
+Mass that is not positive definite, damping that gives energy, and added mass that an explicit step cannot follow.
+"""
+
+import numpy as np
+from scipy.linalg import eigh
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.export.vehicle import ExportedVehicle
+from seatrial.vehicles.hull import AXES
+from seatrial.vehicles.laws import dissipation_findings
+
+_AGAIN = (
+    "estimate it again with a prior that ends at 0 (`physical = true`), export a structure without it by `--structure`, "
+    "or correct the value"
+)
+_RANGE = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))
+"""Range of each velocity in which damping is tried, m/s and rad/s."""
+_COUPLED = (("v", "p"), ("v", "r"), ("w", "q"), ("p", "r"))
+_SAMPLES = 500
+
+
+def check_stable(vehicle: ExportedVehicle, target: str) -> None:
+    """Refuse what no simulator survives.
+
+    Raises:
+        InputError: names the coefficient, its value, and what to do.
+    """
+    place = f'vehicle "{vehicle.name}", export to {target}'
+    _check_mass(vehicle, place)
+    for name, value in _diagonal_drag(vehicle):
+        if value > 0:
+            raise InputError(
+                f"{place}, {name}",
+                found=f"{name} = {value:.6g} {vehicle.unit(name)}, which gives energy to the motion",
+                expected="a value of 0 or less: drag takes energy",
+                remedy=_AGAIN,
+            )
+    for speeds in _motions(vehicle):
+        findings = dissipation_findings(vehicle.forces, speeds, _SAMPLES)
+        if findings:
+            name = _culprit(vehicle, speeds)
+            raise InputError(
+                f"{place}, {name or 'damping'}",
+                found=findings[0]
+                + (f"; without {name} = {vehicle.coefficients[name]:.6g} it does not" if name else ""),
+                expected="damping that takes energy in every motion",
+                remedy=_AGAIN,
+            )
+
+
+def check_explicit_added_mass(vehicle: ExportedVehicle, target: str, limit: float, remedy: str) -> None:
+    """Refuse added mass that a target applies from the acceleration of the step before.
+
+    It does not run away while the largest eigenvalue of M_RB^-1 M_A stays below `limit`, 1 without a filter.
+
+    Raises:
+        InputError: it is above; names the added mass that weighs most.
+    """
+    values, vectors = eigh(vehicle.added_mass, vehicle.rigid_mass)
+    if values[-1] < limit:
+        return
+    axis = int(np.argmax(np.abs(vectors[:, -1]) * np.sqrt(np.diag(vehicle.rigid_mass))))
+    name = f"{AXES[axis]}_{RATES[axis]}dot"
+    raise InputError(
+        f'vehicle "{vehicle.name}", export to {target}, {name}',
+        found=f"{name} = {-vehicle.added_mass[axis, axis]:.6g} {vehicle.unit(name)}: added mass is {values[-1]:.3g} "
+        "times the vehicle's own",
+        expected=f"less than {limit:.3g} times that: the target applies it from the acceleration of the step before, and runs away beyond",
+        remedy=remedy,
+    )
+
+
+def _check_mass(vehicle: ExportedVehicle, place: str) -> None:
+    moving = [RATES.index(rate) for rate in vehicle.moves]
+    matrix = (vehicle.rigid_mass + vehicle.added_mass)[np.ix_(moving, moving)]
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    if values[0] > 0:
+        return
+    axis = moving[int(np.argmax(np.abs(vectors[:, 0])))]
+    name = f"{AXES[axis]}_{RATES[axis]}dot"
+    raise InputError(
+        f"{place}, {name}",
+        found=f"{name} = {-vehicle.added_mass[axis, axis]:.6g} {vehicle.unit(name)}: "
+        f"mass and added mass have the eigenvalue {values[0]:.4g}",
+        expected="a positive definite mass matrix",
+        remedy="added masses on the diagonal are negative in SNAME notation: check their signs, and the centre of gravity",
+    )
+
+
+def _diagonal_drag(vehicle: ExportedVehicle) -> list[tuple[str, float]]:
+    """Quadratic drag of each velocity on its own axis."""
+    own = {CoefficientName.parse(f"{axis}_{rate}abs{rate}") for axis, rate in zip(AXES, RATES, strict=True)}
+    return [(name, value) for name, value in vehicle.forces.items() if CoefficientName.parse(name) in own]
+
+
+def _motions(vehicle: ExportedVehicle) -> list[dict[str, float]]:
+    """Ranges in which damping is tried: each velocity alone, those that couple, and all together."""
+    singles = [{rate: _RANGE[rate]} for rate in vehicle.moves]
+    pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED if a in vehicle.moves and b in vehicle.moves]
+    return [*singles, *pairs, {rate: _RANGE[rate] for rate in vehicle.moves}]
+
+
+def _culprit(vehicle: ExportedVehicle, speeds: dict[str, float]) -> str | None:
+    """The one coefficient without which damping would take energy in these motions."""
+    for name in vehicle.forces:
+        others = {other: value for other, value in vehicle.forces.items() if other != name}
+        if not dissipation_findings(others, speeds, _SAMPLES):
+            return name
+    return None

@@ -1,0 +1,66 @@
+"""What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is lost."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from seatrial import __version__
+from seatrial.core.coefficients import CoefficientName
+from seatrial.export.manoeuvre import changes, plan_for, run_manoeuvre
+from seatrial.export.motion import motion_of
+from seatrial.export.target import Change, Exporter, Statement
+from seatrial.export.vehicle import ExportedVehicle, Provenance
+
+_NOTHING = 1e-9
+"""Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
+
+
+def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) -> Statement:
+    """Compare the vehicle with what the target keeps, and say it."""
+    carried, own = exporter.carries(vehicle), motion_of(vehicle)
+    plan = plan_for(vehicle, own)
+    before = run_manoeuvre(vehicle, own, plan)
+    after = before if not (carried.lost or carried.changed) else run_manoeuvre(vehicle, carried.motion, plan)
+    loss = changes(vehicle, before, after)
+    found = Statement(exporter.target, provenance, carried, loss, plan.words, ())
+    return found._replace(lines=tuple(_lines(vehicle, found)))
+
+
+def loss_words(loss: Iterable[Change]) -> str:
+    """The loss in predicted motion in words."""
+    shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
+    if not shown:
+        return "none"
+    return "; ".join(_change_words(change) for change in shown)
+
+
+def _lines(vehicle: ExportedVehicle, statement: Statement) -> list[str]:
+    provenance, carried = statement.provenance, statement.carried
+    lines = [
+        f"{provenance.title}, exported by seatrial {__version__} to {statement.target}",
+        f"run: {provenance.run}" + (f" (seatrial {provenance.version})" if provenance.version else ""),
+    ]
+    if provenance.structure:
+        lines.append(f"structure: {provenance.structure}")
+    estimated = vehicle.estimated
+    lines.append("estimated, mean ± standard deviation:" if estimated.names else "estimated: nothing, all is published")
+    for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
+        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
+    for title, items in (
+        ("dropped by the selection", provenance.dropped),
+        ("taken from elsewhere", provenance.sources),
+        ("absent", provenance.absent),
+        ("caution", provenance.cautions),
+    ):
+        lines += [f"{title}: {item}" for item in items]
+    lines += [f"cannot carry: {item}" for item in carried.lost] or ["cannot carry: nothing is left out"]
+    lines += [f"carried in another form: {item}" for item in carried.changed]
+    lines.append(f"loss in predicted motion ({statement.manoeuvre}): {loss_words(statement.loss)}")
+    return lines
+
+
+def _change_words(change: Change) -> str:
+    if not np.isfinite(change.largest):
+        return f"{change.rate} runs away in the target"
+    share = f" ({change.largest / change.range:.0%} of its range)" if change.range > _NOTHING else " (its range is 0)"
+    return f"{change.rate} by {change.largest:.2g} {change.unit}{share}"

@@ -1,0 +1,93 @@
+"""What every exporter is: a name, a target and its version, what the target keeps of a vehicle, and the files it writes.
+
+An exporter is a frozen dataclass whose fields are the target's options. The skeleton of a new one:
+
+    @dataclass(frozen=True)
+    class Mine:
+        name: str = "mine"
+        target: str = "My Simulator 2.1"
+
+        def check(self, vehicle): ...                # refuse what the target would make unstable
+        def carries(self, vehicle): ...              # Carried(motion, lost, changed)
+        def write(self, vehicle, statement): ...     # {file name: text}
+
+and one line in `registry.EXPORTERS`; the conformance test runs over it from then on.
+"""
+
+from typing import NamedTuple, Protocol
+
+from seatrial.export.motion import Motion
+from seatrial.export.vehicle import ExportedVehicle, Provenance
+
+
+class Carried(NamedTuple):
+    """What a target keeps.
+
+    Attributes:
+        motion: accelerations in the target, in our axes.
+        lost: what it cannot carry, in words; empty where it carries everything.
+        changed: what it carries in another form, in words.
+    """
+
+    motion: Motion
+    lost: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+
+
+class Change(NamedTuple):
+    """Largest difference of one velocity between the vehicle and the target's, and the range of the vehicle's own; SI."""
+
+    rate: str
+    unit: str
+    largest: float
+    range: float
+
+
+class Statement(NamedTuple):
+    """What each export says of itself.
+
+    Attributes:
+        target: name and version.
+        provenance: where the vehicle comes from.
+        carried: what the target keeps.
+        loss: by velocity, in the standard manoeuvre; a target that runs away has infinite ones.
+        manoeuvre: the standard manoeuvre in words.
+        lines: all of it as text.
+    """
+
+    target: str
+    provenance: Provenance
+    carried: Carried
+    loss: tuple[Change, ...]
+    manoeuvre: str
+    lines: tuple[str, ...]
+
+
+class Exporter(Protocol):
+    """One target."""
+
+    @property
+    def name(self) -> str:
+        """Name after `--to`."""
+        ...
+
+    @property
+    def target(self) -> str:
+        """The target and the version its format was read from."""
+        ...
+
+    def check(self, vehicle: ExportedVehicle) -> None:
+        """Refuse a vehicle that the target cannot hold or would make unstable.
+
+        Raises:
+            InputError: names the coefficient, its value and the remedy.
+        """
+        ...
+
+    def carries(self, vehicle: ExportedVehicle) -> Carried:
+        """What the target keeps of the vehicle."""
+        ...
+
+    def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
+        """Texts by file name; each repeats the statement."""
+        ...

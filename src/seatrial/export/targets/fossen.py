@@ -1,0 +1,267 @@
+"""T. I. Fossen's Python Vehicle Simulator: a subclass of its REMUS 100, whose dynamics are replaced by the vehicle's own, term by term.
+
+The simulator has no file of parameters, builds its damping from time constants and leaves the Munk moments out, so that `dynamics` is
+overridden as a whole: M, C, every named term, weight and buoyancy, the lags and limits of the actuators. Its autopilots stay.
+Source: github.com/cybergalactic/PythonVehicleSimulator, `vehicles/remus100.py` and `lib/mainLoop.py` (MIT licence).
+"""
+
+from dataclasses import dataclass
+from math import isfinite, pi
+
+import numpy as np
+
+from seatrial.core.coefficients import CoefficientName, Factor
+from seatrial.core.signals import signal_unit
+from seatrial.export.motion import motion_of
+from seatrial.export.stability import check_stable
+from seatrial.export.target import Carried, Statement
+from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.export.xml_text import identifier, number
+from seatrial.vehicles.hull import AXES
+
+_TORPEDO = ("delta_r", "delta_s", "n")
+"""The simulator's own controls, in its order."""
+
+
+@dataclass(frozen=True)
+class Fossen:
+    """See the module."""
+
+    name: str = "fossen"
+    target: str = "Python Vehicle Simulator (commit c717e07, May 2025)"
+
+    def check(self, vehicle: ExportedVehicle) -> None:
+        """See `Exporter`."""
+        require_whole(vehicle, self.name)
+        check_stable(vehicle, self.name)
+
+    def carries(self, vehicle: ExportedVehicle) -> Carried:
+        """See `Exporter`: everything, since its code is written out."""
+        return Carried(motion_of(vehicle))
+
+    def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
+        """See `Exporter`."""
+        name = identifier(vehicle.name)
+        controls = controls_of(vehicle)
+        parts = {
+            "DOC": "\n".join(_safe(line) for line in [*statement.lines, *_notes(vehicle, controls)]),
+            "CLASS": name,
+            "TITLE": repr(_safe(vehicle.name)),
+            "MRB": _matrix(vehicle.rigid_mass),
+            "MA": _matrix(vehicle.added_mass),
+            "CORIOLIS": "self.MRB + self.MA" if vehicle.added_coriolis == "automatic" else "self.MRB",
+            "W": number(vehicle.hull.weight),
+            "B": number(vehicle.hull.buoyancy),
+            "RG": _row(vehicle.hull.centre_of_gravity),
+            "RB": _row(vehicle.hull.centre_of_buoyancy),
+            "LABELS": repr([_label(control) for control in controls]),
+            "SCALE": _row([_scale(vehicle, control) for control in controls]),
+            **{
+                key: _row([_limit(vehicle, control, attribute) for control in controls])
+                for key, attribute in (
+                    ("LOWER", "lower"),
+                    ("UPPER", "upper"),
+                    ("RATE", "rate"),
+                    ("LAG", "time_constant"),
+                )
+            },
+            "UNPACK": _unpack(controls),
+            "FORCES": _forces(vehicle),
+            "SINGLE": _steps(controls),
+        }
+        text = _TEMPLATE
+        for key, value in parts.items():
+            text = text.replace(f"@{key}@", value)
+        return {f"{name}.py": text}
+
+
+def controls_of(vehicle: ExportedVehicle) -> tuple[str, ...]:
+    """Controls in the order of the simulator's vector: its own three for a vehicle that has no others."""
+    own = vehicle.model().controls
+    return _TORPEDO if set(own) <= set(_TORPEDO) else own
+
+
+def _notes(vehicle: ExportedVehicle, controls: tuple[str, ...]) -> list[str]:
+    order = ", ".join(f"{control} ({_label(control).split('(')[1]}" for control in controls)
+    lines = ["", f"Axes: forward, starboard, down; north, east, down. u_control and u_actual: {order}."]
+    if _scale(vehicle, "delta_r") < 0 and "delta_r" in controls:
+        lines.append(
+            "A positive rudder turns to starboard, as the simulator's autopilot expects: it is minus seatrial's delta_r."
+        )
+    missing = [control for control in controls if control not in vehicle.model().controls]
+    if missing:
+        lines.append(f"This vehicle has no {', '.join(missing)}: the simulator's control of that name has no effect.")
+    return [*lines, "Length and diameter are not known, and not used."]
+
+
+def _scale(vehicle: ExportedVehicle, control: str) -> float:
+    """From the simulator's control to SI; its positive rudder turns to starboard."""
+    if control == "n":
+        return pi / 30
+    return -1.0 if control == "delta_r" and vehicle.coefficients.get("N_uudelta_r", 1.0) < 0 else 1.0
+
+
+def _limit(vehicle: ExportedVehicle, control: str, attribute: str) -> float:
+    """A limit in the simulator's units."""
+    actuator, scale = vehicle.actuators.get(control), _scale(vehicle, control)
+    unbounded = {"lower": -np.inf, "upper": np.inf, "rate": np.inf, "time_constant": 0.0}
+    if actuator is None:
+        return unbounded[attribute]
+    if attribute == "time_constant":
+        return actuator.time_constant
+    if attribute == "rate":
+        return actuator.rate / abs(scale)
+    ends = sorted((actuator.lower / scale, actuator.upper / scale))
+    return ends[0 if attribute == "lower" else 1]
+
+
+def _label(control: str) -> str:
+    known = {"delta_r": "Tail rudder (rad)", "delta_s": "Stern plane (rad)", "n": "Propeller revolution (rpm)"}
+    return known.get(control, f"{control} ({signal_unit(control)})")
+
+
+def _unpack(controls: tuple[str, ...]) -> str:
+    return "\n".join(f"        {control} = control[{i}]" for i, control in enumerate(controls))
+
+
+def _forces(vehicle: ExportedVehicle) -> str:
+    """One sum for each axis, and the thrusters."""
+    hull, lines = vehicle.hull, []
+    thrust = [(CoefficientName.parse(n), x) for n, x in vehicle.forces.items() if CoefficientName.parse(n).axis == "T"]
+    share = 1.0 - hull.thrust_deduction
+    for axis in AXES:
+        rows = [
+            (name, value)
+            for name, value in ((CoefficientName.parse(n), x) for n, x in vehicle.forces.items())
+            if name.axis == axis
+        ]
+        products = [f"{number(value)} * {_regressor(name, hull.trim)}  # {name}" for name, value in rows]
+        if axis == "X" and thrust and not vehicle.thrusters:
+            inflow = {"u": f"({number(1.0 - hull.wake)} * u)"}
+            products += [
+                f"{number(share)} * {number(value)} * {_regressor(name, hull.trim, inflow)}  # {name}"
+                for name, value in thrust
+            ]
+        body = "".join(f"            + {product}\n" for product in products)
+        lines.append(f"        {axis} = (\n            0.0\n{body}        )")
+    lines.append(f"        tau = np.array([{', '.join(AXES)}])")
+    for number_, thruster in enumerate(vehicle.thrusters, 1):
+        push = f"f_{number_}"
+        if thrust:
+            inflow_row = [*thruster.column[:3], *np.cross(thruster.place, thruster.column[:3])]
+            lines.append(f"        inflow = {number(1.0 - hull.wake)} * np.dot({_row(inflow_row)}, nu_r)")
+            names = {"n": f"n_{number_}", "u": "inflow"}
+            push = "(" + " + ".join(f"{number(x)} * {_regressor(name, hull.trim, names)}" for name, x in thrust) + ")"
+        lines.append(f"        tau = tau + {_row([share * x for x in thruster.column])} * {push}")
+    return "\n".join(lines)
+
+
+def _regressor(name: CoefficientName, trim: dict | object, names: dict[str, str] | None = None) -> str:
+    return " * ".join(_factor(factor, trim, names or {}) for factor in name.factors) or "1.0"
+
+
+def _factor(factor: Factor, trim: dict | object, names: dict[str, str]) -> str:
+    text = names.get(factor.signal, factor.signal)
+    if factor.change:
+        text = f"({text} - {number(trim[factor.signal])})"  # pyright: ignore[reportIndexIssue]
+    text = f"abs({text})" if factor.modulus else text
+    return text if factor.power == 1 else f"{text}**{factor.power}"
+
+
+def _row(values: object) -> str:
+    return "np.array([" + ", ".join(_finite(value) for value in values) + "])"  # pyright: ignore[reportGeneralTypeIssues]
+
+
+def _finite(value: float) -> str:
+    return number(value) if isfinite(value) else ("np.inf" if value > 0 else "-np.inf")
+
+
+def _matrix(matrix: np.ndarray) -> str:
+    rows = ",\n            ".join("[" + ", ".join(number(x) for x in row) + "]" for row in matrix)
+    return f"np.array([\n            {rows},\n        ])"
+
+
+def _steps(controls: tuple[str, ...]) -> str:
+    """The simulator's own steps for a torpedo; nothing for other vehicles."""
+    if controls == _TORPEDO:
+        return ""
+    return (
+        "\n    def stepInput(self, t):\n"
+        '        """No control; change it to try the vehicle."""\n'
+        "        return np.zeros(self.dimU)\n"
+    )
+
+
+def _safe(line: str) -> str:
+    """Text that can stand in a docstring: no quotes that end it, no backslashes, nothing that does not print."""
+    kept = "".join(c if c.isprintable() else " " for c in line)
+    return kept.replace("\\", "/").replace('"', "'")
+
+
+_TEMPLATE = '''"""
+@DOC@
+"""
+
+import math
+
+import numpy as np
+from python_vehicle_simulator.vehicles.remus100 import remus100
+
+
+class @CLASS@(remus100):
+    """See the top of the file."""
+
+    def __init__(self, controlSystem="stepInput", r_z=0, r_psi=0, r_rpm=0, V_current=0, beta_current=0):
+        super().__init__(controlSystem, r_z, r_psi, r_rpm, V_current, beta_current)
+        self.name = @TITLE@
+        self.L = float("nan")
+        self.diam = float("nan")
+        self.MRB = @MRB@
+        self.MA = @MA@
+        self.M = self.MRB + self.MA
+        self.Minv = np.linalg.inv(self.M)
+        self.M_coriolis = @CORIOLIS@
+        self.W = @W@
+        self.B = @B@
+        self.r_bg = @RG@
+        self.r_bb = @RB@
+        self.controls = @LABELS@
+        self.dimU = len(self.controls)
+        self.u_actual = np.zeros(self.dimU)
+        self.to_SI = @SCALE@
+        self.lower = @LOWER@
+        self.upper = @UPPER@
+        self.rate = @RATE@
+        self.lag = @LAG@
+
+    def acceleration(self, eta, nu_r, u_actual):
+        """Acceleration through the water, from pose, velocity through the water and actual controls."""
+        u, v, w, p, q, r = nu_r
+        phi, theta, psi = eta[3:6]
+        control = np.asarray(u_actual, float) * self.to_SI
+@UNPACK@
+@FORCES@
+        momentum = self.M_coriolis @ nu_r
+        coriolis = np.concatenate([
+            np.cross(nu_r[3:], momentum[:3]),
+            np.cross(nu_r[:3], momentum[:3]) + np.cross(nu_r[3:], momentum[3:]),
+        ])
+        down = np.array([-math.sin(theta), math.cos(theta) * math.sin(phi), math.cos(theta) * math.cos(phi)])
+        restoring = np.concatenate([
+            (self.W - self.B) * down,
+            np.cross(self.W * self.r_bg - self.B * self.r_bb, down),
+        ])
+        return self.Minv @ (tau - coriolis + restoring)
+
+    def dynamics(self, eta, nu, u_actual, u_control, sampleTime):
+        """Velocity and actual controls one sample later, by Euler's method as in the simulator."""
+        u_c = self.V_c * math.cos(self.beta_c - eta[5])
+        v_c = self.V_c * math.sin(self.beta_c - eta[5])
+        nu_c = np.array([u_c, v_c, 0.0, 0.0, 0.0, 0.0])
+        Dnu_c = np.array([nu[5] * v_c, -nu[5] * u_c, 0.0, 0.0, 0.0, 0.0])
+        wanted = np.clip(np.asarray(u_control, float), self.lower, self.upper)
+        actual = np.where(self.lag > 0, u_actual, wanted)
+        nu_dot = Dnu_c + self.acceleration(eta, nu - nu_c, actual)
+        speed = np.clip((wanted - actual) / np.where(self.lag > 0, self.lag, 1.0), -self.rate, self.rate)
+        return nu + sampleTime * nu_dot, actual + sampleTime * speed
+@SINGLE@'''

@@ -1,0 +1,310 @@
+"""Gazebo (gz-sim): rigid body, added mass and buoyancy in SDFormat, damping and lift in its hydrodynamics plugin, thrusters and fins.
+
+The plugin's force on axis i is sum (lin_ij + abs_ijk |nu_k| + quad_ijk nu_k) nu_j in forward-port-up axes of the link's origin, negative
+where it dissipates. With DART the added mass stands under <inertial>, and its Coriolis forces come with it: products of velocities
+are written as what is left after them. Other engines get the plugin's own added mass, with its Coriolis forces off and ours as products.
+Sources: gz-sim `src/systems/{hydrodynamics,thruster,lift_drag,buoyancy}`, sdformat `sdf/1.11/inertial.sdf`.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.export.drives import Drive, drive_name, drives_of
+from seatrial.export.exact import DENSITY, SIGN, body_of, flip, flu, gravity_of, point_mass, volume_of
+from seatrial.export.fins import Fin, fin_force, fin_words, fins_of
+from seatrial.export.kept import actuator_losses, is_asymmetric, term_losses, without
+from seatrial.export.motion import force_of, motion_with
+from seatrial.export.stability import check_explicit_added_mass, check_stable
+from seatrial.export.target import Carried, Statement
+from seatrial.export.terms import all_products, automatic_products, sorted_terms
+from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.export.xml_text import HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
+from seatrial.vehicles.hull import AXES
+
+ENGINES = ("dart", "other")
+DIAMETER = 0.1
+"""Of every propeller, m: only its product with the thrust coefficient counts."""
+PART, PART_INERTIA = 1e-3, 1e-6
+"""Mass, kg, and moments of inertia, kg m^2, of a propeller or fin; they are taken out of the hull's."""
+_UPPER = [
+    "xx",
+    "xy",
+    "xz",
+    "xp",
+    "xq",
+    "xr",
+    "yy",
+    "yz",
+    "yp",
+    "yq",
+    "yr",
+    "zz",
+    "zp",
+    "zq",
+    "zr",
+    "pp",
+    "pq",
+    "pr",
+    "qq",
+    "qr",
+    "rr",
+]
+_SIX = "xyzpqr"
+
+
+@dataclass(frozen=True)
+class Gz:
+    """See the module.
+
+    Attributes:
+        engine: `dart`, or `other` for an engine without <fluid_added_mass>.
+        density: of the water, kg/m^3.
+    """
+
+    name: str = "gz"
+    target: str = "Gazebo (gz-sim 8 and later, SDFormat 1.11)"
+    engine: str = "dart"
+    density: float = DENSITY
+
+    def check(self, vehicle: ExportedVehicle) -> None:
+        """See `Exporter`."""
+        if self.engine not in ENGINES:
+            raise InputError(
+                "--engine", found=f'"{self.engine}"', expected=" or ".join(ENGINES), remedy="dart is Gazebo's default"
+            )
+        require_whole(vehicle, self.name)
+        check_stable(vehicle, self.name)
+        if is_asymmetric(vehicle):
+            raise InputError(
+                f'vehicle "{vehicle.name}", added mass',
+                found="a matrix that differs from its transpose",
+                expected="a symmetric one: <fluid_added_mass> has its upper half alone",
+                remedy="export to fossen or json",
+            )
+        if self.engine == "other":
+            check_explicit_added_mass(vehicle, self.name, 1.0, "use Gazebo's DART engine, `--engine dart`")
+
+    def carries(self, vehicle: ExportedVehicle) -> Carried:
+        """See `Exporter`."""
+        terms = sorted_terms(vehicle.forces)
+        _, thrust = drives_of(vehicle)
+        fins, odd = fins_of(terms)
+        kept = without(vehicle, [*terms.other, *thrust, *_fin_terms(vehicle)])
+        lost = (
+            *term_losses(vehicle, terms.other),
+            *term_losses(vehicle, thrust),
+            *odd,
+            *actuator_losses(vehicle),
+        )
+        changed = [fin_words(fins)] if fins else []
+        if self.engine == "dart" and vehicle.added_coriolis == "named":
+            changed.append(
+                "products of velocities: less what DART adds of the added mass's Coriolis forces, together the same"
+            )
+        return Carried(motion_with(kept, force_of(kept), fin_force(fins)), lost, tuple(changed))
+
+    def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
+        """See `Exporter`."""
+        name = identifier(vehicle.name)
+        notes = _notes(self, vehicle, name)
+        model = _model(self, vehicle, name)
+        head = HEAD + comment([*statement.lines, *notes])
+        return {
+            "model.sdf": f'{head}<sdf version="1.11">\n{model}</sdf>\n',
+            "model.config": f"{HEAD}{comment(statement.lines)}<model>\n  <name>{name}</name>\n  <version>1.0</version>\n"
+            f'  <sdf version="1.11">model.sdf</sdf>\n  <description>{text(vehicle.name)}</description>\n</model>\n',
+            "world.sdf": f'{head}<sdf version="1.11">\n{_world(self, vehicle, model)}</sdf>\n',
+        }
+
+
+def plugin_terms(vehicle: ExportedVehicle, engine: str) -> dict[str, float]:
+    """Parameters of the hydrodynamics plugin by element."""
+    terms, found = sorted_terms(vehicle.forces), {}
+    if engine == "other":
+        for i, j in np.argwhere(vehicle.added_mass != 0):
+            found[f"{_axis(i)}Dot{_rate(j)}"] = -float(flip(vehicle.added_mass)[i, j])
+    for (i, j), value in terms.linear.items():
+        found[f"{_axis(i)}{_rate(j)}"] = value * SIGN[i] * SIGN[j]
+    for (i, j, k), value in terms.modulus.items():
+        found[f"{_axis(i)}{_rate(j)}abs{_rate(k)}"] = value * SIGN[i] * SIGN[j]
+    own, made = all_products(vehicle), automatic_products(vehicle) if engine == "dart" else {}
+    for key in sorted({*own, *made}):
+        i, j, k = key
+        here, there = own.get(key, 0.0), made.get(key, 0.0)
+        if abs(here - there) > 1e-12 * max(abs(here), abs(there)):
+            found[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (here - there) * SIGN[i] * SIGN[j] * SIGN[k]
+    return found
+
+
+def _axis(i: int) -> str:
+    return AXES[i].lower()
+
+
+def _rate(i: int) -> str:
+    return RATES[i].upper()
+
+
+def _fin_terms(vehicle: ExportedVehicle) -> list[str]:
+    return [name for name in vehicle.forces if sorted_terms({name: 1.0}).fin]
+
+
+def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
+    """What a user of these files must know."""
+    drives, _ = drives_of(vehicle)
+    kind = "N to /model/{0}/joint/{1}_joint/cmd_thrust" if drives and drives[0].factor is None else None
+    kind = kind or "rad/s to /model/{0}/joint/{1}_joint/cmd_vel"
+    lines = ["axes: forward, port, up from the link's origin; SI", "run: gz sim -r world.sdf"]
+    lines += [f"drive: {kind.format(name, drive_name(drive))}" for drive in drives]
+    fins, _ = fins_of(sorted_terms(vehicle.forces))
+    lines += [f"{fin.control}: rad to /model/{name}/joint/{fin.control}_joint/0/cmd_pos" for fin in fins]
+    if any(not isfinite(drive.upper) for drive in drives):
+        lines.append("the limits of the drive are not known: Gazebo's own, 1000 N either way")
+    if options.engine == "dart":
+        lines.append("engine: DART only; others ignore the added mass here: export again with --engine other")
+    else:
+        lines.append(
+            "engine: any but DART's own added mass; the plugin's Coriolis matrix is off, since it acts with the wrong sign"
+        )
+    return [
+        *lines,
+        "Gazebo warns of parameters like yUV: they are products without modulus, and meant as such",
+        "the fins do not feel a current; the box is one of the displaced volume, not the hull's shape",
+    ]
+
+
+def _model(options: Gz, vehicle: ExportedVehicle, name: str) -> str:
+    drives, _ = drives_of(vehicle)
+    fins, _ = fins_of(sorted_terms(vehicle.forces))
+    parts = [flu(drive.place) for drive in drives] + [np.array([fin.place, 0.0, 0.0]) for fin in fins]
+    own = flip(vehicle.rigid_mass) - sum((point_mass(PART, PART_INERTIA, at) for at in parts), start=np.zeros((6, 6)))
+    body = body_of(own)
+    box = _box(vehicle, options.density, parts)
+    lines = [
+        f'  <model name="{name}">',
+        '    <link name="base_link">',
+        f"      <inertial>\n        <pose>{pose(body.centre)}</pose>\n        <mass>{number(body.mass)}</mass>",
+        f"        <inertia>{inertia_elements(body.inertia)}</inertia>",
+        *([_added_mass(vehicle)] if options.engine == "dart" else []),
+        "      </inertial>",
+        *(f'      <{kind} name="displacement">{box}</{kind}>' for kind in ("collision", "visual")),
+        "    </link>",
+        *(_drive(options, drive, name) for drive in drives),
+        *(_fin(vehicle, fin) for fin in fins),
+        '    <plugin filename="gz-sim-hydrodynamics-system" name="gz::sim::systems::Hydrodynamics">',
+        "      <link_name>base_link</link_name>",
+        *(["      <disable_coriolis>true</disable_coriolis>"] if options.engine == "other" else []),
+        *(f"      <{key}>{number(value)}</{key}>" for key, value in plugin_terms(vehicle, options.engine).items()),
+        "    </plugin>",
+        "  </model>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _added_mass(vehicle: ExportedVehicle) -> str:
+    matrix = flip(vehicle.added_mass)
+    rows = [f"          <{key}>{number(matrix[_SIX.index(key[0]), _SIX.index(key[1])])}</{key}>" for key in _UPPER]
+    return "\n".join(["        <fluid_added_mass>", *rows, "        </fluid_added_mass>"])
+
+
+def _box(vehicle: ExportedVehicle, density: float, parts: list[np.ndarray]) -> str:
+    """A box of the displaced volume about the centre of buoyancy, as long as what stands farthest apart asks for."""
+    volume = volume_of(vehicle, density)
+    length = max([2.0 * abs(float(at[0])) for at in parts] + [volume ** (1 / 3)])
+    side = (volume / length) ** 0.5
+    place = pose(flu(vehicle.hull.centre_of_buoyancy))
+    return f"<pose>{place}</pose><geometry><box><size>{numbers((length, side, side))}</size></box></geometry>"
+
+
+def _part(name: str, place: np.ndarray, axis: np.ndarray, limit: str) -> str:
+    moments = inertia_elements(PART_INERTIA * np.eye(3))
+    return (
+        f'    <link name="{name}_link">\n      <pose>{pose(place)}</pose>\n'
+        f"      <inertial><mass>{number(PART)}</mass><inertia>{moments}</inertia></inertial>\n    </link>\n"
+        f'    <joint name="{name}_joint" type="revolute">\n'
+        f"      <parent>base_link</parent>\n      <child>{name}_link</child>\n"
+        f"      <axis><xyz>{numbers(axis)}</xyz>{limit}</axis>\n    </joint>"
+    )
+
+
+def _drive(options: Gz, drive: Drive, name: str) -> str:
+    limits = [
+        f"      <{key}>{number(drive.thrust(bound))}</{key}>"
+        for key, bound in (("max_thrust_cmd", drive.upper), ("min_thrust_cmd", drive.lower))
+        if isfinite(bound)
+    ]
+    by_speed = drive.factor is not None
+    factor = (1.0 if drive.factor is None else drive.factor) / (options.density * DIAMETER**4)
+    part = drive_name(drive)
+    return "\n".join(
+        [
+            _part(part, flu(drive.place), flu(drive.direction), ""),
+            '    <plugin filename="gz-sim-thruster-system" name="gz::sim::systems::Thruster">',
+            f"      <namespace>{name}</namespace>",
+            f"      <joint_name>{part}_joint</joint_name>",
+            f"      <thrust_coefficient>{number(factor)}</thrust_coefficient>",
+            f"      <fluid_density>{number(options.density)}</fluid_density>",
+            f"      <propeller_diameter>{number(DIAMETER)}</propeller_diameter>",
+            "      <velocity_control>true</velocity_control>",
+            f"      <use_angvel_cmd>{'true' if by_speed else 'false'}</use_angvel_cmd>",
+            *limits,
+            "    </plugin>",
+        ]
+    )
+
+
+def _fin(vehicle: ExportedVehicle, fin: Fin) -> str:
+    """A fin; with a density of 2 and an area of 1 the plugin's lift is the coefficient times V^2."""
+    actuator = vehicle.actuators.get(fin.control)
+    limit = ""
+    if actuator is not None and isfinite(actuator.lower) and isfinite(actuator.upper):
+        limit = f"<limit><lower>{number(actuator.lower)}</lower><upper>{number(actuator.upper)}</upper></limit>"
+    place = np.array([fin.place, 0.0, 0.0])
+    axis, up = np.zeros(3), np.zeros(3)
+    axis[3 - fin.axis], up[fin.axis] = -1.0, 1.0
+    return "\n".join(
+        [
+            _part(fin.control, place, axis, limit),
+            '    <plugin filename="gz-sim-lift-drag-system" name="gz::sim::systems::LiftDrag">',
+            "      <link_name>base_link</link_name>",
+            f"      <control_joint_name>{fin.control}_joint</control_joint_name>",
+            f"      <control_joint_rad_to_cl>{number(-fin.lift)}</control_joint_rad_to_cl>",
+            "      <air_density>2</air_density><area>1</area><a0>0</a0>",
+            "      <cla>0</cla><cda>0</cda><cma>0</cma><cla_stall>0</cla_stall><cda_stall>0</cda_stall><cma_stall>0</cma_stall>",
+            f"      <cp>{numbers(place)}</cp><forward>1 0 0</forward><upward>{numbers(up)}</upward>",
+            "    </plugin>",
+            '    <plugin filename="gz-sim-joint-position-controller-system" name="gz::sim::systems::JointPositionController">',
+            f"      <joint_name>{fin.control}_joint</joint_name>",
+            "      <use_velocity_commands>true</use_velocity_commands>",
+            "    </plugin>",
+        ]
+    )
+
+
+def _world(options: Gz, vehicle: ExportedVehicle, model: str) -> str:
+    placed = model.replace(">\n", ">\n    <pose>0 0 -10 0 0 0</pose>\n", 1)
+    systems = {
+        "physics": "Physics",
+        "user-commands": "UserCommands",
+        "scene-broadcaster": "SceneBroadcaster",
+    }
+    engine = "gz-physics-dartsim-plugin" if options.engine == "dart" else "gz-physics-bullet-featherstone-plugin"
+    lines = [
+        '  <world name="water">',
+        f"    <gravity>0 0 {number(-gravity_of(vehicle))}</gravity>",
+        '    <physics name="steps" type="ignored"><max_step_size>0.002</max_step_size></physics>',
+        *(
+            f'    <plugin filename="gz-sim-{file}-system" name="gz::sim::systems::{name}">'
+            + (f"<engine><filename>{engine}</filename></engine>" if file == "physics" else "")
+            + "</plugin>"
+            for file, name in systems.items()
+        ),
+        '    <plugin filename="gz-sim-buoyancy-system" name="gz::sim::systems::Buoyancy">',
+        f"      <uniform_fluid_density>{number(options.density)}</uniform_fluid_density>",
+        "    </plugin>",
+        '    <light type="directional" name="sun"><pose>0 0 10 0 0 0</pose><direction>-0.5 0.1 -0.9</direction></light>',
+    ]
+    return "\n".join(lines) + "\n" + placed + "  </world>\n"

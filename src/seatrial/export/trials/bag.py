@@ -1,0 +1,64 @@
+"""A trial as a ROS 2 bag of commands, in MCAP or SQLite: std_msgs/Float64 in SI on one topic, and what it is on another.
+
+`/seatrial/command/n` holds a message every 50 ms, `/seatrial/about` one std_msgs/String of JSON with unit, limits and schedule.
+"""
+
+import importlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.export.trials.plain import trial_json
+from seatrial.export.trials.trial import Trial, value_at
+
+STEP = 0.05
+"""Time between messages, s."""
+STORAGES = {"mcap": "MCAP", "ros2": "SQLITE3"}
+"""The library's name of each storage."""
+
+
+def write_bag(trial: Trial, folder: Path, storage: str) -> Path:
+    """Write the folder of a bag, whole or not at all; an earlier one is replaced.
+
+    Raises:
+        InputError: the library is not installed.
+    """
+    writing, types = _library("rosbags.rosbag2", folder), _library("rosbags.typesys", folder)
+    store = types.get_typestore(types.Stores.ROS2_HUMBLE)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as inside:
+        # The files inside a bag are named after its folder.
+        made = Path(inside) / folder.name
+        with writing.Writer(made, version=9, storage_plugin=getattr(writing.StoragePlugin, STORAGES[storage])) as bag:
+            _fill(bag, store, trial)
+        if folder.is_dir():
+            shutil.rmtree(folder)
+        os.replace(made, folder)
+    return folder
+
+
+def _fill(bag: Any, store: Any, trial: Trial) -> None:
+    text, number = store.types["std_msgs/msg/String"], store.types["std_msgs/msg/Float64"]
+    about = bag.add_connection("/seatrial/about", text.__msgtype__, typestore=store)
+    command = bag.add_connection(f"/seatrial/command/{trial.control}", number.__msgtype__, typestore=store)
+    bag.write(about, 0, store.serialize_cdr(text(data=trial_json(trial)), text.__msgtype__))
+    time = np.arange(0.0, trial.time[-1] + 0.5 * STEP, STEP)
+    for t, value in zip(time, value_at(trial, time), strict=True):
+        bag.write(command, round(t * 1e9), store.serialize_cdr(number(data=float(value)), number.__msgtype__))
+
+
+def _library(module: str, folder: Path) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as cause:
+        raise InputError(
+            str(folder),
+            found="rosbags, which writes ROS 2 bags, is not installed",
+            expected="the extra `ros`",
+            remedy='pip install "seatrial[ros]"',
+        ) from cause

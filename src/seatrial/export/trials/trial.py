@@ -1,0 +1,158 @@
+"""A trial on its way out: one control over time, in SI and in the operator's unit, with the limits of its campaign."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.store import Store
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.shown import shown_unit
+from seatrial.core.signals import signal_unit
+
+_ROUNDING = 1e-6
+
+
+class Trial(NamedTuple):
+    """A trial.
+
+    Attributes:
+        campaign: its name.
+        source: name of the schedule's file.
+        manoeuvre: in words.
+        control: name of the control.
+        time: of each bend, s; between bends the control is a straight line.
+        value: at each bend, SI.
+        lower: least value, SI; None for no limit.
+        upper: greatest value, SI.
+        rate: greatest speed of change, SI; a step between two rows is the operator's, and not limited.
+        motion: other limits of the campaign, in words.
+        rule: what a closed-loop trial does; its schedule only foresees it.
+    """
+
+    campaign: str
+    source: str
+    manoeuvre: str
+    control: str
+    time: Float[np.ndarray, " n"]
+    value: Float[np.ndarray, " n"]
+    lower: float | None
+    upper: float | None
+    rate: float | None
+    motion: tuple[str, ...]
+    rule: str
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the control."""
+        return signal_unit(self.control)
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor to the operator's unit, and that unit."""
+        return shown_unit(self.control)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What every file says at its head."""
+        factor, unit = self.shown
+        ends = ["none" if bound is None else f"{bound * factor:.6g} {unit}" for bound in (self.lower, self.upper)]
+        rate = "none" if self.rate is None else f"{self.rate * factor:.6g} {unit}/s"
+        return (
+            f"trial of {self.campaign}: {self.manoeuvre} in {self.control}, {self.time[-1]:.6g} s, from {self.source}",
+            f"limits of {self.control}: lower {ends[0]}, upper {ends[1]}, rate {rate}",
+            *(f"limit of the motion: {text}" for text in self.motion),
+            *([f"closed loop, of which this is a forecast: {self.rule}"] if self.rule else []),
+        )
+
+
+def schedules(folder: Path | str) -> dict[str, Path]:
+    """Schedules of a campaign by name, the one to run next first."""
+    store = Store(Path(folder))
+    known = {
+        "proposed": store.proposed,
+        "next": store.schedule(store.next_design),
+        "design": store.schedule(store.design),
+        "free_form": store.schedule(store.free_design),
+    }
+    others = {path.stem.removesuffix("_schedule"): path for path in sorted(store.results.glob("*_schedule.csv"))}
+    return {name: path for name, path in {**known, **others}.items() if path.is_file()}
+
+
+def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
+    """Read a schedule of a campaign, the one to run next if none is named.
+
+    Raises:
+        InputError: no schedule, none of that name, a damaged one, or one that breaks today's limits.
+    """
+    campaign = load_campaign(folder)
+    found = schedules(campaign.folder)
+    if not found or (schedule is not None and schedule not in found):
+        raise InputError(
+            f"{campaign.folder}, schedule {schedule or ''}".rstrip(),
+            found="no schedule" if not found else f'"{schedule}"',
+            expected="one of " + ", ".join(found) if found else "a designed trial under results/",
+            remedy=nearest(schedule, found) if found and schedule else f"run `seatrial design {campaign.folder}` first",
+        )
+    path = found[schedule or next(iter(found))]
+    beside = path.with_suffix(".json")
+    try:
+        content = json.loads(beside.read_text(encoding="utf-8"))
+        trial = _trial(campaign, path, content)
+    except (OSError, ValueError, KeyError, TypeError) as cause:
+        raise InputError(
+            str(beside),
+            found=f"{type(cause).__name__}: {cause}",
+            expected="a schedule as `seatrial design` writes it, beside its CSV",
+            remedy=f"run `seatrial design {campaign.folder}` or `seatrial next {campaign.folder}` again",
+        ) from cause
+    _check(trial, path)
+    return trial
+
+
+def value_at(trial: Trial, time: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """The control at any time, SI, within its limits."""
+    value = np.interp(time, trial.time, trial.value)
+    return np.clip(
+        value, -np.inf if trial.lower is None else trial.lower, np.inf if trial.upper is None else trial.upper
+    )
+
+
+def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
+    control = content["control"]
+    factor, unit = shown_unit(control)
+    if content["unit"] != unit:
+        raise ValueError(f"unit {content['unit']!r} of {control}, which is shown in {unit}")
+    limits = campaign.limits()
+    motion = [
+        f"{name} " + ", ".join(f"{key} {value}" for key, value in table.model_dump().items() if value is not None)
+        for name, table in campaign.source.limits.items()
+        if name != control
+    ]
+    time, value = np.array(content["time_s"], float), np.array(content["value"], float) / factor
+    if time.ndim != 1 or time.shape != value.shape or time.size < 2 or not (np.diff(time) >= 0).all():
+        raise ValueError("times and values that are no schedule")
+    own = control == campaign.source.design.control
+    lower, upper, rate = (getattr(limits, key) if own else None for key in ("lower", "upper", "rate"))
+    name = campaign.source.campaign.name
+    rule = content.get("rule", "")
+    return Trial(name, path.name, content["manoeuvre"], control, time, value, lower, upper, rate, tuple(motion), rule)
+
+
+def _check(trial: Trial, path: Path) -> None:
+    factor, unit = trial.shown
+    for bound, least, beyond in (
+        (trial.lower, trial.value.min(), lambda x, bound: x < bound),
+        (trial.upper, trial.value.max(), lambda x, bound: x > bound),
+    ):
+        if bound is not None and beyond(least, bound) and abs(least - bound) > _ROUNDING * max(1.0, abs(bound)):
+            raise InputError(
+                str(path),
+                found=f"{trial.control} of {least * factor:.6g} {unit}",
+                expected=f"within the campaign's limit of {bound * factor:.6g} {unit}",
+                remedy="design the trial again: the limits have changed since",
+            )

@@ -1,0 +1,46 @@
+"""Writing a trial in the formats asked for."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.files import write_text
+from seatrial.export.trials.bag import STORAGES, write_bag
+from seatrial.export.trials.mavlink import trial_script
+from seatrial.export.trials.plain import trial_csv, trial_json
+from seatrial.export.trials.trial import Trial
+
+_TEXTS: dict[str, tuple[str, Callable[[Trial], str]]] = {
+    "csv": ("trial.csv", trial_csv),
+    "json": ("trial.json", trial_json),
+    "mavlink": ("trial.py", trial_script),
+}
+FORMATS = (*_TEXTS, *STORAGES)
+"""Formats of a trial; the last two need the extra `ros`."""
+PLAIN = tuple(_TEXTS)
+"""Those that need nothing."""
+
+
+def write_trial(trial: Trial, folder: Path, formats: Sequence[str] = PLAIN) -> list[Path]:
+    """Write a trial into a folder; returns the paths.
+
+    Raises:
+        InputError: an unknown format, or one whose library is not installed.
+    """
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(
+                f"--trial --to {name}",
+                found=f'"{name}"',
+                expected="one of " + ", ".join(FORMATS),
+                remedy=nearest(name, FORMATS),
+            )
+    made = []
+    for name in formats:
+        if name in _TEXTS:
+            file, text = _TEXTS[name]
+            write_text(folder / file, text(trial))
+            made.append(folder / file)
+        else:
+            made.append(write_bag(trial, folder / f"trial_{name}", name))
+    return made

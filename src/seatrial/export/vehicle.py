@@ -1,0 +1,178 @@
+"""A vehicle on its way out: plain numbers in SI, body axes forward, starboard, down, and where each of them comes from.
+
+Added masses keep their names (`X_udot`, negative); `added_mass` is the positive matrix M_A. Everything that is not known is absent
+from the coefficients or None in the hull, never zero by default.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.catalogue.whole import PublishedVehicle
+from seatrial.vehicles.freedom import AddedCoriolis
+from seatrial.vehicles.hull import Hull, added_mass_matrix, rigid_mass_matrix
+from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.thrusters import Thruster
+from seatrial.vehicles.whole import whole_vehicle
+
+REST = "--rest"
+"""The option that names a published vehicle for what a campaign does not know."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """What the data say: posterior mean, standard deviation and covariance of the coefficients, SI, in one order."""
+
+    names: tuple[str, ...] = ()
+    mean: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
+    sd: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
+    covariance: Float[np.ndarray, "k k"] = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Provenance:
+    """Where a vehicle comes from.
+
+    Attributes:
+        run: key of the posterior; of a published vehicle its name in the catalogue.
+        title: what a reader calls it.
+        structure: label of the exported structure, empty for a published vehicle.
+        version: of seatrial.
+        dropped: candidate terms that the exported structure leaves out.
+        absent: what is not known, in words.
+        sources: where the rest comes from, in words.
+        cautions: what the estimate's own checks complain about.
+    """
+
+    run: str
+    title: str
+    structure: str = ""
+    version: str = ""
+    dropped: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedVehicle:
+    """A vehicle as an exporter sees it.
+
+    Attributes:
+        name: short name.
+        hull: rigid body, weight, buoyancy, thrust deduction, wake and trim; its `fixed` is empty.
+        coefficients: every coefficient, added masses included, SI.
+        moves: velocities that are modelled; all six for most simulators.
+        added_coriolis: whether Coriolis forces of the added mass are among the coefficients or follow from it.
+        thrusters: of an open frame; none for one propeller on the axis.
+        actuators: lag and limits by control.
+        estimated: which coefficients were estimated, and how well.
+    """
+
+    name: str
+    hull: Hull
+    coefficients: Mapping[str, float]
+    moves: tuple[str, ...] = RATES
+    added_coriolis: AddedCoriolis = "named"
+    thrusters: tuple[Thruster, ...] = ()
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    estimated: Estimated = field(default_factory=Estimated)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether everything is known that a simulator of six degrees of freedom needs."""
+        return self.hull.mass is not None and set(self.moves) == set(RATES) and None not in self.hull.inertia
+
+    @property
+    def knows_body(self) -> bool:
+        """Whether more than the mass is known of the rigid body."""
+        return any(value is not None for value in self.hull.inertia)
+
+    @property
+    def rigid_mass(self) -> Float[np.ndarray, "6 6"]:
+        """M_RB about the origin, SI."""
+        return rigid_mass_matrix(self.hull)
+
+    @property
+    def added_mass(self) -> Float[np.ndarray, "6 6"]:
+        """M_A about the origin, SI, positive."""
+        return added_mass_matrix(self.coefficients)
+
+    @property
+    def forces(self) -> dict[str, float]:
+        """The coefficients that are no added masses."""
+        return {
+            name: value for name, value in self.coefficients.items() if not CoefficientName.parse(name).is_added_mass
+        }
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of its controls."""
+        return self.model().controls
+
+    def model(self) -> VehicleModel:
+        """The same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
+        added = {name: value for name, value in self.coefficients.items() if name not in self.forces}
+        return whole_vehicle(
+            replace(self.hull, fixed=added),
+            tuple(self.forces),
+            moves=self.moves,
+            attitude="euler",
+            added_coriolis=self.added_coriolis,
+            thrusters=self.thrusters,
+        )
+
+    def unit(self, name: str) -> str:
+        """SI unit of a coefficient."""
+        return CoefficientName.parse(name).unit
+
+
+def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:
+    """A vehicle of the catalogue.
+
+    Raises:
+        InputError: its forces are no sum of named terms.
+    """
+    if published.written is not None:
+        raise InputError(
+            f'vehicle "{name}"',
+            found="forces that are written out, with no named coefficient",
+            expected="a vehicle of named coefficients",
+            remedy="that vehicle is Fossen's own: use his simulator, or export remus100_hall_anstee",
+        )
+    coefficients = {**published.hull.fixed, **published.coefficients}
+    return ExportedVehicle(
+        published.hull.name,
+        replace(published.hull, fixed={}),
+        coefficients,
+        published.moves,
+        published.added_coriolis,
+        published.thrusters,
+        dict(published.actuators),
+    )
+
+
+def require_whole(vehicle: ExportedVehicle, target: str) -> None:
+    """Refuse a vehicle of which a simulator would have to invent a part.
+
+    Raises:
+        InputError: it does not move in six degrees of freedom, or its mass or inertia is unknown.
+    """
+    if vehicle.is_whole:
+        return
+    missing = [rate for rate in RATES if rate not in vehicle.moves]
+    unknown = [f"I_{axis}{axis}" for axis, value in zip("xyz", vehicle.hull.inertia, strict=True) if value is None]
+    parts = [f"nothing about {' '.join(missing)}"] if missing else []
+    parts += [f"no {', '.join(unknown)}"] if unknown else []
+    raise InputError(
+        f'vehicle "{vehicle.name}", export to {target}',
+        found="; ".join(parts) or "a mass that is unknown",
+        expected="six degrees of freedom: the target simulates all of them, and nothing is invented here",
+        remedy=f"for a campaign, take the rest from a published vehicle, such as `{REST} remus100_hall_anstee`; or export to json or csv",
+    )

@@ -1,0 +1,112 @@
+"""Vehicles and random states that the tests of the exporters share, and our own forces at them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from seatrial.core.signals import RATES
+from seatrial.export.target import Carried, Exporter, Statement
+from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance, of_published
+from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.catalogue.whole import load_vehicle
+
+SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+COUNT = 1000
+HOSTILE = 'REMUS --> <b> & "100" """ \\ {n}'
+PROVENANCE = Provenance("abc123", HOSTILE, "M-2 (X_uabsu T_nabsn)", "0.1.0", ("X_u",), ("lag of n",), ("body: x",))
+
+
+def published(name="remus100_hall_anstee", **changes) -> ExportedVehicle:
+    """A vehicle of the catalogue, two of its coefficients as if estimated."""
+    vehicle = of_published(name, load_vehicle(name))
+    names = tuple(n for n in ("X_uabsu", "T_nabsn") if n in vehicle.coefficients)
+    mean = np.array([vehicle.coefficients[n] for n in names])
+    sd = 0.05 * np.abs(mean)
+    root = np.diag(sd) @ np.array([[1.0, 0.0], [-0.6, 0.8]])[: len(names), : len(names)]
+    covariance = root @ root.T
+    estimated = Estimated(names, mean, np.sqrt(np.diag(covariance)), covariance)
+    return replace(vehicle, estimated=estimated, **changes)
+
+
+def with_terms(vehicle: ExportedVehicle, **terms: float) -> ExportedVehicle:
+    """The vehicle with some coefficients set."""
+    return replace(vehicle, coefficients={**vehicle.coefficients, **terms})
+
+
+def rich() -> ExportedVehicle:
+    """A vehicle with linear damping, coupled inertia, off-axis centres, lags and limits beside all that is published."""
+    vehicle = published()
+    hull = replace(
+        vehicle.hull,
+        inertia=(0.3, 3.6, 3.7),
+        products=(0.02, -0.03, 0.01),
+        centre_of_gravity=(0.01, 0.004, 0.0196),
+        centre_of_buoyancy=(0.003, -0.002, -0.01),
+        weight=298.0,
+    )
+    actuators = {
+        "n": Actuator(0.5, 0.0, 157.0, 60.0),
+        "delta_r": Actuator(0.1, -0.2, 0.25, 1.0),
+        "delta_s": Actuator(0.0, -0.2, 0.2),
+    }
+    linear = {"X_u": -1.2, "Y_v": -3.0, "Y_r": 0.4, "Z_w": -2.0, "K_p": -0.05, "M_q": -0.7, "N_r": -0.6, "N_v": 0.3}
+    return replace(with_terms(vehicle, **linear), hull=hull, actuators=actuators)
+
+
+def states(vehicle: ExportedVehicle, seed=0, count=COUNT):
+    """Velocities (6, n), roll, pitch and controls, all random."""
+    rng = np.random.default_rng(seed)
+    scale = np.array([1.5, 0.4, 0.4, 0.5, 0.4, 0.4])
+    nu = rng.normal(size=(6, count)) * scale[:, None]
+    phi, theta = rng.uniform(-0.8, 0.8, (2, count))
+    controls = {}
+    for name in vehicle.model().controls:
+        span = 150.0 if name.startswith("n") else 0.2 if name.startswith("delta") else 20.0
+        controls[name] = rng.uniform(-span, span, count)
+    return nu, phi, theta, controls
+
+
+def own_force(vehicle: ExportedVehicle, nu, phi, theta, controls):
+    """(M_RB + M_A) nudot of the package's own model, shape (6, n)."""
+    model = vehicle.model()
+    known = {**dict(zip(RATES, nu, strict=True)), "phi": phi, "theta": theta}
+    values = tuple(controls[name] for name in model.controls)
+    rates = model.derivative(vehicle.forces, tuple(known[name] for name in model.states), values)
+    found = dict(zip(model.states, rates, strict=True))
+    return (vehicle.rigid_mass + vehicle.added_mass) @ np.array([np.broadcast_to(found[r], nu[0].shape) for r in RATES])
+
+
+def written(exporter: Exporter, vehicle: ExportedVehicle) -> dict[str, str]:
+    """Files without the manoeuvre, which takes a second."""
+    statement = Statement(exporter.target, PROVENANCE, Carried(exporter.carries(vehicle).motion), (), "", (HOSTILE,))
+    return exporter.write(vehicle, statement)
+
+
+def assert_equal(found, wanted, tolerance=1e-10):
+    """Equal to a share of the largest force of the state."""
+    assert found.shape == wanted.shape
+    assert np.isfinite(found).all()
+    assert (np.abs(found - wanted).max(axis=0) <= tolerance * np.abs(wanted).max(axis=0)).all()
+
+
+def cross(a, b):
+    """Vector products of columns."""
+    return np.cross(a, b, axis=0)
+
+
+def rigid_coriolis(mass, nu):
+    """Force of inertia C(nu) nu of a spatial inertia about the origin, from momentum."""
+    momentum = mass @ nu
+    return np.concatenate([cross(nu[3:], momentum[:3]), cross(nu[:3], momentum[:3]) + cross(nu[3:], momentum[3:])])
+
+
+def spatial_inertia(mass, centre, inertia):
+    """About the origin, of a body with its inertia about its centre of gravity."""
+    x, y, z = centre
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[mass * np.eye(3), -mass * skew], [mass * skew, inertia - mass * skew @ skew]])
+
+
+def down_of(phi, theta):
+    """The vertical, positive down, in forward, starboard, down axes."""
+    return np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])

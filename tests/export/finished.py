@@ -1,0 +1,39 @@
+"""Campaigns that look finished: a made-up posterior under the keys that the campaign asks for, so that no chain is run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.estimate import estimate_key
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.store import Store, write_dataset, write_stamped_json
+from seatrial.campaign.trials import Trials
+from seatrial.export import from_campaign
+from tests.campaign.small import write_small
+
+MEAN = {"X_u": -1.3, "X_uabsu": -2.9, "T_nabsn": 6.3e-4, "M_q": -1.0, "Y_v": -3.0}
+TRIALS = Trials((), (), "made up")
+
+
+def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=()) -> Path:
+    """Write the small campaign with a posterior of every structure; the first is chosen."""
+    monkeypatch.setattr(from_campaign, "get_trials", lambda _: TRIALS)
+    write_small(folder, *replacements)
+    campaign = load_campaign(folder)
+    for structure in campaign.structures:
+        names = [*structure.terms, "sigma_u"]
+        mean = np.array([MEAN.get(name, 0.05) for name in names])
+        root = np.random.default_rng(0).normal(size=(len(names), len(names))) * 0.03
+        z = np.random.default_rng(1).normal(size=(4, 500, len(names)))
+        draws = mean * (1.0 + z @ root)
+        data = xr.Dataset(
+            {"draws": (("chain", "draw", "parameter"), draws)},
+            coords={"parameter": names},
+            attrs={"alarms": json.dumps(list(alarms)), "cautions": "[]"},
+        )
+        key = estimate_key(campaign, structure, TRIALS)
+        write_dataset(Store(folder).posterior(structure.label), data, key)
+    write_stamped_json(Store(folder).summary, {"chosen": campaign.structures[0].label}, "any")
+    return folder

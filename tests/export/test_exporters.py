@@ -1,0 +1,140 @@
+"""Every exporter keeps the same promises; one test over the whole family."""
+
+import json
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError
+from seatrial.export import manoeuvre
+from seatrial.export.motion import motion_of
+from seatrial.export.registry import EXPORTERS, make_exporter
+from seatrial.export.statement import loss_words, state
+from seatrial.export.vehicle import of_published
+from seatrial.export.write import export_vehicle
+from seatrial.vehicles.catalogue.whole import load_vehicle
+from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, with_terms
+
+OWN = ("json", "csv")
+
+
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_conformance(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(manoeuvre, "DURATION", 1.0)
+    exporter, vehicle = make_exporter(name), replace(rich(), name=HOSTILE)
+    assert exporter.name == name
+    assert exporter.target
+    carried = exporter.carries(vehicle)
+    nu, phi, theta, controls = states(vehicle, count=1)
+    here = {key: float(value[0]) for key, value in controls.items()}
+    assert carried.motion(nu[:, 0], float(phi[0]), float(theta[0]), here).shape == (6,)
+    statement, paths = export_vehicle(exporter, vehicle, PROVENANCE, tmp_path / name)
+    again, _ = export_vehicle(exporter, vehicle, PROVENANCE, tmp_path / "again")
+    assert statement.lines == again.lines
+    for path in paths:
+        text = path.read_text()
+        assert text == (tmp_path / "again" / path.name).read_text(), "the same bytes for the same vehicle"
+        for words in (
+            "abc123",
+            "± 0.15 kg/m",
+            "dropped by the selection: X_u",
+            "loss in predicted motion",
+            exporter.target,
+        ):
+            assert words in text, f"{words} in {path.name}"
+        if path.suffix in (".sdf", ".config", ".urdf", ".scn"):
+            ElementTree.fromstring(text)
+        elif path.suffix == ".json":
+            json.loads(text)
+        elif path.suffix == ".py":
+            compile(text, path.name, "exec")
+    assert sorted(p.name for p in (tmp_path / name).iterdir()) == sorted(p.name for p in paths), "nothing half-written"
+    if not (carried.lost or carried.changed):
+        assert loss_words(statement.loss) == "none"
+
+
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_what_is_not_known_is_not_invented(name, tmp_path):
+    exporter, vehicle = make_exporter(name), published("remus100_surge")
+    if name in OWN:
+        exporter.check(vehicle)
+        return
+    with pytest.raises(InputError, match="nothing about v w p q r") as error:
+        export_vehicle(exporter, vehicle, PROVENANCE, tmp_path / "out")
+    assert "--rest" in error.value.remedy
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["gz", "json"])
+@pytest.mark.parametrize(
+    ("terms", "words"),
+    [
+        ({"X_uabsu": 1.5}, "X_uabsu = 1.5 kg/m, which gives energy"),
+        ({"X_u": 0.8}, "without X_u = 0.8"),
+        ({"N_rabsr": 94.0}, "N_rabsr = 94"),
+        ({"Y_rabsr": 600.0}, "without Y_rabsr = 600"),
+        ({"Y_vdot": 35.5}, "Y_vdot = 35.5 kg: mass and added mass have the eigenvalue"),
+    ],
+    ids=["drag", "linear", "yaw", "crossed", "mass"],
+)
+def test_what_would_run_away_is_refused(name, terms, words, tmp_path):
+    with pytest.raises(InputError) as error:
+        export_vehicle(make_exporter(name), with_terms(published(), **terms), PROVENANCE, tmp_path / "out")
+    assert words in str(error.value)
+    assert name in error.value.where
+    assert error.value.remedy
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_every_target_refuses_what_would_run_away(name):
+    with pytest.raises(InputError, match=f"export to {name}, X_uabsu"):
+        make_exporter(name).check(with_terms(published(), X_uabsu=1.5))
+
+
+def test_unknown_targets_and_options_are_refused():
+    with pytest.raises(InputError, match='did you mean "gz"'):
+        make_exporter("gx")
+    with pytest.raises(InputError, match="a target that has this option: gz"):
+        make_exporter("json", engine="dart")
+    with pytest.raises(InputError, match="no named coefficient"):
+        of_published("remus100_fossen", load_vehicle("remus100_fossen"))
+
+
+def test_the_loss_is_that_of_the_manoeuvre(monkeypatch):
+    """Half the propeller: the loss is the difference of two simulations, zero where nothing is lost."""
+    monkeypatch.setattr(manoeuvre, "DURATION", 10.0)
+    vehicle = published()
+
+    class Half:
+        name, target = "half", "a simulator of half the thrust"
+
+        def carries(self, vehicle):
+            weak = with_terms(vehicle, T_nabsn=0.5 * vehicle.coefficients["T_nabsn"])
+            return make_exporter("json").carries(weak)._replace(lost=("half of the thrust",))
+
+    statement = state(Half(), vehicle, PROVENANCE)
+    by_rate = {change.rate: change for change in statement.loss}
+    plan = manoeuvre.plan_for(vehicle, motion_of(vehicle))
+    own = manoeuvre.run_manoeuvre(vehicle, motion_of(vehicle), plan)
+    weak = manoeuvre.run_manoeuvre(vehicle, Half().carries(vehicle).motion, plan)
+    assert by_rate["u"].largest == pytest.approx(np.abs(own - weak)[:, 0].max())
+    assert by_rate["u"].largest > 0.3
+    assert by_rate["u"].range == pytest.approx(np.ptp(own[:, 0]))
+    assert "cannot carry: half of the thrust" in statement.lines
+    assert loss_words(state(make_exporter("json"), vehicle, PROVENANCE).loss) == "none"
+
+
+def test_a_target_that_runs_away_is_said_to(monkeypatch):
+    monkeypatch.setattr(manoeuvre, "DURATION", 5.0)
+    vehicle = published()
+
+    class Wild:
+        name, target = "wild", "x"
+
+        def carries(self, vehicle):
+            return make_exporter("json").carries(with_terms(vehicle, X_uabsu=500.0))._replace(lost=("drag",))
+
+    assert "u runs away in the target" in loss_words(state(Wild(), vehicle, PROVENANCE).loss)

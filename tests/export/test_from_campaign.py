@@ -1,0 +1,102 @@
+"""The vehicle of a campaign: posterior means with their covariance, and the rest from where it is said to come."""
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.load import load_campaign
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.export.from_campaign import of_campaign
+from seatrial.export.published import of_catalogue
+from tests.export.finished import finished
+
+WHOLE = (
+    (
+        'catalogue = "remus100_surge"',
+        'catalogue = "remus100_hall_anstee"\nmoves = ["u", "w", "q"]\n'
+        'trim = { u = "1.5 m/s", n = "110 rad/s", delta_s = "0 deg" }',
+    ),
+    ('["X_uabsu", "T_nabsn"]', '["X_uabsu", "T_nabsn", "M_q"]'),
+    ('[sensors.u]', '[prior.M_q]\ndistribution = "uniform"\nlower = -5.0\nupper = 0.0\n\n[sensors.u]'),
+    ('X_u = -1.21\nX_uabsu', 'M_q = -1.0\nX_u = -1.21\nX_uabsu'),
+)  # fmt: skip
+
+
+def test_estimates_are_the_posterior_s_means_and_covariance(monkeypatch, tmp_path):
+    folder = finished(monkeypatch, tmp_path / "c")
+    vehicle, provenance = of_campaign(folder)
+    data = open_dataset(folder / "results" / "posterior" / "M-0.nc")
+    names = ["X_uabsu", "T_nabsn", "X_u"]
+    draws = data["draws"].sel(parameter=names).values.reshape(-1, 3)
+    assert vehicle.estimated.names == tuple(names)
+    np.testing.assert_allclose(vehicle.estimated.mean, draws.mean(0))
+    np.testing.assert_allclose(vehicle.estimated.covariance, np.cov(draws.T, bias=True))
+    assert vehicle.coefficients["X_u"] == pytest.approx(draws[:, 2].mean())
+    assert provenance.run == data.attrs["key"]
+    assert (vehicle.moves, vehicle.is_whole) == (("u",), False)
+    assert provenance.dropped == ()
+    assert "everything about q" in provenance.absent[0]
+    assert (vehicle.actuators["n"].lower, vehicle.actuators["n"].upper) == (0.0, pytest.approx(1500 * np.pi / 30))
+
+
+def test_another_structure_says_what_it_drops(monkeypatch, tmp_path):
+    folder = finished(monkeypatch, tmp_path / "c")
+    vehicle, provenance = of_campaign(folder, structure="M-1")
+    assert provenance.dropped == ("X_u",)
+    assert "X_u" not in vehicle.coefficients
+    with pytest.raises(InputError, match="one of M-0, M-1"):
+        of_campaign(folder, structure="M-9")
+
+
+def test_the_rest_comes_from_a_published_vehicle(monkeypatch, tmp_path):
+    folder = finished(monkeypatch, tmp_path / "c")
+    alone, _ = of_campaign(folder)
+    vehicle, provenance = of_campaign(folder, rest="remus100_prestero")
+    other, _ = of_catalogue("remus100_prestero")
+    assert vehicle.is_whole
+    for name, value in other.coefficients.items():
+        if name in alone.coefficients:
+            assert vehicle.coefficients[name] == alone.coefficients[name]
+        elif name == "X_0":
+            assert name not in vehicle.coefficients, "a constant thrust beside an estimated propeller is one too many"
+        else:
+            assert vehicle.coefficients[name] == value
+    said = " ".join(provenance.sources)
+    assert "remus100_prestero left out, since they act in the campaign's own motion: X_0" in said
+    assert vehicle.hull.thrust_deduction == 0.1
+    with pytest.raises(InputError, match=r"a mass of 13\.5 kg"):
+        of_campaign(folder, rest="bluerov2_heavy")
+
+
+def test_a_whole_campaign_brings_its_own_rest(monkeypatch, tmp_path):
+    vehicle, provenance = of_campaign(finished(monkeypatch, tmp_path / "c", *WHOLE))
+    assert vehicle.is_whole
+    assert vehicle.moves == RATES
+    assert vehicle.coefficients["M_q"] == pytest.approx(-1.0, rel=0.1)
+    assert vehicle.coefficients["N_rabsr"] == -94.0
+    assert vehicle.coefficients["X_u"] != 0
+    assert "motion in u, w, q" in provenance.structure
+
+
+def test_results_of_another_configuration_are_refused(monkeypatch, tmp_path):
+    folder = finished(monkeypatch, tmp_path / "c")
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text().replace("lower = -3.6", "lower = -3.7"))
+    load_campaign(folder)
+    with pytest.raises(InputError, match="another configuration") as error:
+        of_campaign(folder)
+    assert "seatrial run" in error.value.remedy
+
+
+def test_without_results_the_command_that_makes_them_is_named(tmp_path):
+    from tests.campaign.small import write_small
+
+    with pytest.raises(InputError, match="seatrial run"):
+        of_campaign(write_small(tmp_path / "c"))
+
+
+def test_estimates_per_unit_of_an_unknown_mass_are_refused(monkeypatch, tmp_path):
+    unknown = ('catalogue = "remus100_surge"', 'mass = "unknown"\ntrim = { u = "1.5 m/s", n = "125 rad/s" }')
+    with pytest.raises(InputError, match="per unit of an effective mass"):
+        of_campaign(finished(monkeypatch, tmp_path / "c", unknown))

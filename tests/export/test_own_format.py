@@ -1,0 +1,92 @@
+"""The package's own JSON and CSV: everything goes out and comes back, and what is no vehicle is refused."""
+
+import csv
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.export.reading import read_exported
+from seatrial.export.targets.own_json import OwnJson
+from seatrial.export.targets.table import Table
+from tests.export.cases import PROVENANCE, own_force, published, rich, states, written
+
+
+def save(vehicle, folder, **changes):
+    path = folder / "vehicle.json"
+    content = json.loads(written(OwnJson(), vehicle)["vehicle.json"])
+    path.write_text(json.dumps(content | changes))
+    return path, content
+
+
+@pytest.mark.parametrize("name", ["rich", "bluerov2_heavy", "mariner", "remus100_surge"])
+def test_a_vehicle_comes_back(name, tmp_path):
+    vehicle = rich() if name == "rich" else published(name)
+    path, content = save(vehicle, tmp_path)
+    again, provenance = read_exported(path)
+    assert again.coefficients == vehicle.coefficients
+    assert (again.moves, again.thrusters, again.actuators) == (vehicle.moves, vehicle.thrusters, vehicle.actuators)
+    np.testing.assert_array_equal(again.estimated.covariance, vehicle.estimated.covariance)
+    assert asdict(provenance) == asdict(PROVENANCE)
+    if vehicle.knows_body:
+        assert again.hull == vehicle.hull
+        nu, phi, theta, controls = states(vehicle, count=20)
+        nu = nu * np.array([rate in vehicle.moves for rate in RATES])[:, None]
+        if vehicle.is_whole:
+            np.testing.assert_array_equal(
+                own_force(again, nu, phi, theta, controls), own_force(vehicle, nu, phi, theta, controls)
+            )
+    else:
+        assert content["body"]["centre_of_gravity"]["value"] is None, "what is not known is not zero"
+        assert content["body"]["buoyancy"]["value"] is None
+
+
+BROKEN = {
+    "another format": ({"format": 2}, "format 2"),
+    "no format": ({"format": None}, "no format number"),
+    "no body": ({"body": {}}, "KeyError"),
+    "a boolean": ({"coefficients": [{"name": "X_u", "value": True, "unit": "kg/s"}]}, "True where a number"),
+    "another unit": ({"coefficients": [{"name": "X_u", "value": -1.0, "unit": "N"}]}, 'unit "N"'),
+    "an unknown name": ({"coefficients": [{"name": "X_foo", "value": -1.0, "unit": "N"}]}, "X_foo"),
+    "no list": ({"coefficients": 3}, "TypeError"),
+    "velocities": ({"moves": ["u", "z"]}, "ValueError"),
+    "a covariance": ({"estimated": {"names": ["X_u"], "mean": [1], "sd": [2], "covariance": [[1]]}}, "ValueError"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_what_is_no_vehicle_is_refused(case, tmp_path):
+    changes, words = BROKEN[case]
+    path, _ = save(published(), tmp_path, **changes)
+    with pytest.raises(InputError, match=r"vehicle\.json") as error:
+        read_exported(path)
+    assert words in str(error.value)
+
+
+def test_files_that_are_no_json_are_refused(tmp_path):
+    for text in ("", "[]", "{", "[" * 100_000):
+        (tmp_path / "x.json").write_text(text)
+        with pytest.raises(InputError):
+            read_exported(tmp_path / "x.json")
+    with pytest.raises(InputError, match="no such file"):
+        read_exported(tmp_path / "missing.json")
+
+
+def test_the_table_holds_every_coefficient_and_the_covariance():
+    vehicle = published()
+    lines = [line for line in written(Table(), vehicle)["coefficients.csv"].splitlines() if line[0] != "#"]
+    rows = {row["name"]: row for row in csv.DictReader(lines)}
+    assert {name: float(rows[name]["value"]) for name in vehicle.coefficients} == vehicle.coefficients
+    found = [[float(rows[a][f"covariance with {b}"]) for b in vehicle.estimated.names] for a in vehicle.estimated.names]
+    np.testing.assert_array_equal(found, vehicle.estimated.covariance)
+    assert (rows["mass"]["value"], rows["mass"]["unit"]) == ("30.48", "kg")
+    frame = written(Table(), published("bluerov2_heavy"))["coefficients.csv"]
+    assert "\nthruster 8 x,-0.12," in frame
+    assert "\nf_3 upper,40.0,,kg m/s^2,body" in frame
+    assert "\ncoriolis_of_added_mass_automatic,1.0," in frame
+    surge = written(Table(), published("remus100_surge"))["coefficients.csv"]
+    assert "x_g" not in surge
+    assert "\nmass,30.48" in surge
