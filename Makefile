@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
 
-.PHONY: run test quick thorough lint types imports examples bench figures lock clean
+.PHONY: run test quick thorough lint types imports examples bench figures docs dist lock clean
 
 run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
@@ -46,6 +46,15 @@ $(PEERS)/ready: benchmarks/requirements.txt | $(VENV)/ready
 
 figures: $(VENV)/ready
 	$(BIN)/python docs/figures.py
+
+# HTML in docs/_build, from local files only; a warning is an error.
+docs: $(VENV)/ready
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build
+	@echo "docs/_build/index.html"
+
+# Wheel and sdist in dist, and each extra tried in an environment of its own.
+dist: $(VENV)/ready
+	$(BIN)/python release/check.py
 
 # Exact versions, without the address of any index.
 lock: $(VENV)/ready

@@ -1,0 +1,115 @@
+"""Draw the pictures of the explanations: `seatrial select DIR` on a demonstration, then `python docs/method_figures.py DIR`."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from seatrial.core.dataset_file import open_dataset
+
+PLACE = Path(__file__).parent / "explanation"
+EFFECTIVE_MASS, THRUST, SPEED = 30.48 + 0.93, 0.9, 1.5418615
+TRUTH = np.array([-1.21, -2.93, 6.28e-4])
+STEP, TRIALS = 0.05, 200
+
+
+def main() -> None:
+    """Write all pictures."""
+    plt.rcParams.update({"svg.hashsalt": "seatrial", "svg.fonttype": "none", "font.size": 9, "axes.spines.top": False})
+    demo = Path(sys.argv[1])
+    ridge(open_dataset(demo / "results" / "posterior" / "M-2.nc"))
+    errors()
+    shutil.copy(demo / "select.svg", PLACE / "select.svg")
+
+
+def ridge(draws) -> None:
+    """Draws of linear beside quadratic drag."""
+    kept = draws["draws"].stack(all=("chain", "draw"))
+    linear, quadratic = (kept.sel(parameter=name).values[::200] for name in ("X_u", "X_uabsu"))
+    figure, axes = plt.subplots(figsize=(5.2, 3.2))
+    axes.scatter(linear, quadratic, s=5, alpha=0.4, color="#2a6f97", linewidths=0)
+    axes.plot(*TRUTH[:2], "k+", markersize=12, label="truth")
+    axes.set(xlabel="X_u, kg/s", ylabel="X_uabsu, kg/m")
+    axes.legend(frameon=False)
+    _save(figure, "ridge")
+
+
+def errors() -> None:
+    """Estimates by regression of the acceleration and by output error, many trials at once."""
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 60.0, STEP)
+    doublets = np.where((time >= 1) & (time < 41), np.where(((time - 1) % 20) < 10, 1.0, -1.0), 0.0)
+    control = 125.0 + 20.94 * doublets
+    speed, rate = _simulate(TRUTH[:, None], control)
+    noise = np.array([0.0, 0.02, 0.05, 0.0757])
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True)
+    for axes, method, title in ((left, "regression", "regression"), (right, "simulation", "output error")):
+        for place, sd in enumerate(noise[1:] if method == "simulation" else noise):
+            seen = speed + rng.normal(size=(time.size, TRIALS)) * sd
+            rates = rate + rng.normal(size=seen.shape) * 0.01
+            found = _regress(seen, rates, control) if method == "regression" else _fit(seen, control)
+            x = place + (method == "simulation")
+            axes.scatter(x + rng.uniform(-0.2, 0.2, TRIALS), found[0], s=4, alpha=0.5, color="#2a6f97", linewidths=0)
+        axes.axhline(TRUTH[0], color="black", linewidth=0.8)
+        axes.set(
+            title=title, xlabel="noise of the speed, m/s", xticks=range(4), xticklabels=[f"{sd:g}" for sd in noise]
+        )
+    left.set_ylabel("estimate of X_u, kg/s (line: the truth)")
+    _save(figure, "errors")
+
+
+def _simulate(coefficients: np.ndarray, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Speed and acceleration of many vehicles in step, shape (samples, vehicles); midpoint rule."""
+    linear, quadratic, thrust = coefficients
+
+    def rate(u: np.ndarray, n: float) -> np.ndarray:
+        return (linear * u + quadratic * u * abs(u) + THRUST * thrust * n * abs(n)) / EFFECTIVE_MASS
+
+    u = np.full(coefficients.shape[1], SPEED)
+    speeds, rates = [], []
+    for n in control:
+        speeds.append(u)
+        rates.append(rate(u, n))
+        u = u + STEP * rate(u + STEP / 2 * rates[-1], n)
+    return np.array(speeds), np.array(rates)
+
+
+def _regress(speed: np.ndarray, rate: np.ndarray, control: np.ndarray) -> np.ndarray:
+    """Least squares of the force on its terms, at measured speeds; shape (3, trials)."""
+    found = []
+    for u, a in zip(speed.T, rate.T, strict=True):
+        rows = np.column_stack([u, u * abs(u), THRUST * control * abs(control)])
+        found.append(np.linalg.lstsq(rows, EFFECTIVE_MASS * a, rcond=None)[0])
+    return np.array(found).T
+
+
+def _fit(speed: np.ndarray, control: np.ndarray) -> np.ndarray:
+    """Least squares of the simulated speed, by Gauss-Newton on all trials at once; shape (3, trials)."""
+    found = np.repeat(TRUTH[:, None] * 0.9, speed.shape[1], axis=1)
+    for _ in range(8):
+        now = _simulate(found, control)[0]
+        slopes = []
+        for i in range(3):
+            moved = found.copy()
+            moved[i] *= 1 + 1e-5
+            slopes.append((_simulate(moved, control)[0] - now) / (moved[i] - found[i]))
+        scale = abs(TRUTH)
+        jacobian = np.moveaxis(np.array(slopes), 2, 0).transpose(0, 2, 1) * scale
+        steps = [
+            np.linalg.lstsq(one, rest, rcond=None)[0] * scale
+            for one, rest in zip(jacobian, (speed - now).T, strict=True)
+        ]
+        found = found + np.array(steps).T
+    return found
+
+
+def _save(figure, name: str) -> None:
+    figure.tight_layout()
+    figure.savefig(PLACE / f"{name}.svg", metadata={"Date": None})
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()

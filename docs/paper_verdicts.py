@@ -1,0 +1,46 @@
+"""Write the table of verdicts on the paper, and take its pictures: `seatrial paper DIR; python docs/paper_verdicts.py DIR`."""
+
+import json
+import shutil
+import sys
+from collections import Counter
+from pathlib import Path
+
+from seatrial.core.files import write_text
+
+PAGE = Path(__file__).parent / "explanation" / "paper_verdicts.md"
+PICTURES = ("figure-3", "relay", "listing-1", "odds", "iteration")
+
+
+def page(study: dict) -> str:
+    """Counts, and each item with its verdict and the reason."""
+    counts = Counter(item["verdict"] for item in study["items"])
+    sizes = study["sizes"]
+    lines = [
+        "# Every item of the paper, judged",
+        "",
+        f"Written by `python docs/paper_verdicts.py` from `seatrial paper`, version {study['seatrial_version']}, "
+        f"reading {study['reading']}, seed {study['seed']}: {sizes['filter_seeds']} seeds of the filters, "
+        f"{sizes['chains']} chains of {sizes['draws']:,} draws, "
+        f"{sizes['listing_repeats']} repeats of Listing 1 with {sizes['listing_draws']:,} draws each.",
+        "",
+        f"{len(study['items'])} items: "
+        + ", ".join(f"{number} {verdict}" for verdict, number in counts.most_common())
+        + ".",
+        "",
+        "| item | verdict | because |",
+        "|---|---|---|",
+    ]
+    lines += [f"| {item['title']} | {item['verdict']} | {_cell(item['because'])} |" for item in study["items"]]
+    return "\n".join([*lines, ""])
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    study = Path(sys.argv[1])
+    write_text(PAGE, page(json.loads((study / "paper.json").read_text(encoding="utf-8"))))
+    for name in PICTURES:
+        shutil.copy(study / "figures" / f"{name}.svg", PAGE.with_name(f"paper-{name}.svg"))

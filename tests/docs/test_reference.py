@@ -1,0 +1,47 @@
+"""The generated pages of the reference know every command, key, coefficient and result file."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+sys.path.insert(0, str(DOCS))
+
+from generate import campaign_file, coefficients, command_line, mathtext  # noqa: E402
+
+from seatrial.apps.cli import COMMANDS  # noqa: E402
+from seatrial.campaign.schema import CampaignFile  # noqa: E402
+from seatrial.core.signals import SIGNALS  # noqa: E402
+
+
+def test_every_command_is_there():
+    page = command_line.page()
+    assert all(f"## seatrial {name}\n" in page for name in COMMANDS)
+
+
+def test_every_table_of_a_campaign_is_there():
+    page = campaign_file.page()
+    for name, field in CampaignFile.model_fields.items():
+        assert f"[{field.alias or name}" in page, name
+
+
+def test_a_key_that_nothing_explains_is_an_error(monkeypatch):
+    meanings = {name: dict(keys) for name, keys in campaign_file.MEANINGS.items()}
+    del meanings["CampaignTable"]["seed"]
+    monkeypatch.setattr(campaign_file, "MEANINGS", meanings)
+    with pytest.raises(ValueError, match="CampaignTable lacks seed"):
+        campaign_file.page()
+
+
+def test_coefficients_have_units():
+    page = coefficients.page()
+    assert all(f"| `{name}` |" in page for name in SIGNALS)
+    assert "| `X_uabsu` | $X_{u\\vert u\\vert }$ | $u \\vert u\\vert $ | kg/m |" in page
+
+
+def test_equations_are_drawn():
+    svg, depth = mathtext.equation_svg(r"\dfrac{1}{2}\,\ln |P|")
+    assert svg.startswith("<svg ")
+    assert 'd="M' in svg
+    assert depth > 1
