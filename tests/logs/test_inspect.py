@@ -221,3 +221,13 @@ def test_command(monkeypatch, capsys, tmp_path):
     assert "no such file" in err
     with refusal("run.bag, table", '"/nothing"'):
         inspect_log(log.path, "/nothing")
+
+
+def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
+    """`stamp` is nanoseconds where it is whole."""
+    rows = "".join(f"{1_700_000_000 + 0.1 * k:.6f},{0.01 * k:.2f}\n" for k in range(50))
+    (table,) = inspect_log(written(tmp_path, "stamp,dvl_u\n" + rows, "decimal.csv")).tables
+    assert (table.clock.unit, table.clock.rate) == ("s", pytest.approx(10.0, rel=1e-6))
+    whole = "".join(f"{1_700_000_000_000_000_000 + 100_000_000 * k},{0.01 * k:.2f}\n" for k in range(50))
+    (table,) = inspect_log(written(tmp_path, "stamp,dvl_u\n" + whole, "whole.csv")).tables
+    assert (table.clock.unit, table.clock.rate) == ("ns", pytest.approx(10.0, rel=1e-6))

@@ -86,12 +86,14 @@ _REMARKS = (
         "pulse widths of the outputs: a table of thrust over pulse width must turn them into forces",
     ),
 )
+_OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
+"""What a name may have before the letter of a velocity."""
 _NAMES = (
-    ("u", 2, "u|surge|surge_?(?:speed|vel|velocity)"),
+    ("u", 2, f"(?:{_OF})?u|surge|surge_?(?:speed|vel|velocity)"),
     ("u", 1, "speed|spd|velocity\\.x|vel_?x|vx|speed_?over_?ground|sog"),
-    ("v", 2, "v|sway|sway_?(?:speed|vel|velocity)"),
+    ("v", 2, f"(?:{_OF})?v|sway|sway_?(?:speed|vel|velocity)"),
     ("v", 1, "velocity\\.y|vel_?y|vy"),
-    ("w", 2, "w|heave|heave_?(?:speed|vel|velocity)"),
+    ("w", 2, f"(?:{_OF})?w|heave|heave_?(?:speed|vel|velocity)"),
     ("w", 1, "velocity\\.z|vel_?z|vz"),
     ("p", 2, "p|roll_?rate|roll_?speed|angular_velocity\\.x|gyro?_?x"),
     ("q", 2, "q|pitch_?rate|pitch_?speed|angular_velocity\\.y|gyro?_?y"),

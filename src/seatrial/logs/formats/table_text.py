@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.logs.formats.clock_names import clocks_among
+from seatrial.logs.formats.clock_names import clock_unit, clocks_among
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, LogFormat, RawTable, TableInfo, Wanted
 from seatrial.logs.formats.text_cells import as_floats, bad_cell, numbers, parse
 from seatrial.logs.formats.text_rows import Rows, pieces
@@ -28,8 +28,16 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     single = [position for position, name in enumerate(names) if names.count(name) == 1]
     parsed = parse(rows, names, single) if single and rows.starts.size else {}
     numeric = [names[at] for at, cells in parsed.items() if not np.isnan(as_floats(cells[:_ENOUGH])).all()]
-    clocks, columns = clocks_among([ColumnInfo(name) for name in numeric])
+    at = dict(zip(names, range(len(names)), strict=True))
+    clocks, columns = clocks_among([ColumnInfo(name, _unit_of_stamps(name, parsed[at[name]])) for name in numeric])
     return (TableInfo(TABLE, columns, clocks),)
+
+
+def _unit_of_stamps(name: str, cells: Any) -> str | None:
+    """Seconds for a column whose name alone says nanoseconds, of which there are no fractions."""
+    values = as_floats(cells[:_ENOUGH])
+    fractions = (values[np.isfinite(values)] % 1).any()
+    return "s" if clock_unit(name) == "ns" and fractions else None
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
