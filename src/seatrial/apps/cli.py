@@ -8,8 +8,10 @@ import typer
 from seatrial import __version__
 from seatrial.apps.commands import check, data, infer, logs, loop, plan
 from seatrial.apps.commands.catalogue import vehicle
+from seatrial.apps.commands.export import export
 from seatrial.apps.commands.paper import paper
 from seatrial.apps.commands.rehearse import rehearse
+from seatrial.apps.commands.serve import serve
 from seatrial.apps.running import Exit
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
 
@@ -32,6 +34,8 @@ COMMANDS = {
     "next": loop.next_trial,
     "report": loop.report,
     "run": loop.run,
+    "serve": serve,
+    "export": export,
     "paper": paper,
 }
 """By name, in the order in which they are listed."""

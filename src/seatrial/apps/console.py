@@ -1,4 +1,4 @@
-"""What the command line shows: progress bars with remaining time on a terminal, one quiet line per step when piped."""
+"""What the command line shows: progress bars with remaining time on a terminal, a quiet line now and then when piped."""
 
 import sys
 import time
@@ -10,12 +10,16 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from seatrial.sampling.target import Progress as Report
 
+EVERY = 10.0
+"""Seconds between two lines of one piece of work, when piped."""
+
 
 class ConsoleWatch:
-    """A `Watch` on standard error; standard output is left to results."""
+    """A `Watch` on standard error; standard output is left to results. `also` is told of the same progress."""
 
-    def __init__(self, quiet: bool = False):
+    def __init__(self, quiet: bool = False, also: Callable[[str], Report] | None = None):
         self.quiet = quiet
+        self.also = also
         self.console = Console(stderr=True, highlight=False)
         self.bars = Progress(
             TextColumn("{task.description}"),
@@ -42,6 +46,18 @@ class ConsoleWatch:
 
     def progress(self, title: str) -> Report:
         """See `Watch.progress`."""
+        shown = self._shown(title)
+        if self.also is None:
+            return shown
+        told = self.also(title)
+
+        def both(done: int, total: int) -> None:
+            shown(done, total)
+            told(done, total)
+
+        return both
+
+    def _shown(self, title: str) -> Report:
         if self.console.is_terminal and not self.quiet:
             task = self.bars.add_task(title, total=None)
             return lambda done, total: self.bars.update(task, completed=done, total=total)
@@ -49,18 +65,28 @@ class ConsoleWatch:
 
 
 class _Lines:
-    """Progress of one piece of work as one line at its end; time counts from its first report."""
+    """Progress of one piece of work as a line at its end and every ten seconds until then; time counts from its first report."""
 
     def __init__(self, title: str, say: Callable[[str], None]):
         self.title, self.say = title, say
         self.started: float | None = None
+        self.begun_at = 0
+        self.said = 0.0
         self.finished = False
 
     def __call__(self, done: int, total: int) -> None:
-        self.started = time.monotonic() if self.started is None else self.started
+        now = time.monotonic()
+        if self.started is None:
+            self.started, self.said, self.begun_at = now, now, done
+        gone = now - self.started
         if done >= total and not self.finished:
             self.finished = True
-            self.say(f"{self.title}: done in {time.monotonic() - self.started:.1f} s")
+            self.say(f"{self.title}: done in {gone:.1f} s")
+        elif now - self.said >= EVERY and not self.finished:
+            self.said = now
+            made = done - self.begun_at
+            left = f", about {gone * (total - done) / made:.0f} s left" if made > 0 else ""
+            self.say(f"{self.title}: {done / max(total, 1):.0%} after {gone:.0f} s{left}")
 
 
 def fail(text: str) -> None:

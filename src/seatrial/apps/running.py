@@ -26,10 +26,21 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only results and err
 
 
 def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -> None:
-    """Read a folder's campaign, do work on it under a watch, and end with the exit code of the work."""
+    """Read a folder's campaign, do work on it under a watch, and end with the exit code of the work.
+
+    Raises:
+        InputError: no campaign, or another process at work on it.
+    """
+    from seatrial.apps.occupied import occupying
     from seatrial.campaign.load import load_campaign
 
-    watched(quiet, lambda watch: work(load_campaign(folder), watch))
+    def alone(watch: Any) -> Exit:
+        campaign = load_campaign(folder)
+        with occupying(campaign.folder) as held:
+            watch.also = None if held is None else held.progress
+            return work(campaign, watch)
+
+    watched(quiet, alone)
 
 
 def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
@@ -55,9 +66,11 @@ def finish(alarms: list[str], cautions: list[str]) -> Exit:
 
 def _stop(watch: Any) -> None:
     """End at once: results are whole or absent and long work has checkpoints, so there is nothing to wait for."""
+    from seatrial.apps.occupied import release_all
     from seatrial.core.files import discard_unfinished
 
     watch.bars.stop()
     discard_unfinished()
+    release_all()
     watch.console.print("interrupted; run the same command again to resume")
     os._exit(Exit.INTERRUPTED)

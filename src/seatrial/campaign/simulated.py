@@ -68,23 +68,29 @@ def simulated_records(campaign: Campaign, watch: Watch = SILENT) -> tuple[tuple[
     Raises:
         InputError: a true vehicle that runs away.
     """
-    begun = _begun(campaign)
     current, ahead = abs(campaign.source.truth.get(CURRENT, 0.0)), campaign.hull.trim.get("u")
     if ahead is not None and current > abs(ahead):
         watch.say(f"caution: the current of {current:g} m/s is faster than the vehicle at trim, {ahead:g} m/s")
-    key, records = key_of("simulate", begun), []
-    first = Store(campaign.folder).record(FIRST)
-    if not is_current(first, key):
-        sweep = design_first(campaign, watch).best
-        _run(campaign, chosen_of(sweep, sweep.best), FIRST, key)
-    records.append(read_record(first))
-    for number, chosen in enumerate(later_trials(campaign), 2):
-        label = f"{FIRST}-{number}"
-        key = key_of("simulate", key, number, asdict(chosen))
-        if not is_current(Store(campaign.folder).record(label), key):
+    keys, records = record_keys(campaign), []
+    for (label, key), chosen in zip(keys.items(), (None, *later_trials(campaign)), strict=True):
+        path = Store(campaign.folder).record(label)
+        if not is_current(path, key):
+            if chosen is None:
+                sweep = design_first(campaign, watch).best
+                chosen = chosen_of(sweep, sweep.best)
             _run(campaign, chosen, label, key)
-        records.append(read_record(Store(campaign.folder).record(label)))
-    return tuple(records), key
+        records.append(read_record(path))
+    return tuple(records), list(keys.values())[-1]
+
+
+def record_keys(campaign: Campaign) -> dict[str, str]:
+    """Key of every trial's record by its label, in their order; each depends on those before it, so the last is that of them all."""
+    key = key_of("simulate", _begun(campaign))
+    keys = {FIRST: key}
+    for number, chosen in enumerate(later_trials(campaign), 2):
+        key = key_of("simulate", key, number, asdict(chosen))
+        keys[f"{FIRST}-{number}"] = key
+    return keys
 
 
 def later_trials(campaign: Campaign) -> tuple[Chosen, ...]:

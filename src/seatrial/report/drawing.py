@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.loop import Outcome
 from seatrial.core.record import Record
 from seatrial.core.shown import shown_unit
 from seatrial.core.signals import SIGNALS
@@ -17,6 +16,8 @@ from seatrial.report.svg import inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from seatrial.campaign.loop import Outcome
 
 
 class Drawing(NamedTuple):
@@ -41,7 +42,7 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
     return Drawing(inline_svg(figure, name, title, description), caption, heading)
 
 
-def labels_of(outcome: Outcome) -> dict[str, str]:
+def labels_of(outcome: "Outcome") -> dict[str, str]:
     """LaTeX label of every parameter of every structure."""
     pairs = {}
     for estimate in outcome.estimates:
@@ -49,7 +50,7 @@ def labels_of(outcome: Outcome) -> dict[str, str]:
     return pairs
 
 
-def units_of(outcome: Outcome) -> dict[str, str]:
+def units_of(outcome: "Outcome") -> dict[str, str]:
     """SI unit of every parameter of every structure."""
     pairs = {}
     for estimate in outcome.estimates:
@@ -70,7 +71,7 @@ def signal_axis(name: str) -> str:
     return unit_label(signal_symbol(name), shown_unit(name)[1])
 
 
-def record_curves(outcome: Outcome, index: int, record: Record) -> tuple[np.ndarray, list[Predicted], list[Driven]]:
+def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.ndarray, list[Predicted], list[Driven]]:
     """Time, channels and controls of one record, in the units in which they are shown."""
     data = outcome.predictions
     rows = data["record"].values == index
@@ -83,7 +84,7 @@ def record_curves(outcome: Outcome, index: int, record: Record) -> tuple[np.ndar
     return data["time"].values[rows], channels, controls
 
 
-def truth_of(outcome: Outcome) -> Mapping[str, float]:
+def truth_of(outcome: "Outcome") -> Mapping[str, float]:
     """True coefficients of a simulated campaign; those the truth does not name are zero. Empty for real logs."""
     source = outcome.campaign.source
     if source.imported is not None or not source.truth:

@@ -1,0 +1,211 @@
+"""How quick the dashboard is: its first page, every view of a campaign of ten million samples, and twenty viewers at once.
+
+    python benchmarks/dashboard.py [--campaign outputs/remus100] [--samples 10000000] [--viewers 20]
+
+A copy of the campaign is served on loopback, its record and its predictions replaced by such long ones. A view counts from the
+request until nothing in the browser is waited for any more; viewers are sockets as a browser opens them, and go from view to view.
+"""
+
+import argparse
+import asyncio
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from pathlib import Path
+
+import httpx
+import numpy as np
+import socketio
+from socketio.exceptions import SocketIOError
+
+from seatrial.campaign.store import Store
+from seatrial.core.dataset_file import open_dataset, write_dataset
+
+VIEWS = ("import", "design", "run", "results", "compare", "report")
+BROWSER = "/usr/bin/chromium"
+
+
+def main() -> None:
+    """Measure and print."""
+    options = _options()
+    with tempfile.TemporaryDirectory(dir=options.scratch) as place:
+        folder = Path(place) / "campaign"
+        shutil.copytree(options.campaign, folder)
+        shutil.copytree(options.campaign, Path(place) / "other")
+        lengthen(folder, options.samples)
+        server, address = start(Path(place))
+        try:
+            warm(address)
+            print(f"first page, {_best(lambda: httpx.get(address, timeout=60))} by the server alone")
+            if Path(BROWSER).exists():
+                look(address, options.samples)
+            else:
+                print(f"no {BROWSER}: views are not timed")
+            asyncio.run(crowd(address, options.viewers, options.seconds))
+        finally:
+            server.send_signal(signal.SIGINT)
+            server.wait(20)
+
+
+def lengthen(folder: Path, samples: int) -> None:
+    """Repeat the first record and its predictions until they have so many samples."""
+    store = Store(folder)
+    path = sorted((store.results / "records").glob("*.nc"))[0]
+    for file in (path, store.predictions):
+        data = open_dataset(file)
+        over = "time" if file == path else "sample"
+        index = np.arange(samples) % data.sizes[over]
+        longer = data.isel({over: index})
+        step = float(np.median(np.diff(data["time"].values)))
+        time_axis = np.arange(samples) * step
+        longer = (
+            longer.assign_coords(time=("time", time_axis))
+            if over == "time"
+            else longer.assign(time=("sample", time_axis))
+        )
+        if over == "sample":
+            longer["record"] = ("sample", np.zeros(samples, int))
+        write_dataset(file, longer)
+
+
+def start(folder: Path) -> tuple[subprocess.Popen, str]:
+    """Serve a folder in a process of its own; returns it and its address."""
+    command = [sys.executable, "-m", "seatrial", "serve", str(folder), "--port", "0", "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    assert process.stdout is not None
+    found = re.search(r"http://\S+", process.stdout.readline())
+    assert found is not None
+    return process, found[0]
+
+
+def warm(address: str) -> None:
+    """Wait until the server answers and has imported what it will need."""
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        try:
+            httpx.get(address, timeout=60)
+            break
+        except httpx.TransportError:
+            time.sleep(0.2)
+    time.sleep(20)
+
+
+def look(address: str, samples: int) -> None:
+    """Open every view twice in a browser: with nothing prepared, and again."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as tool:
+        browser = tool.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page()
+        for view in ("", *VIEWS):
+            times = []
+            for _ in range(2):
+                began = time.monotonic()
+                page.goto(f"{address}{view}" + ("?campaign=campaign" if view else ""))
+                page.wait_for_selector("h1")
+                seen = time.monotonic() - began
+                page.wait_for_selector(DRAWN.get(view, ".steps"), state="attached", timeout=60_000)
+                page.wait_for_function("!document.querySelector('.waiting')")
+                times.append((seen, time.monotonic() - began))
+            words = "; again ".join(f"{seen:.2f} s to read, {whole:.2f} s whole" for seen, whole in times)
+            print(
+                f"{view or 'first page':<12} {words}"
+                + (f"   ({samples:,} samples)" if view in ("import", "results") else "")
+            )
+        browser.close()
+
+
+DRAWN = {
+    "import": "#record-title",
+    "design": "#control-title",
+    "results": "#residuals-title",
+    "compare": "table",
+    "report": ".links",
+}
+"""What a view has when its last part has come."""
+
+
+async def crowd(address: str, viewers: int, seconds: float) -> None:
+    """Let viewers go from view to view, and count connections that were lost and answers that were slow."""
+    waits: list[float] = []
+    lost: list[str] = []
+    end = time.monotonic() + seconds
+    await asyncio.gather(*(_viewer(address, number, end, waits, lost) for number in range(viewers)))
+    late = np.percentile(waits, [50, 95, 100])
+    print(
+        f"{viewers} viewers, {len(waits)} pages in {seconds:g} s: median {late[0]:.2f} s, 95 % within {late[1]:.2f} s, "
+        f"slowest {late[2]:.2f} s; {len(lost)} connections lost{': ' + lost[0] if lost else ''}"
+    )
+
+
+async def _viewer(address: str, number: int, end: float, waits: list[float], lost: list[str]) -> None:
+    async with httpx.AsyncClient(timeout=60) as client:
+        turn = number
+        while time.monotonic() < end:
+            view = VIEWS[turn % len(VIEWS)]
+            turn += 1
+            began = time.monotonic()
+            try:
+                answer = await client.get(f"{address}{view}?campaign=campaign")
+                waits.append(time.monotonic() - began)
+                await _watch(address, answer.text, min(4.0, max(end - time.monotonic(), 0.1)))
+            except (httpx.HTTPError, SocketIOError, ValueError) as error:
+                lost.append(f"{view}: {type(error).__name__} {error}")
+
+
+async def _watch(address: str, page: str, seconds: float) -> None:
+    """Open the page's socket as a browser does and stay for a while.
+
+    Raises:
+        ValueError: the connection ended before.
+    """
+    found = re.search(r"'client_id': '([^']+)'", page)
+    if found is None:
+        raise ValueError("no page")
+    query = f"client_id={found[1]}&next_message_id=0&implicit_handshake=true&tab_id={uuid.uuid4()}&document_id={uuid.uuid4()}"
+    socket = socketio.AsyncClient(reconnection=False)
+    await socket.connect(
+        f"{address}?{query}",
+        transports=["websocket"],
+        socketio_path="/_nicegui_ws/socket.io",
+        headers={"Origin": address.rstrip("/")},
+    )
+    await asyncio.sleep(seconds)
+    alive = socket.connected
+    await socket.disconnect()
+    if not alive:
+        raise ValueError("the socket was closed")
+
+
+def _best(work, repeats: int = 5) -> str:
+    times = []
+    for _ in range(repeats):
+        began = time.monotonic()
+        work()
+        times.append(time.monotonic() - began)
+    return f"median {np.median(times):.3f} s of {repeats}"
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--campaign", type=Path, default=Path("outputs/remus100"), help="a campaign that was run")
+    parser.add_argument("--samples", type=int, default=10_000_000)
+    parser.add_argument("--viewers", type=int, default=20)
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--scratch", default=None, help="where 3 GB are free")
+    found = parser.parse_args()
+    if not Store(found.campaign).summary.is_file():
+        raise SystemExit(
+            f"{found.campaign} has no results: run `seatrial run {found.campaign}` first, or name another with --campaign"
+        )
+    return found
+
+
+if __name__ == "__main__":
+    main()

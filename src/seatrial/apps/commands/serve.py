@@ -1,0 +1,39 @@
+"""The web page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def serve(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="[FOLDER]", help="A campaign, or a folder of campaigns; the current one if not given."),
+    ] = Path("."),
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; on any but loopback a token is demanded.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any that is free.")] = 8080,
+    token: Annotated[
+        str | None, typer.Option(help="Token that every request has to show; made and printed if needed and not given.")
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
+) -> None:
+    """Serve a web page of campaigns: design, run, look at results, compare and export; no internet needed."""
+    from seatrial.apps.dashboard.gate import token_for
+    from seatrial.core.errors import InputError
+
+    shown = token_for(host, token)
+    try:
+        import nicegui  # noqa: F401
+    except ImportError as cause:
+        raise InputError(
+            "seatrial serve",
+            found="no NiceGUI in this environment",
+            expected="the extra `dashboard`",
+            remedy='pip install "seatrial[dashboard]"',
+        ) from cause
+    from seatrial.apps.dashboard.server import serve as run_server
+
+    run_server(folder, host, port, shown, browser=not no_browser)

@@ -1,0 +1,313 @@
+"""The design: what every trial of the grid would teach, the room the clicked one leaves, the limits, and the next run."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.apps.dashboard.answers import Asked, Clicked, Limit, Plot, Swept
+from seatrial.apps.dashboard.edits import read_file, with_limit, write_file
+from seatrial.apps.dashboard.frame import button, figure, section, table
+from seatrial.apps.dashboard.house import House, fill, markup, say
+from seatrial.apps.dashboard.pages.work import begin, live_view
+from seatrial.apps.dashboard.places import CAMPAIGN
+from seatrial.campaign.store import Store
+from seatrial.core.errors import SeatrialError
+from seatrial.report.numbers import percent, short
+
+WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from what the data taught"}
+
+
+async def build(house: House, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    paths = {"design": Store(folder).design, "next": Store(folder).next_design}
+    there = [which for which, path in paths.items() if path.is_file()]
+    if there:
+        Surface(house, folder, paths, there[-1], there)
+    else:
+        with section(
+            "No design yet", "Run the design below: every trial of the grid is weighed, which takes seconds to minutes."
+        ):
+            pass
+    with section(
+        "Limits",
+        "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
+    ):
+        holder = ui.element("div")
+        await fill(holder, house.asked(folder), lambda found: Limits(house, folder, found))
+    with section("Run it", "Results that no longer belong to the campaign file are made anew."):
+        live, said = live_view(house, folder), ui.element("div")
+
+        async def reload() -> None:
+            ui.navigate.reload()
+
+        live.on_end.append(reload)
+        with ui.element("div").classes("line"):
+            for command, words in (("design", "Run the design"), ("next", "Design the next trial")):
+                button(
+                    words,
+                    lambda command=command: (begin(house, folder, said, command), live.look()),
+                    main=command == "design",
+                )
+
+
+_WHERE = """(e) => {
+  const r = e.currentTarget.getBoundingClientRect();
+  emit((e.clientX - r.left) / r.width, (e.clientY - r.top) / r.height);
+}"""
+"""Where a click is, as shares of the picture."""
+
+
+class Surface:
+    """The picture of a sweep that can be clicked, forms that do the same by keyboard, and the design that is looked at."""
+
+    def __init__(self, house: House, folder: Path, paths: dict[str, Path], which: str, there: list[str]):
+        self.house, self.folder, self.paths, self.which = house, folder, paths, which
+        self.family, self.measure, self.found, self.plot = 0, "gain", None, None
+        self.at = (0, 0)
+        with section("What each design would teach", "Click a design, or choose its amplitude and period below."):
+            with ui.element("div").classes("line"):
+                options = {one: WHICH[one] for one in there}
+                ui.select(options, value=which, label="Sweep", on_change=self._other).props(
+                    "outlined options-dense hide-bottom-space"
+                )
+                self.families = ui.element("div").style("display: contents")
+            self.holder = ui.element("div")
+            self.forms = ui.element("div").classes("line")
+        with section("The design you chose"):
+            self.details = ui.element("div")
+        ui.timer(0.0, self.show, once=True)
+
+    async def show(self) -> None:
+        """Read the sweep and draw it, with its best design chosen."""
+        path = self.paths[self.which]
+        try:
+            found: Swept = await self.house.desk.draw("swept", path, files=[path])
+        except (SeatrialError, OSError) as error:
+            self.holder.clear()
+            with self.holder:
+                say(error)
+            return
+        self.found = found
+        self.family, self.at = found.best[0], found.best[1:]
+        self._family_form(found)
+        await self._draw()
+
+    async def _other(self, event: Any) -> None:
+        self.which = event.value
+        await self.show()
+
+    def _family_form(self, found: Swept) -> None:
+        self.families.clear()
+        with self.families:
+            if len(found.families) > 1:
+                options = {i: name.replace("-", " ") for i, name in enumerate(found.families)}
+                ui.select(options, value=self.family, label="Family", on_change=self._to_family).props(
+                    "outlined options-dense hide-bottom-space"
+                )
+            if (found.worth != found.gain)[~(found.worth != found.worth)].any():
+                options = {"gain": "entropy reduction", "worth": "utility"}
+                ui.select(options, value=self.measure, label="Colour shows", on_change=self._to_measure).props(
+                    "outlined options-dense hide-bottom-space"
+                )
+
+    async def _to_family(self, event: Any) -> None:
+        self.family = event.value
+        worth = self.found.worth[self.family]  # pyright: ignore[reportOptionalMemberAccess]
+        flat = max(range(worth.size), key=lambda i: -math.inf if math.isnan(worth.flat[i]) else worth.flat[i])
+        self.at = divmod(flat, worth.shape[1])
+        await self._draw()
+
+    async def _to_measure(self, event: Any) -> None:
+        self.measure = event.value
+        await self._draw()
+
+    async def _draw(self) -> None:
+        path, found = self.paths[self.which], self.found
+        assert found is not None
+        plot: Plot = await self.house.desk.draw("surface", path, self.family, self.measure, files=[path])
+        self.plot = plot
+        self.holder.clear()
+        with self.holder, ui.element("div").classes("plot surface") as area:
+            markup(plot.svg)
+            self.mark = ui.element("div").classes("mark")
+        area.on(
+            "click",
+            self._clicked,
+            js_handler=_WHERE,
+        )
+        self.forms.clear()
+        with self.forms:
+            amplitudes = {i: f"{value:.4g} {found.unit}" for i, value in enumerate(found.amplitude)}
+            periods = {i: f"{value:.4g} s" for i, value in enumerate(found.period)}
+            self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {found.control}").props(
+                "outlined options-dense hide-bottom-space"
+            )
+            self.period = ui.select(periods, value=self.at[1], label="Period").props(
+                "outlined options-dense hide-bottom-space"
+            )
+            for form in (self.amplitude, self.period):
+                form.on_value_change(self._chosen)
+        await self._look()
+
+    async def _clicked(self, event: Any) -> None:
+        assert self.plot is not None
+        assert self.found is not None
+        (left, top, right, bottom), (x, y) = self.plot.box, event.args
+        period = self.plot.x[0] + (x - left) / (right - left) * (self.plot.x[1] - self.plot.x[0])
+        amplitude = self.plot.y[0] + (bottom - y) / (bottom - top) * (self.plot.y[1] - self.plot.y[0])
+        row, column = nearest(self.found.amplitude, amplitude), nearest(self.found.period, period)
+        if len(self.found.amplitude) == 1 or len(self.found.period) == 1:
+            value = period  # a line: the axis is the setting that varies
+            row = row if len(self.found.amplitude) == 1 else nearest(self.found.amplitude, value)
+        if (row, column) != self.at:
+            self.at = row, column
+            self.amplitude.value, self.period.value = row, column
+            await self._look()
+
+    async def _chosen(self) -> None:
+        chosen = int(self.amplitude.value), int(self.period.value)  # pyright: ignore[reportArgumentType]
+        if chosen != self.at:
+            self.at = chosen
+            await self._look()
+
+    async def _look(self) -> None:
+        found, plot = self.found, self.plot
+        assert found is not None
+        assert plot is not None
+        left, top, right, bottom = plot.box
+        (x0, x1), (y0, y1) = plot.x, plot.y
+        flat = len(found.amplitude) == 1 or len(found.period) == 1
+        x = left + (found.period[self.at[1]] - x0) / ((x1 - x0) or 1.0) * (right - left)
+        y = bottom - (found.amplitude[self.at[0]] - y0) / ((y1 - y0) or 1.0) * (bottom - top)
+        self.mark.style(f"left: {100 * x:.2f}%; top: {100 * y:.2f}%; display: {'none' if flat else 'block'}")
+        self.details.clear()
+        asked = self.house.desk.think(
+            "look_at",
+            str(self.folder),
+            self.which,
+            self.family,
+            *self.at,
+            files=[self.paths[self.which], self.folder / CAMPAIGN],
+        )
+        with self.details:
+            markup(what_it_teaches(found, self.family, *self.at))
+            holder = ui.element("div")
+        await fill(
+            holder,
+            asked,
+            self._details,
+            "simulating it with what is believed, to see how far it stays from the limits …",
+        )
+
+    def _details(self, clicked: Clicked) -> None:
+        name = f"{self.which}_schedule.csv"
+        markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
+        with ui.element("div").classes("figures"):
+            markup(figure(clicked.control.svg))
+            rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
+            head = ["limit", "", "room left", "reached", "bound"]
+            markup(
+                table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>"
+            )
+        button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
+
+
+def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
+    """What a design promises: entropy reduction, and each standard deviation before and after."""
+    gain = float(found.gain[family, row, column])
+    if math.isnan(gain):
+        return Markup('<p class="alarm">▲ This design breaks a limit; nothing else was computed for it.</p>')
+    worth, length = float(found.worth[family, row, column]), float(found.length[family, row, column])
+    lines = [f"entropy of the coefficients lowered by {short(gain)} nat"]
+    lines += [f"utility {short(worth)}"] * (worth != gain)
+    lines += [f"trial of {short(length)} s", f"from {found.basis}"]
+    rows = [
+        [name, short(before), short(float(after)), percent(float(after) / before)]
+        for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
+    ]
+    said = [*found.safety, *found.prediction] if (family, row, column) == found.best else []
+    more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)
+    return Markup("<p>{}.</p>{}{}").format(
+        "; ".join(lines)[:1].upper() + "; ".join(lines)[1:],
+        Markup('<ul class="findings">{}</ul>').format(more) if said else "",
+        table(
+            ["coefficient", "sd before", "sd after", "left"],
+            [list(map(str, row)) for row in rows],
+            "Standard deviations, SI",
+        ),
+    )
+
+
+def _kept(kept: bool) -> Markup:
+    return Markup('<span class="verdict {}">{}</span>').format("pass" if kept else "fail", "kept" if kept else "broken")
+
+
+class Limits:
+    """The form of limits: text with units, as the file has them."""
+
+    def __init__(self, house: House, folder: Path, found: Asked):
+        self.house, self.folder = house, folder
+        try:
+            self.seen = read_file(folder)
+        except (SeatrialError, OSError) as error:
+            say(error)
+            return
+        self.said = ui.element("div")
+        self.fields: list[tuple[str, str, str, ui.input]] = []
+        for limit in found.limits:
+            self._row(limit)
+        self.rows = ui.element("div")
+        with ui.element("div").classes("line"):
+            if found.spare:
+                self.more = ui.select(list(found.spare), label="Limit another signal").props(
+                    "outlined options-dense hide-bottom-space clearable"
+                )
+                button("Add", self._add)
+            button("Check and save", self._save, main=True)
+
+    def _row(self, limit: Limit) -> None:
+        with ui.element("div").classes("line"):
+            for bound in ("lower", "upper", *(["rate"] if limit.has_rate else [])):
+                unit = f"{limit.unit}/s" if bound == "rate" else limit.unit
+                value = getattr(limit, bound)
+                form = ui.input(f"{limit.name}: {bound}", value=value, placeholder=f"none; such as 1 {unit}").props(
+                    "outlined stack-label hide-bottom-space"
+                )
+                self.fields.append((limit.name, bound, value, form))
+
+    def _add(self) -> None:
+        name = self.more.value
+        if name and all(one != name for one, *_ in self.fields):
+            unit = "m" if name in ("distance", "advance") else "SI unit"
+            with self.rows:
+                self._row(Limit(str(name), unit, "", "", "", False))
+
+    async def _save(self) -> None:
+        self.said.clear()
+        text, changed = self.seen, 0
+        with self.said:
+            try:
+                for name, bound, before, form in self.fields:
+                    if (form.value or "").strip() != before:
+                        text, changed = with_limit(self.folder, text, name, bound, form.value or ""), changed + 1
+                if not changed:
+                    markup("<p>Nothing was changed.</p>")
+                    return
+                await self.house.desk.think("check", str(self.folder), text)
+                write_file(self.folder, text, self.seen)
+            except (SeatrialError, OSError) as error:
+                say(error)
+                return
+            self.seen = text
+            self.fields = [(name, bound, (form.value or "").strip(), form) for name, bound, _, form in self.fields]
+            markup(
+                '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
+            )
+
+
+def nearest(grid: tuple[float, ...], value: float) -> int:
+    """Index of the nearest grid point."""
+    return min(range(len(grid)), key=lambda i: abs(grid[i] - value))

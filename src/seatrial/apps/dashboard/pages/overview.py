@@ -1,0 +1,90 @@
+"""All campaigns of the folder: what each is, which of its steps are current, and what is at work."""
+
+import asyncio
+import tomllib
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.apps.dashboard.answers import Stage
+from seatrial.apps.dashboard.frame import VIEWS, frame, link
+from seatrial.apps.dashboard.house import PATIENCE, House, fill, markup
+from seatrial.apps.dashboard.places import CAMPAIGN
+
+EVERY = 2.0
+"""Seconds between looks at what is running."""
+LEGEND = "✓ current: its results belong to the campaign file and logs as they are now. ↻ stale: something has changed since. ○ missing."
+
+
+async def build(house: House) -> None:
+    """Build the page."""
+    with frame(house, ""):
+        names = await asyncio.to_thread(house.places.campaigns)
+        if not names:
+            words = (
+                "<section><p>No campaign here yet. Begin one in a shell, then reload this page:</p>"
+                "<pre class='output'>seatrial init {}</pre></section>"
+            )
+            markup(Markup(words).format(house.places.root / "mine"))
+            return
+        markup(Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), house.places.root, LEGEND))
+        folders = {name: house.places.folder(name) for name in names}
+        standing = {name: asyncio.ensure_future(house.steps(folder)) for name, folder in folders.items()}
+        await asyncio.wait(standing.values(), timeout=PATIENCE)
+        looks = []
+        with ui.element("div").classes("cards"):
+            for name, folder in folders.items():
+                looks.append(await _card(house, name, folder, standing[name]))
+        ui.timer(EVERY, lambda: [look() for look in looks])
+
+
+async def _card(house: House, name: str, folder: Path, standing: Awaitable[tuple[Stage, ...]]) -> Callable[[], None]:
+    """Build the card of a campaign; returns what brings it up to date."""
+    with ui.element("article").classes("card"):
+        title = title_of(folder) or (folder.name if name == "." else name)
+        place = folder.relative_to(house.places.root.parent)
+        head = Markup('<h2><a href="{}">{}</a></h2><p class="note">{}</p>')
+        markup(head.format(link("results", name), title, place))
+        holder = ui.element("div")
+        await fill(
+            holder, standing, lambda steps: markup(steps_html(steps)), "looking at what is current …", patience=0.001
+        )
+        at_work = markup("")
+        links = Markup("").join(
+            Markup('<a href="{}">{}</a>').format(link(key, name), words) for key, words in VIEWS.items()
+        )
+        markup(Markup('<div class="links">{}</div>').format(links))
+
+    def look() -> None:
+        job = house.look(folder)
+        words = (
+            job.occupant.words if job.running and job.occupant else "a command was just started" if job.running else ""
+        )
+        at_work.set_content(Markup('<p class="running"><span class="dot"></span>{}</p>').format(words) if words else "")
+
+    look()
+    return look
+
+
+def steps_html(steps: tuple[Stage, ...]) -> Markup:
+    """Steps as a list, state told by word and sign, not by colour alone."""
+    rows = Markup("").join(
+        Markup('<li class="{}">{}<span class="unseen"> is {}</span></li>').format(one.state, one.name, one.state)
+        for one in steps
+    )
+    return Markup('<ul class="steps">{}</ul>').format(rows)
+
+
+def title_of(folder: Path) -> str:
+    """Name of a campaign as its file says, without reading more; empty where it cannot be read."""
+    try:
+        content = tomllib.loads((folder / CAMPAIGN).read_text(encoding="utf-8-sig"))
+        return str(content["campaign"]["name"])[:120]
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def _count(number: int) -> str:
+    return f"{number} campaign{'s' * (number != 1)}"

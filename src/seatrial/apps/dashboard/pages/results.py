@@ -1,0 +1,232 @@
+"""What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
+
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.apps.dashboard.answers import Told
+from seatrial.apps.dashboard.frame import figure, link, section, table
+from seatrial.apps.dashboard.house import House, fill, markup, say
+from seatrial.campaign.store import Store, read_json
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import SeatrialError
+from seatrial.report.labels import label_html, label_mathtext
+from seatrial.report.numbers import percent, probability, rounded, short, times_ten, unit_html
+
+MOST = 12
+
+
+async def build(house: House, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    store = Store(folder)
+    try:
+        summary = read_json(store.summary, f"seatrial run {folder}")
+    except (SeatrialError, OSError) as error:
+        if store.summary.exists():
+            say(error)
+        else:
+            with section("No results yet"):
+                markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(link("run", campaign)))
+        return
+    labels = {row["name"]: row["label"] for row in summary["coefficients"]}
+    with section(summary["name"]):
+        await _currency(house, campaign, folder)
+        for kind in ("alarms", "verdicts", "cautions"):
+            if summary[kind]:
+                marks = Markup("").join(
+                    Markup('<li class="{}">{}</li>').format("alarm" if kind == "alarms" else "", text)
+                    for text in summary[kind]
+                )
+                markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
+        markup(coefficients(summary))
+    with section(
+        "Fit and residuals",
+        "Dots or strokes: measured, the least and greatest of each column of pixels. Line and 90 % band: predicted from the inputs alone.",
+    ):
+        await _fits(house, store)
+    with section(
+        "Posteriors",
+        "Histogram: draws. Dashed: prior. Thin line: normal approximation. Dotted: the truth of a simulated vehicle.",
+    ):
+        path = store.posterior(str(summary["chosen"]))
+        holder = ui.element("div").classes("figures small")
+        truth = _truth(house, folder)
+        await fill(holder, _posteriors(house, path, await truth), lambda found: [markup(figure(svg)) for svg in found])
+    with section("Models and terms"):
+        await _models(house, store, summary, labels)
+    with section("The next trial"):
+        trial = summary["next_trial"]
+        words = str(trial["words"])
+        markup(
+            Markup('<p>{}.</p><p class="links"><a href="{}">Look at it on the design surface</a>{}</p>').format(
+                words[:1].upper() + words[1:],
+                link("design", campaign),
+                Markup('<a href="{}">Download its schedule (CSV)</a>').format(
+                    link("download", campaign, file="results/next_schedule.csv")
+                )
+                if store.schedule(store.next_design).is_file()
+                else "",
+            )
+        )
+
+
+_TITLE = {
+    "alarms": "Do not use these numbers yet",
+    "verdicts": "What the data say",
+    "cautions": "What to know before using them",
+}
+
+
+def coefficients(summary: dict[str, Any]) -> Markup:
+    """The table of coefficients of the chosen structure."""
+    rows = []
+    for row in summary["coefficients"]:
+        value, sd, exponent = rounded(row["mean"], row["sd"])
+        rows.append(
+            [
+                label_html(row["label"]) + Markup(" <small>{}</small>").format(row["name"]),
+                f"{value} ± {sd}{times_ten(exponent)}",
+                unit_html(row["unit"]),
+                f"{short(row['lower_95'])} to {short(row['upper_95'])}",
+                short(row["prior_sd"]),
+                percent(row["sd"] / row["prior_sd"]) if row["prior_sd"] else "",
+            ]
+        )
+    head = ["parameter", "mean ± sd", "unit", "95 % interval", "prior sd", "left of it"]
+    return table(head, rows, f"Parameters of {summary['chosen']}: {' '.join(summary['terms'])}")
+
+
+async def _currency(house: House, campaign: str, folder: Path) -> None:
+    """Say so where the results no longer belong to the campaign file."""
+    holder = ui.element("div")
+
+    def build(steps: Any) -> None:
+        old = [one.name for one in steps if one.state != "current" and one.name != "report"]
+        if old:
+            words = "These results are from before the campaign file or its logs were changed: {} {} stale or missing. "
+            markup(
+                Markup('<p class="alarm">▲ ' + words + '<a href="{}">Run it again</a>.</p>').format(
+                    ", ".join(old), "is" if len(old) == 1 else "are", link("run", campaign)
+                )
+            )
+
+    await fill(holder, house.steps(folder), build, "looking whether these results are current …")
+
+
+async def _fits(house: House, store: Store) -> None:
+    path = store.predictions
+    if not path.is_file():
+        markup("<p>No predictions yet.</p>")
+        return
+    holder = ui.element("div")
+
+    def build(told: Told) -> Any:
+        rows = [
+            [
+                fit["record"] + (" (held back)" if fit["held_back"] else ""),
+                fit["channel"],
+                Markup('<span class="verdict {}">{}</span>').format(fit["level"], fit["level"]),
+                percent(fit["explained"]) if not fit["missing"] else "",
+                percent(fit["coverage"]) if fit["samples"] else "",
+                fit["reason"],
+            ]
+            for fit in told.fits
+        ]
+        head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
+        markup(table(head, rows, "How well each record is predicted"))
+        pictures = ui.element("div").classes("figures")
+        places = {
+            (i, j): f"run {record}, {channel}{' (held back)' if record in told.held_back else ''}"
+            for i, record in enumerate(told.records)
+            for j, channel in enumerate(told.channels)
+        }
+
+        async def show(at: tuple[int, int]) -> None:
+            pictures.clear()
+            asked = house.desk.draw("fit", path, *at, files=[path])
+            await fill(pictures, asked, lambda found: [markup(figure(svg)) for svg in found], "drawing …")
+
+        if len(places) > 1:
+            names = {f"{i}/{j}": words for (i, j), words in places.items()}
+            form = (
+                ui.select(names, value="0/0", label="Record and channel")
+                .props("outlined options-dense hide-bottom-space")
+                .classes("wide")
+            )
+            form.move(target_index=1)
+
+            async def changed() -> None:
+                i, _, j = str(form.value).partition("/")
+                await show((int(i), int(j)))
+
+            form.on_value_change(changed)
+        return show((0, 0))
+
+    await fill(holder, house.desk.draw("predicted", path, files=[path]), build)
+
+
+async def _posteriors(house: House, path: Path, truth: tuple[tuple[str, float], ...]) -> list[str]:
+    return await house.desk.draw("posteriors", path, truth, files=[path])
+
+
+async def _truth(house: House, folder: Path) -> tuple[tuple[str, float], ...]:
+    """True values of a simulated vehicle, as the campaign file has them."""
+    import tomllib
+
+    from seatrial.apps.dashboard.edits import read_file
+
+    try:
+        content = tomllib.loads(read_file(folder))
+        return tuple((str(k), float(v)) for k, v in content.get("truth", {}).items()) if "import" not in content else ()
+    except (SeatrialError, OSError, ValueError, TypeError, AttributeError):
+        return ()
+
+
+async def _models(house: House, store: Store, summary: dict[str, Any], labels: dict[str, str]) -> None:
+    ranked = sorted(summary["structures"], key=lambda one: -one["probability"])
+    if len(ranked) > 1:
+        holder = ui.element("div").classes("figures")
+        shown = ranked[:MOST]
+        asked = house.desk.draw(
+            "bars",
+            tuple(one["label"] for one in shown),
+            tuple(one["probability"] for one in shown),
+            tuple(one["probability_error"] for one in shown),
+            "Models and their probability",
+            True,
+        )
+        await fill(
+            holder, asked, lambda svg: markup(figure(svg, "Probability of each model, with one standard error."))
+        )
+        try:
+            chosen = read_json(store.selection, "seatrial select")
+            terms = sorted(chosen["inclusion"], key=lambda term: -chosen["inclusion"][term])
+        except (SeatrialError, OSError, KeyError):
+            terms = []
+        if terms:
+            asked = house.desk.draw(
+                "bars",
+                tuple(label_mathtext(labels.get(term) or CoefficientName.parse(term).label) for term in terms),
+                tuple(chosen["inclusion"][term] for term in terms),
+                tuple(chosen["inclusion_error"][term] for term in terms),
+                "Terms and the probability that each is needed",
+                False,
+            )
+            with holder:
+                beside = ui.element("div").style("display: contents")
+            await fill(
+                beside, asked, lambda svg: markup(figure(svg, "Probability that the vehicle needs each optional term."))
+            )
+    rows = [
+        [
+            one["label"] + (" (chosen)" if one["label"] == summary["chosen"] else ""),
+            " ".join(one["terms"]),
+            probability(one["probability"], one["probability_error"]),
+            f"{one['evidence']['log_value']:.2f} ± {one['evidence']['std_error']:.2f}",
+            one["evidence"]["status"] or "",
+        ]
+        for one in ranked
+    ]
+    markup(table(["model", "terms", "probability", "log evidence", "note"], rows, "Models", left=2))

@@ -1,0 +1,188 @@
+"""The server: pages, files and uploads of one folder behind the gate, until it is interrupted."""
+
+import asyncio
+import logging
+import socket
+import threading
+import webbrowser
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import quote
+
+import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.responses import FileResponse, PlainTextResponse, Response
+from nicegui import ui
+from starlette.requests import ClientDisconnect
+
+from seatrial.apps.dashboard.frame import frame
+from seatrial.apps.dashboard.gate import Gate, Gated, is_loopback
+from seatrial.apps.dashboard.house import House, say
+from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
+from seatrial.apps.dashboard.places import Places
+from seatrial.apps.dashboard.uploads import receive
+from seatrial.apps.dashboard.words import words_of
+from seatrial.core.errors import InputError, SeatrialError
+from seatrial.report.figures.style import PALETTE
+
+UPLOAD_HERE, UPLOAD_FROM_ELSEWHERE = 8 << 30, 512 << 20
+"""Bytes of an upload, at most: by whoever sits at this machine, and over the network."""
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox allow-same-origin"
+)
+"""A report needs no script: none is run, whoever wrote the file."""
+VIEWS = {
+    "import": records.build,
+    "design": design.build,
+    "run": work.build,
+    "results": results.build,
+    "compare": compare.build,
+    "report": report.build,
+}
+
+
+def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) -> None:
+    """Serve a folder until interrupted.
+
+    Raises:
+        InputError: no such folder, or an address that cannot be listened on.
+    """
+    house = House(Places.of(folder))
+    here = _listen(host, port)
+    port = here.getsockname()[1]
+    app = build(house, Gate(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
+    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    address = f"http://{shown}:{port}/{f'?token={quote(token)}' if token else ''}"
+    print(f"{house.places.root} is served at {address}", flush=True)
+    if not is_loopback(host):
+        print(
+            "the token is all that keeps others out, and travels unencrypted: use a network you trust, or ssh -L",
+            flush=True,
+        )
+    print("Ctrl-C ends it; commands that were started from the page go on", flush=True)
+    if browser:
+        threading.Timer(1.0, _open, [address]).start()
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        ws_max_size=1 << 20,
+        timeout_graceful_shutdown=1,
+    )
+    try:
+        with suppress(KeyboardInterrupt):
+            uvicorn.Server(config).run(sockets=[here])
+    finally:
+        house.desk.close()
+
+
+def build(house: House, gate: Gate) -> Gated:
+    """Put the application together."""
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    _add_files(app, house, gate)
+    _add_pages(house)
+    ui.add_head_html('<link rel="stylesheet" href="/style.css">', shared=True)
+    ui.run_with(
+        app,
+        title="seatrial",
+        favicon=_FAVICON,
+        tailwind=False,
+        language="en-US",
+        dark=False,
+        reconnect_timeout=30.0,
+        show_welcome_message=False,
+    )
+    logging.getLogger("nicegui").setLevel(logging.ERROR)
+    app.router.on_startup.append(house.desk.warm)
+    return Gated(app, gate)
+
+
+_FAVICON = (
+    "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect width='32' height='32' rx='6' fill='#0a67ad'/>"
+    "<path d='M4 20q6-9 12 0t12 0' fill='none' stroke='#fff' stroke-width='3'/></svg>"
+)
+
+
+def _add_files(app: FastAPI, house: House, gate: Gate) -> None:
+    style = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
+    palette = "; ".join(f"--{name}: {light}" for name, (light, _) in PALETTE.items())
+    style = f":root {{ {palette}; }}\n{style}"
+
+    @app.get("/style.css")
+    async def _style() -> Response:
+        return Response(style, media_type="text/css", headers={"cache-control": "no-cache"})
+
+    @app.get("/download")
+    async def _download(campaign: str = "", file: str = "", shown: bool = False) -> Response:
+        try:
+            path, kind = house.places.download(campaign, file)
+        except (SeatrialError, OSError) as error:
+            return PlainTextResponse(f"{words_of(error)}\n", 404)
+        headers = {"cache-control": "no-cache", "content-security-policy": REPORT_POLICY}
+        saved = not shown or kind == "application/octet-stream"
+        return FileResponse(path, media_type=kind, headers=headers, filename=path.name if saved else None)
+
+    @app.post("/upload/")
+    async def _upload(request: Request, campaign: str = "", name: str = "") -> Response:
+        from seatrial.apps.dashboard.logs import SUFFIXES
+
+        try:
+            folder = house.places.folder(campaign)
+            kept = await receive(request.stream(), folder, name, SUFFIXES, gate.most)
+        except InputError as error:
+            return PlainTextResponse(f"{error}\n", 400)
+        except OSError as error:
+            return PlainTextResponse(f"{words_of(error)}\n", 507)
+        except ClientDisconnect:  # gone, or cut off by the gate
+            return PlainTextResponse(f"broken off, or more than {gate.most >> 20:,} MiB\n", 413)
+        return PlainTextResponse(kept)
+
+
+def _add_pages(house: House) -> None:
+    @ui.page("/")
+    async def _overview() -> None:
+        await overview.build(house)
+
+    for view, make in VIEWS.items():
+        _add_view(house, view, make)
+
+
+def _add_view(house: House, view: str, make: Callable[..., Awaitable[None]]) -> None:
+    @ui.page(f"/{view}")
+    async def _view(campaign: str = "") -> None:
+        try:
+            folder = await asyncio.to_thread(house.places.folder, campaign)
+        except SeatrialError as error:
+            with frame(house, ""):
+                say(error)
+            return
+        with frame(house, view, campaign, folder):
+            try:
+                await make(house, campaign, folder)
+            except Exception as error:
+                logging.getLogger(__name__).exception("the view %s of %s", view, folder)
+                say(f"{type(error).__name__}: {error}. A result may be of another version: run the campaign again.")
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        here = socket.socket(family, socket.SOCK_STREAM)
+        here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        here.bind((host, port))
+    except (OSError, OverflowError, UnicodeError) as cause:
+        words = getattr(cause, "strerror", None) or str(cause)
+        raise InputError(
+            f"--host {host} --port {port}",
+            found=words,
+            expected="an address of this machine and a free port",
+            remedy="choose another with --port, or end what listens there",
+        ) from cause
+    return here
+
+
+def _open(address: str) -> None:
+    with suppress(webbrowser.Error):
+        webbrowser.open(address)

@@ -1,0 +1,106 @@
+"""Long curves as a screen can show them: the least and greatest value of each column of pixels, read block by block."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+from jaxtyping import Float, Int
+
+COLUMNS = 720
+"""Columns of pixels that a figure has at most."""
+FEW = 4
+"""Samples for each column up to which every one of them is drawn."""
+BLOCK = 1 << 20
+"""Rows that are read at a time."""
+
+Load = Callable[[int, int], Mapping[str, np.ndarray]]
+"""Rows from one to before another, by name."""
+
+
+class Envelope(NamedTuple):
+    """A curve by columns: the middle of each in time, the least and greatest value there, NaN where nothing was measured."""
+
+    time: Float[np.ndarray, " c"]
+    least: Float[np.ndarray, " c"]
+    greatest: Float[np.ndarray, " c"]
+
+
+def edges_of(time: Float[np.ndarray, " n"], columns: int = COLUMNS) -> Int[np.ndarray, " c+1"]:
+    """First row of each column of pixels that holds any, and the number of rows; every row alone where there are few."""
+    if time.size <= FEW * columns:
+        return np.arange(time.size + 1)
+    edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns + 1)[:-1])
+    return np.unique(np.append(edges, time.size))
+
+
+def envelopes(time: Float[np.ndarray, " n"], load: Load, columns: int = COLUMNS) -> dict[str, Envelope]:
+    """Least and greatest of every curve in each column of pixels.
+
+    Args:
+        time: s, increasing.
+        load: gives the curves of some rows.
+        columns: of pixels.
+    """
+    edges = edges_of(time, columns)
+    middle = 0.5 * (time[edges[:-1]] + time[edges[1:] - 1])
+    least: dict[str, list[np.ndarray]] = {}
+    greatest: dict[str, list[np.ndarray]] = {}
+    first = 0
+    while first < edges.size - 1:
+        last = max(first + 1, int(np.searchsorted(edges, edges[first] + BLOCK, side="right")) - 1)
+        begin, end = int(edges[first]), int(edges[last])
+        starts = edges[first:last] - begin
+        for name, values in load(begin, end).items():
+            least.setdefault(name, []).append(np.fmin.reduceat(values, starts))
+            greatest.setdefault(name, []).append(np.fmax.reduceat(values, starts))
+        first = last
+    return {name: Envelope(middle, np.concatenate(least[name]), np.concatenate(greatest[name])) for name in least}
+
+
+class Drawn(NamedTuple):
+    """A stored record as it is drawn.
+
+    Attributes:
+        curves: envelope of each channel.
+        about: unit and role of each.
+        samples: how many there are.
+        options: how it came about.
+        source: what it comes from.
+    """
+
+    curves: dict[str, Envelope]
+    about: dict[str, tuple[str, str]]
+    samples: int
+    options: dict[str, Any]
+    source: str
+
+
+def draw_record(path: Path, columns: int = COLUMNS) -> Drawn:
+    """Read a stored record by columns of pixels.
+
+    The seal of the content is not checked here, which takes longer than drawing it; every command that computes with it does.
+
+    Raises:
+        OSError: no NetCDF-4 file.
+        KeyError: no record.
+    """
+    with h5py.File(path) as file:
+        names = [name for name in file if name != "time" and "role" in file[name].attrs]
+        time = np.asarray(file["time"], float)
+        about = {name: (text_of(file[name].attrs["units"]), text_of(file[name].attrs["role"])) for name in names}
+        curves = envelopes(time, lambda a, b: {name: rows_of(file, name, a, b) for name in names}, columns)
+        options = json.loads(text_of(file.attrs["options"]))
+        return Drawn(curves, about, time.size, options, text_of(file.attrs["source"]))
+
+
+def rows_of(file: h5py.File, name: str, first: int, last: int) -> np.ndarray:
+    """Rows of one variable, whole: columns picked out one by one would be read an element at a time."""
+    return np.asarray(file[name][first:last], float)  # pyright: ignore[reportIndexIssue]
+
+
+def text_of(value: object) -> str:
+    """An attribute as text."""
+    return value.decode() if isinstance(value, bytes) else str(value)

@@ -1,0 +1,179 @@
+"""A new user's way through the dashboard in a real browser: no error in its console, no request to anywhere else."""
+
+import json
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from seatrial.apps.occupied import occupant_of
+from seatrial.campaign.store import Store
+from tests.apps.dashboard.served import served
+from tests.campaign.small import NO_X_U, write_small
+
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright: the browser test is skipped")
+BROWSER = Path("/usr/bin/chromium")
+SLOW = 60_000
+"""Milliseconds that anything may take on a busy machine."""
+
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(not BROWSER.exists(), reason=f"no {BROWSER}: the browser test is skipped"),
+]
+
+
+@pytest.fixture
+def page():
+    """A page that keeps what its console said and what it asked for."""
+    with playwright.sync_playwright() as tool:
+        browser = tool.chromium.launch(executable_path=str(BROWSER), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1000, "height": 900})
+        page.set_default_timeout(SLOW)
+        page.said, page.asked = [], []
+        page.on(
+            "console", lambda message: page.said.append(message.text) if message.type in ("error", "warning") else None
+        )
+        page.on("pageerror", lambda error: page.said.append(str(error)))
+        page.on("request", lambda request: page.asked.append(request.url))
+        yield page
+        browser.close()
+
+
+def wait_for_end(folder: Path) -> None:
+    deadline = time.monotonic() + SLOW / 1000
+    while occupant_of(folder) is not None:
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
+def test_from_a_limit_to_an_export(tmp_path, page):
+    folder = write_small(tmp_path / "served" / "boat", *NO_X_U, ("points = 4", "points = 3"))
+    with served(tmp_path / "served", kill=True) as (address, _):
+        page.goto(address)
+        page.get_by_role("link", name="Design").click()
+
+        # A limit is refused in words, then edited; the file keeps its comments, and nothing is half written.
+        upper = page.get_by_label("n: upper")
+        upper.fill("1500 kg")
+        page.get_by_role("button", name="Check and save").click()
+        assert "limits.n.upper" in page.get_by_role("alert").inner_text()
+        assert '"1500 rpm"' in (folder / "campaign.toml").read_text()
+        upper.fill("1400 rpm")
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved in campaign.toml").wait_for()
+        assert 'upper = "1400 rpm"' in (folder / "campaign.toml").read_text()
+
+        # The design runs in a process of its own; then its surface can be clicked, or its forms used from the keyboard.
+        page.get_by_role("button", name="Run the design").click()
+        surface = page.locator(".surface")
+        surface.wait_for()
+        page.get_by_text("Room inside the limits").wait_for()
+        box = surface.bounding_box()
+        surface.click(position={"x": 0.14 * box["width"], "y": 0.84 * box["height"]})
+        page.get_by_text("±100 rpm about", exact=False).wait_for()
+        assert page.get_by_label("Period").input_value().startswith("2 s")
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Download its schedule").click()
+        assert download.value.path().read_text().startswith("time_s,n_rpm\n0,")
+
+        # A run is stopped and resumed; then the dashboard is killed, which the run does not notice.
+        page.get_by_role("link", name="Run", exact=True).click()
+        page.get_by_role("button", name="Start or resume").click()
+        page.locator("progress").first.wait_for()
+        page.get_by_role("button", name="Stop").click()
+        page.get_by_text("interrupted; run the same command again").wait_for()
+        page.get_by_role("button", name="Start or resume").click()
+        page.locator("progress").first.wait_for()
+        there = occupant_of(folder)
+        assert there is not None
+        assert there.alive
+        assert page.said == []
+        page.goto("about:blank")
+    wait_for_end(folder)
+    assert json.loads(Store(folder).summary.read_text())["chosen"] == "M-0"
+    shutil.copytree(folder, tmp_path / "served" / "other boat")
+
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}run?campaign=boat")
+        page.get_by_text("report: ").first.wait_for()
+        page.get_by_role("link", name="Results").click()
+        for words in ("Parameters of M-0", "How well each record is predicted", "Run a repeated doublet"):
+            page.get_by_text(words).first.wait_for()
+        page.locator("#residuals-title").wait_for(state="attached")
+        page.locator("#posterior-0-title").wait_for(state="attached")
+        page.get_by_role("link", name="Compare").click()
+        page.get_by_text("difference, joint sd").wait_for()
+        assert page.locator("table td").first.inner_text() == "0.0"
+        page.get_by_role("link", name="Report and export").click()
+        with page.expect_popup() as popup:
+            page.get_by_role("link", name="Open report.html").click()
+        assert popup.value.get_by_text("Fit and residuals").first.inner_text()
+        page.get_by_role("combobox", name="Simulator or format").click()
+        page.get_by_role("option", name="vehicle: JSON").click()
+        page.get_by_role("button", name="Export").click()
+        page.locator("main a", has_text="export/json/").first.wait_for()
+        page.set_viewport_size({"width": 390, "height": 800})
+        for view in ("import", "design", "run", "results", "compare", "report"):
+            page.goto(f"{address}{view}?campaign=boat")
+            page.locator("h1").wait_for()
+            assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), view
+    assert page.said == []
+    assert {urlsplit(url).hostname for url in page.asked if not url.startswith(("data:", "blob:", "about:"))} == {
+        "127.0.0.1"
+    }
+
+
+def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    log = tmp_path / "dive 1.csv"
+    rows = [
+        f"{0.1 * i:.1f},{1.5 + 0.2 * (i // 50 % 2) + 0.01 * (i * 7 % 5):.3f},{1200 + 200 * (i // 50 % 2)}"
+        for i in range(300)
+    ]
+    log.write_text("time_s,speed,rpm\n" + "\n".join(rows) + "\n")
+    with served(folder, "--token", "a token of this test") as (address, _):
+        page.goto(f"{address}")
+        assert "token" not in page.url
+        page.goto(f"{page.url}import?campaign=.")
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("Kept as logs/dive 1.csv").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records above").wait_for()
+        assert "# [truth]" in (folder / "campaign.toml").read_text()
+        page.reload()
+        page.get_by_role("button", name="Check the records").click()
+        page.get_by_text(re.compile("record dive_1: (pass|caution|fail)")).first.wait_for()
+        page.reload()
+        handle = page.locator(".trim .q-slider__thumb").first
+        handle.wait_for()
+        begin = page.get_by_label("Begin [s]")
+        assert float(begin.input_value()) == 0.0
+        handle.focus()
+        for _ in range(5):
+            page.keyboard.press("ArrowRight")
+        page.wait_for_function("parseFloat(document.querySelector('input[aria-label=\"Begin [s]\"]').value) > 0.05")
+        box = handle.bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] / 2 + 60, box["y"] + box["height"] / 2, steps=5)
+        page.mouse.up()
+        page.wait_for_function("parseFloat(document.querySelector('input[aria-label=\"Begin [s]\"]').value) > 2")
+        page.get_by_role("button", name="Check and save", exact=True).click()
+        page.get_by_text("Import anew to cut the record").wait_for()
+        assert "start = " in (folder / "campaign.toml").read_text()
+    assert page.said == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    folder.chmod(0o500)
+    with served(folder) as (address, _):
+        page.goto(f"{address}run?campaign=.")
+        page.get_by_role("button", name="Start or resume").click()
+        assert "Permission denied" in page.get_by_role("alert").inner_text()

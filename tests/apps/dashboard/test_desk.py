@@ -1,0 +1,90 @@
+"""Work in other processes: asked once while its files stay, errors in words, and a process that dies costs its question only."""
+
+import asyncio
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from seatrial.apps.dashboard.desk import Desk, answered, stamp
+from seatrial.apps.dashboard.jobs import Jobs
+from seatrial.apps.dashboard.words import Worded, words_of
+from seatrial.core.errors import InputError, NumericalError
+
+DESK = """
+import asyncio, sys
+from seatrial.apps.dashboard.desk import Desk
+async def main():
+    desk = Desk()
+    await desk._ask("thinning", "text_of", (1,), ())
+    print(next(iter(desk.pools["thinning"]._processes)), flush=True)
+    await asyncio.sleep(60)
+if __name__ == "__main__":
+    asyncio.run(main())
+"""
+
+
+def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
+    asked = []
+
+    class Counting(Desk):
+        def _submit(self, pool, question, about):
+            asked.append(question)
+            return super()._submit(pool, question, about)
+
+    async def main():
+        desk, file = Counting(), tmp_path / "x"
+        file.write_text("1")
+        try:
+            many = [desk._ask("thinning", "text_of", (b"y",), [file]) for _ in range(20)]
+            assert await asyncio.gather(*many) == ["y"] * 20
+            assert len(asked) == 1
+            file.write_text("22")
+            await desk._ask("thinning", "text_of", (b"y",), [file])
+            assert len(asked) == 2
+            with pytest.raises(Worded, match="No such file"):
+                await desk._ask("thinning", "draw_record", (tmp_path / "none.nc",), ())
+            process = next(iter(desk.pools["thinning"]._processes))
+            os.kill(process, 9)
+            with pytest.raises(NumericalError, match="ended without a word"):
+                await desk._ask("thinning", "text_of", (b"z",), ())
+            assert await desk._ask("thinning", "text_of", (b"z",), ()) == "z"
+        finally:
+            desk.close()
+
+    asyncio.run(main())
+
+
+def test_errors_pass_between_processes_as_words(tmp_path):
+    answer, words = answered("edits", "read_file", tmp_path)
+    assert answer is None
+    assert "No such file" in words
+    answer, words = answered("gate", "token_for", "0.0.0.0", "short")
+    assert "16 plain characters" in words
+    assert answered("thinning", "text_of", b"a") == ("a", None)
+
+
+def test_the_process_ends_with_the_one_that_asked(tmp_path):
+    script = tmp_path / "asks.py"
+    script.write_text(DESK)
+    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 60
+    while os.path.exists(f"/proc/{child}") and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not os.path.exists(f"/proc/{child}")
+
+
+def test_troubles_of_the_file_system_are_said_in_words(tmp_path):
+    assert "space left" in words_of(OSError(28, "No space left on device", "/x"))
+    assert words_of(InputError("a", found="b", expected="c", remedy="d")).startswith("a\n")
+    (tmp_path / "results").write_text("a file where a folder should be")
+    with pytest.raises(OSError, match="exists") as refused:
+        Jobs().start(tmp_path, "run")
+    assert "permissions" in words_of(refused.value)
+    assert stamp(tmp_path / "nothing") == (str(tmp_path / "nothing"), 0, 0)

@@ -1,0 +1,84 @@
+"""What is current, stale or missing, as `seatrial run` would find it, without computing anything."""
+
+import time
+
+import pytest
+
+from seatrial.campaign.designs import design_key
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.simulated import record_keys
+from seatrial.campaign.standing import standing
+from seatrial.campaign.store import Store, write_stamped_json
+from seatrial.core.dataset_file import write_dataset
+from seatrial.core.errors import InputError
+from tests.campaign.small import write_small
+
+STEPS = ["design", "simulate", "estimate", "select", "predict", "next", "report"]
+
+
+def states(folder):
+    return {step.name: step.state for step in standing(folder)}
+
+
+def stamped(path, key):
+    import xarray as xr
+
+    write_dataset(path, xr.Dataset({"x": ("y", [1.0])}, attrs={"key": key}))
+
+
+def test_a_new_campaign_has_nothing(tmp_path):
+    assert states(write_small(tmp_path)) == dict.fromkeys(STEPS, "missing")
+
+
+def test_results_are_current_until_what_they_depend_on_changes(tmp_path):
+    folder = write_small(tmp_path)
+    campaign, store = load_campaign(folder), Store(folder)
+    stamped(store.design, design_key(campaign))
+    stamped(store.record("trial"), record_keys(campaign)["trial"])
+    found = states(folder)
+    assert (found["design"], found["simulate"], found["estimate"]) == ("current", "current", "missing")
+    write_small(folder, ('upper = "1500 rpm"', 'upper = "1400 rpm"'))
+    found = states(folder)
+    assert (found["design"], found["simulate"], found["estimate"]) == ("stale", "stale", "missing")
+
+
+def test_a_damaged_result_is_stale(tmp_path):
+    folder = write_small(tmp_path)
+    Store(folder).results.mkdir()
+    Store(folder).design.write_bytes(b"\x89HDF")
+    write_stamped_json(Store(folder).selection, {}, "another key")
+    assert states(folder)["design"] == "stale"
+    assert states(folder)["select"] == "stale"
+
+
+def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):
+    from seatrial.campaign import standing as module
+
+    truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
+    files = """[import]
+fit = ["1"]
+[[import.files]]
+path = "log_{run}.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "u", unit = "m/s" }
+channels.n = { column = "n", unit = "rpm" }
+"""
+    folder = write_small(tmp_path, (truth, files))
+    assert states(folder)["import"] == "missing"
+    log, hashed = folder / "log_1.csv", []
+    log.write_text("t,u,n\n0,1,1\n")
+    plain = module.hash_of_log
+    monkeypatch.setattr(module, "hash_of_log", lambda path: hashed.append(path) or plain(path))
+    states(folder)
+    states(folder)
+    assert len(hashed) == 1
+    time.sleep(0.01)
+    log.write_text("t,u,n\n0,1,2\n")
+    states(folder)
+    assert len(hashed) == 2
+
+
+def test_a_file_that_is_no_campaign(tmp_path):
+    (tmp_path / "campaign.toml").write_text("[campaign\n")
+    with pytest.raises(InputError, match="malformed"):
+        standing(tmp_path)

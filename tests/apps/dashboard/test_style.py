@@ -1,0 +1,52 @@
+"""Both themes can be read: contrast as WCAG 2.2 counts it, 4.5 for text (AA) and 7 in sunlight (AAA); and nothing comes from elsewhere."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import seatrial.apps.dashboard as package
+from seatrial.report.figures.style import PALETTE
+
+FOLDER = Path(package.__file__).parent
+STYLE = (FOLDER / "style.css").read_text()
+TEXTS = ("ink", "muted", "blue", "alarm", "caution", "good")
+GROUNDS = ("paper", "ground", "shade", "alarm-ground", "finding-ground")
+
+
+def colours(theme):
+    found = {name: light for name, (light, _) in PALETTE.items()}
+    for block in (r":root \{", *([r':root\[data-theme="sun"\] \{'] if theme == "sun" else [])):
+        match = re.search(block + r"(.*?)\}", STYLE, re.DOTALL)
+        assert match is not None
+        found |= dict(re.findall(r"--([a-z-]+):\s*(#[0-9a-f]{3,6})\b", match[1]))
+    return found
+
+
+def luminance(colour):
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    shares = [int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one, other):
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize(("theme", "least"), [("", 4.5), ("sun", 7.0)])
+def test_text_stands_out_from_its_ground(theme, least):
+    found = colours(theme)
+    for text in TEXTS:
+        for ground in GROUNDS:
+            assert contrast(found[text], found[ground]) >= least, (text, ground)
+    assert contrast(found["orange"], "#ffffff") >= 4.5  # handles, and the ring of what has the focus
+    assert contrast(found["dots"], found["paper"]) >= (7.0 if theme == "sun" else 3.0)
+
+
+def test_nothing_is_asked_of_the_internet():
+    for path in FOLDER.rglob("*"):
+        if path.suffix in (".py", ".css"):
+            addresses = set(re.findall(r"https?://[^\s\"'{}]+", path.read_text())) - {"http://www.w3.org/2000/svg"}
+            assert not addresses, path

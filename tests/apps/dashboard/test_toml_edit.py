@@ -1,0 +1,164 @@
+"""Edits of a TOML file change one key and nothing else: what a parser reads, and every comment."""
+
+import difflib
+import tomllib
+
+import pytest
+
+from seatrial.apps.dashboard.edits import read_file, with_limit, with_map, with_trim, write_file
+from seatrial.apps.dashboard.toml_edit import comment_out, set_key
+from seatrial.campaign.templates import init_campaign
+from seatrial.core.errors import InputError
+
+TEXT = """# A campaign.
+[campaign]   # its name
+name = "a # b"
+
+# what the vehicle may do
+[limits.n]
+lower = "0 rpm"
+  upper   =   '1500 rpm'   # the motor's own
+
+[limits.u]
+lower = "0.5 m/s"
+# the end of u
+
+[design]
+amplitude = { from = "100 rpm", to = "200 rpm", points = 20 } # grid
+"""
+
+
+def changed(new, old=TEXT):
+    lines = difflib.ndiff(old.splitlines(), new.splitlines())
+    return [line for line in lines if line[0] in "+-"]
+
+
+def test_a_value_is_replaced_in_its_line():
+    new = set_key(TEXT, "limits.n", "upper", "1400 rpm")
+    assert changed(new) == [
+        "-   upper   =   '1500 rpm'   # the motor's own",
+        '+   upper   =   "1400 rpm"   # the motor\'s own',
+    ]
+
+
+def test_a_missing_key_goes_below_the_last_of_its_table():
+    new = set_key(TEXT, "limits.u", "upper", "2 m/s")
+    assert changed(new) == ['+ upper = "2 m/s"']
+    assert new.index('upper = "2 m/s"') < new.index("# the end of u")
+
+
+def test_a_missing_table_goes_to_the_end():
+    new = set_key(TEXT, "limits.distance", "upper", "130 m")
+    assert new.startswith(TEXT)
+    assert tomllib.loads(new)["limits"]["distance"] == {"upper": "130 m"}
+
+
+def test_a_key_is_removed():
+    assert changed(set_key(TEXT, "limits.n", "lower", None)) == ['- lower = "0 rpm"']
+
+
+def test_a_key_of_a_table_in_one_line():
+    new = set_key(TEXT, "design.amplitude", "to", "150 rpm")
+    assert tomllib.loads(new)["design"]["amplitude"] == {"from": "100 rpm", "to": "150 rpm", "points": 20}
+    assert "# grid" in new
+    assert len(changed(new)) == 2
+    assert tomllib.loads(set_key(TEXT, "design.amplitude", "points", 5))["design"]["amplitude"]["points"] == 5
+
+
+@pytest.mark.parametrize("value", ['a "quoted" \\ one', "tab\there", "é ✓", "x\x7f", "#", "'", 1.5, 3, True])
+def test_any_value_comes_back(value):
+    assert tomllib.loads(set_key(TEXT, "limits.n", "upper", value))["limits"]["n"]["upper"] == value
+
+
+def test_line_ends_of_windows_stay():
+    new = set_key(TEXT.replace("\n", "\r\n"), "limits.u", "upper", "2 m/s")
+    assert new.count("\r\n") == new.count("\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'limits.n.upper = "1 rpm"\n',
+        '[limits]\nn.upper = "1 rpm"\n',
+        '[limits.n]\nupper = """1\nrpm"""\n',
+        '["limits".n]\nupper = "1 rpm"\n',
+        "[limits]\nn = 3\n",
+    ],
+)
+def test_what_it_does_not_understand_it_refuses(text):
+    with pytest.raises(InputError, match="cannot edit"):
+        set_key(text, "limits.n", "upper", "2 rpm")
+
+
+def test_text_inside_strings_is_not_taken_for_a_table():
+    text = 'note = """\n[limits.n]\nupper = "1"\n"""\n\n[limits.n]\nupper = "2"\n'
+    with pytest.raises(InputError, match="cannot edit"):
+        set_key(text, "limits.n", "upper", "3")
+
+
+def test_malformed_text_is_refused():
+    with pytest.raises(InputError, match="malformed"):
+        set_key("[a\n", "a", "b", 1)
+
+
+def test_tables_become_comments():
+    text = "[a]\nx = 1 # keep\n\n[[a.b]]\ny = 2\n# z\n[c]\nx = 3\n"
+    assert comment_out(text, "a") == "# [a]\n# x = 1 # keep\n\n# [[a.b]]\n# y = 2\n# z\n[c]\nx = 3\n"
+
+
+@pytest.mark.parametrize("template", ["remus100", "log"])
+def test_the_files_that_init_writes_can_be_edited(tmp_path, template):
+    text = init_campaign(tmp_path / template, template).read_text()
+    new = with_limit(tmp_path / template, text, "n", "upper", "1400 rpm")
+    assert tomllib.loads(new)["limits"]["n"]["upper"] == "1400 rpm"
+    assert [line for line in text.splitlines() if line.startswith("#")] == [
+        line for line in new.splitlines() if line.startswith("#")
+    ]
+    mapped = with_map(tmp_path, text, "run 1", '[[import.files]]\npath = "a.csv"\nchannels = {}\n')
+    content = tomllib.loads(mapped)
+    assert content["import"]["fit"] == ["run 1"]
+    assert "truth" not in content
+    trimmed = tomllib.loads(with_trim(tmp_path, mapped, 1.5, None))
+    assert trimmed["import"]["start"] == "1.5 s"
+    assert "end" not in trimmed["import"]
+
+
+@pytest.mark.parametrize(
+    "channel_map",
+    [
+        "",
+        "[[import.files",
+        "import = 3",
+        '[[import.files]]\npath = "/etc/passwd"',
+        '[[import.files]]\npath = "../other/a.csv"',
+        '[[import.files]]\npath = "~/a.csv"',
+        '[[import.files]]\npath = "$HOME/a.csv"',
+        '[[import.files]]\npath = "{run}"',
+        '[[import.files]]\npath = "link.csv"',
+        '[[import.files]]\npath = "a.csv"\n[goal]\ntrials = 9',
+        '[import]\nstart = "1 s"\n[[import.files]]\npath = "a.csv"',
+        "[[import.files]]\nchannels = {}",
+    ],
+)
+def test_a_map_from_the_page_names_logs_of_its_campaign_and_nothing_else(tmp_path, channel_map):
+    (tmp_path / "boat").mkdir()
+    (tmp_path / "boat" / "link.csv").symlink_to("/etc/passwd")
+    with pytest.raises(InputError, match="channel map"):
+        with_map(tmp_path / "boat", TEXT, "../other", channel_map)
+
+
+def test_limits_are_named_plainly(tmp_path):
+    for name, bound in (("n]\n[x", "upper"), ("n", "points"), ("", "upper")):
+        with pytest.raises(InputError, match="no such limit"):
+            with_limit(tmp_path, TEXT, name, bound, "1")
+
+
+def test_a_file_changed_meanwhile_is_not_overwritten(tmp_path):
+    (tmp_path / "campaign.toml").write_text(TEXT)
+    seen = read_file(tmp_path)
+    (tmp_path / "campaign.toml").write_text(TEXT + "# somebody else\n")
+    with pytest.raises(InputError, match="changed since"):
+        write_file(tmp_path, "new", seen)
+    write_file(tmp_path, "new", read_file(tmp_path))
+    assert read_file(tmp_path) == "new"
+    assert [path.name for path in tmp_path.iterdir()] == ["campaign.toml"]

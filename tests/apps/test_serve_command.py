@@ -1,0 +1,37 @@
+"""`seatrial serve` before it serves: what it needs, and what it refuses."""
+
+import socket
+import sys
+
+import pytest
+
+from seatrial.apps.cli import Exit
+from tests.apps.test_cli import run
+
+
+def test_without_its_extra_it_says_how_to_get_it(monkeypatch, capsys, tmp_path):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    code, _, err = run(monkeypatch, capsys, "serve", tmp_path)
+    assert code == Exit.BAD_INPUT
+    assert 'pip install "seatrial[dashboard]"' in err
+
+
+def test_a_weak_token_is_refused(monkeypatch, capsys, tmp_path):
+    code, _, err = run(monkeypatch, capsys, "serve", tmp_path, "--host", "0.0.0.0", "--token", "password")
+    assert code == Exit.BAD_INPUT
+    assert "16 plain characters" in err
+
+
+def test_no_folder_and_no_port(monkeypatch, capsys, tmp_path):
+    pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+    code, _, err = run(monkeypatch, capsys, "serve", tmp_path / "nowhere", "--no-browser")
+    assert code == Exit.BAD_INPUT
+    assert "seatrial init" in err
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        code, _, err = run(monkeypatch, capsys, "serve", tmp_path, "--no-browser", "--port", port)
+    assert code == Exit.BAD_INPUT
+    assert "--port" in err
+    assert "Traceback" not in err
