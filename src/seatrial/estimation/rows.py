@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import minimize_scalar
+from scipy.optimize import fminbound
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.row_noise import RowCovariance, check_noise, row_covariances, row_factor, whiten
@@ -228,8 +228,8 @@ def _force_density(
             + freedom * np.log(triangle[-1])
         )
 
-    best = minimize_scalar(loss, bounds=LOG_SHARES, method="bounded", options={"xatol": 0.05})
-    return float(equal * np.exp(best.x)) if best.fun < loss(-np.inf) else 0.0
+    best, least, *_ = fminbound(loss, *LOG_SHARES, xtol=0.05, full_output=True)
+    return float(equal * np.exp(best)) if least < loss(-np.inf) else 0.0
 
 
 def _check_axes(equations: Sequence[AxisEquation]) -> None:
