@@ -69,7 +69,7 @@ class Simulated:
         return found
 
     def lift(self, nu, controls):
-        """LiftDrag: the lift stands across the flow in the plane of `forward` and `upward`, at `cp`."""
+        """LiftDrag: the lift stands across the flow in the plane of `forward` and `upward`, at `cp`; nothing astern."""
         found = np.zeros_like(nu)
         for plugin in self.plugin("LiftDrag"):
             cp = np.array(plugin.findtext("cp").split(), float)[:, None]
@@ -84,7 +84,7 @@ class Simulated:
             size = (
                 float(plugin.findtext("control_joint_rad_to_cl")) * control * pressure * float(plugin.findtext("area"))
             )
-            force = size * across
+            force = np.where(forward @ velocity > 0, size, 0.0) * across
             found += np.concatenate([force, cross(cp * np.ones_like(force), force)])
         return found
 

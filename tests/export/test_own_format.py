@@ -66,6 +66,43 @@ def test_what_is_no_vehicle_is_refused(case, tmp_path):
     assert words in str(error.value)
 
 
+def _edit(content, *keys, value):
+    at = content
+    for key in keys[:-1]:
+        at = at[key]
+    at[keys[-1]] = value
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "words"),
+    [
+        (("body", "mass", "unit"), "lb", "key body.mass.unit"),
+        (("body", "mass", "value"), 0.0, "more than 0 kg"),
+        (("body", "thrust_deduction", "value"), 5.0, "a share"),
+        (("frame",), "north, east, up", "key frame"),
+        (("matrices", "added_mass", 0, 0), 0.0, "key matrices.added_mass.0.0"),
+        (("estimated", "mean", 0), -99.0, "the coefficient's value"),
+        (("coefficients", 0, "sd"), 7.0, "key coefficients.0.sd"),
+    ],
+)
+def test_parts_that_contradict_each_other_are_refused(keys, value, words, tmp_path):
+    path, content = save(rich(), tmp_path)
+    _edit(content, *keys, value=value)
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"vehicle\.json") as error:
+        read_exported(path)
+    assert words in str(error.value)
+
+
+def test_keys_that_stand_twice_and_folders_are_refused(tmp_path):
+    path, _ = save(rich(), tmp_path)
+    path.write_text(path.read_text().replace('"format": 1', '"format": 1, "format": 1'))
+    with pytest.raises(InputError, match="a key stands twice"):
+        read_exported(path)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_exported(tmp_path)
+
+
 def test_files_that_are_no_json_are_refused(tmp_path):
     for text in ("", "[]", "{", "[" * 100_000):
         (tmp_path / "x.json").write_text(text)

@@ -29,6 +29,12 @@ class Mav:
     def command_long_send(self, *values):
         print(json.dumps(["command", *[v if v == v else None for v in values]]), flush=True)
 
+class Beat:
+    def __init__(self, system):
+        self.system = system
+    def get_srcSystem(self):
+        return self.system
+
 class Link:
     target_system = target_component = 1
     mav = Mav()
@@ -36,7 +42,8 @@ class Link:
     def wait_heartbeat(self, timeout):
         return True
     def recv_match(self, **_):
-        return True if time.monotonic() - self.start < float(os.environ["ALIVE"]) else None
+        """The vehicle's while it lives, then that of a ground station."""
+        return Beat(1 if time.monotonic() - self.start < float(os.environ["ALIVE"]) else 255)
 
 def mavlink_connection(address):
     return Link()
@@ -170,6 +177,13 @@ def test_the_script_prints_and_sends_nothing_by_default(folder, tmp_path):
     assert sent(output) == []
     assert "n = 1500 rpm  +1.0000 of full" in output, "clipped at the upper limit"
     assert output.splitlines()[-1].endswith("neutral")
+
+
+def test_a_trial_beyond_full_stick_is_refused(folder, tmp_path):
+    process = script(folder, tmp_path, ROWS, "--full", "1000")
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "goes to 1500 rpm, beyond --full 1000" in output
 
 
 def test_the_script_sends_clips_and_ends_at_neutral(folder, tmp_path):

@@ -60,6 +60,7 @@ def test_thrust_of_a_pulse_width(tmp_path):
     ("text", "parts"),
     [
         ("pwm,thrust\n1100,-40\n1100,0\n", ("row 3", "1100 after 1100")),
+        ("1100,-40\n1500,0\n1900,50\n", ("row 1", "1100,-40", "a header")),
         ("pwm,thrust\n1100,-40\n", ("1 rows of 2",)),
         ("pwm,thrust,more\n1,2,3\n2,3,4\n", ("2 rows of 3",)),
         ("pwm,thrust\n1100,low\n1200,1\n", ("low",)),

@@ -5,9 +5,10 @@ from seatrial.core.shown import shown_unit
 
 
 def record_cautions(record: Record) -> list[str]:
-    """Holes in its channels, and controls of real trials that never move, in words."""
+    """Holes in its channels, and controls of whole real trials that never move, in words."""
+    whole = record.provenance.source != SIMULATED and "piece" not in record.provenance.options
     said = [f"run {record.label}, {text}" for text in record.provenance.options.get("cautions", [])]
-    for name in () if record.provenance.source == SIMULATED else record.controls:
+    for name in record.controls if whole else ():
         column = record.channel(name)
         if column.min() == column.max():
             factor, unit = shown_unit(name)

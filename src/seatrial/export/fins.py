@@ -2,7 +2,8 @@
 
     Y = c u^2 delta,  N = x Y      becomes      (X, Y) = c V delta (-v_l, u),  N = x Y,  v_l = v + x r,  V^2 = u^2 + v_l^2
 
-Both agree where the fin meets the flow head on.
+Both agree where the fin meets the flow head on. Going astern such a fin gives nothing (gz-sim's LiftDrag, unless reversible, which it is
+not here), and the term u^2 delta still pushes.
 """
 
 from collections.abc import Mapping
@@ -56,7 +57,7 @@ def fin_force(fins: tuple[Fin, ...]) -> Motion:
         found = np.zeros_like(np.asarray(nu, float))
         for fin in fins:
             across = v + r * fin.place if fin.axis == 1 else w - q * fin.place
-            push = fin.lift * np.hypot(u, across) * controls.get(fin.control, 0.0)
+            push = np.where(u > 0, fin.lift * np.hypot(u, across), 0.0) * controls.get(fin.control, 0.0)
             sign = 1.0 if fin.axis == 1 else -1.0
             found[0] -= push * across
             found[fin.axis] += push * u
@@ -69,4 +70,7 @@ def fin_force(fins: tuple[Fin, ...]) -> Motion:
 def fin_words(fins: tuple[Fin, ...]) -> str:
     """How fins are carried, in words."""
     names = " and ".join(f"{AXES[fin.axis]}_uu{fin.control} at x = {fin.place:.3f} m" for fin in fins)
-    return f"{names}: lift across the local flow at the fin, the same as u^2 delta where the flow is head on; it slows the vehicle besides"
+    return (
+        f"{names}: lift across the local flow at the fin, the same as u^2 delta where the flow is head on; it slows the vehicle besides, "
+        "and gives nothing astern"
+    )

@@ -25,6 +25,8 @@ _DOUBLET, _RUDDER, _PLANE = 0.2, np.radians(4.0), np.radians(2.0)
 _PUSH, _TURN, _DIVE = 10.0, 2.0, 5.0
 """Forces of an open frame, N and N m."""
 _ABSURD = 1e3
+_SMALL = 1e-5
+"""Step of a difference quotient, SI."""
 
 
 class Plan(NamedTuple):
@@ -69,11 +71,7 @@ def run_manoeuvre(vehicle: ExportedVehicle, motion: Motion, plan: Plan) -> Float
     found[0] = state[:6]
 
     def rate(x: np.ndarray, controls: dict[str, float]) -> np.ndarray:
-        phi, theta = float(x[6]), float(x[7])
-        p, q, r = (float(part) for part in x[3:6])
-        turn = q * np.sin(phi) + r * np.cos(phi)
-        angles = (p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi))
-        return np.concatenate([motion(x[:6], phi, theta, controls), angles])
+        return _rates(motion, x, controls)
 
     with np.errstate(all="ignore"):
         for i in range(count):
@@ -89,6 +87,15 @@ def run_manoeuvre(vehicle: ExportedVehicle, motion: Motion, plan: Plan) -> Float
     return found
 
 
+def growth_rate(motion: Motion, plan: Plan) -> float:
+    """Largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
+    start = np.zeros(8)
+    start[0] = plan.speed
+    held = plan.controls(0.0)
+    columns = [_rates(motion, start + h, held) - _rates(motion, start - h, held) for h in _SMALL * np.eye(8)]
+    return float(np.linalg.eigvals(np.array(columns).T / (2 * _SMALL)).real.max())
+
+
 def changes(
     vehicle: ExportedVehicle, own: Float[np.ndarray, "n 6"], other: Float[np.ndarray, "n 6"]
 ) -> tuple[Change, ...]:
@@ -100,6 +107,15 @@ def changes(
             largest = np.inf if gone.any() else float(np.nanmax(np.abs(own[:, i] - other[:, i])))
             found.append(Change(rate, signal_unit(rate), largest, float(np.nanmax(own[:, i]) - np.nanmin(own[:, i]))))
     return tuple(found)
+
+
+def _rates(motion: Motion, x: Float[np.ndarray, " 8"], controls: dict[str, float]) -> Float[np.ndarray, " 8"]:
+    """Rates of the velocities, roll and pitch."""
+    phi, theta = float(x[6]), float(x[7])
+    p, q, r = (float(part) for part in x[3:6])
+    turn = q * np.sin(phi) + r * np.cos(phi)
+    angles = (p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi))
+    return np.concatenate([motion(x[:6], phi, theta, controls), angles])
 
 
 def _doublet(t: float) -> float:

@@ -10,11 +10,14 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import RATES
-from seatrial.export.targets.own_json import FORMAT
+from seatrial.export.targets.own_json import FORMAT, described
 from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
+
+_ROUNDING = 1e-9
+"""Relative difference that is rounding."""
 
 
 def read_exported(path: Path | str) -> tuple[ExportedVehicle, Provenance]:
@@ -25,18 +28,22 @@ def read_exported(path: Path | str) -> tuple[ExportedVehicle, Provenance]:
     """
     path = Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_each_once)
     except FileNotFoundError as cause:
         raise _refusal(path, "no such file") from cause
+    except OSError as cause:
+        raise _refusal(path, f"a place that cannot be read ({cause.strerror})") from cause
     except (ValueError, RecursionError) as cause:
         raise _refusal(path, f"no JSON ({cause})") from cause
     found = content.get("format") if isinstance(content, dict) else None
-    if found != FORMAT:
+    if found != FORMAT or isinstance(found, bool):
         raise _refusal(path, "no format number" if found is None else f"format {found}")
     try:
         with located(str(path)):
             vehicle = _vehicle(content)
             vehicle.model()
+            _check_numbers(vehicle)
+            _check_agreement(content, json.loads(json.dumps(described(vehicle))), "")
     except (KeyError, TypeError, ValueError, AttributeError) as cause:
         raise _refusal(path, f"{type(cause).__name__} at {cause}") from cause
     return vehicle, _provenance(path, content)
@@ -82,6 +89,63 @@ def _vehicle(content: dict[str, Any]) -> ExportedVehicle:
         tuple(Thruster(_three(one["place"]), _three(one["direction"])) for one in content["thrusters"]),
         {name: _actuator(one) for name, one in content["actuators"].items()},
         _estimated(content["estimated"]),
+    )
+
+
+def _check_numbers(vehicle: ExportedVehicle) -> None:
+    """Refuse numbers that no vehicle has."""
+    hull = vehicle.hull
+    if hull.mass is not None and hull.mass <= 0:
+        raise _contradiction("body.mass", hull.mass, "more than 0 kg")
+    for key, share in (("thrust_deduction", hull.thrust_deduction), ("wake", hull.wake)):
+        if not -1 < share < 1:
+            raise _contradiction(f"body.{key}", share, "a share between -1 and 1")
+    for name, actuator in vehicle.actuators.items():
+        if name not in vehicle.model().controls:
+            raise _contradiction(f"actuators.{name}", name, "a control of the vehicle")
+        if not (actuator.lower <= actuator.upper and actuator.rate > 0 and actuator.time_constant >= 0):
+            raise _contradiction(
+                f"actuators.{name}", actuator, "lower below upper, a positive rate, and no negative lag"
+            )
+    spread, sd = vehicle.estimated.covariance, vehicle.estimated.sd
+    if sd.size and np.linalg.eigvalsh(spread / np.outer(sd, sd))[0] < -_ROUNDING:
+        raise _contradiction("estimated.covariance", "correlations that no numbers have", "a covariance")
+    for name, mean in zip(vehicle.estimated.names, vehicle.estimated.mean, strict=True):
+        if not np.isclose(vehicle.coefficients[name], mean, rtol=_ROUNDING, atol=0):
+            raise _contradiction(
+                f"estimated.mean, {name}", mean, f"the coefficient's value, {vehicle.coefficients[name]!r}"
+            )
+
+
+def _check_agreement(found: Any, expected: Any, key: str) -> None:
+    """Refuse a file whose parts say different things: every part is compared with what the vehicle that was read would have there."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for name, value in expected.items():
+            if name not in found:
+                raise _contradiction(f"{key}{name}", "nothing", repr(value))
+            _check_agreement(found[name], value, f"{key}{name}.")
+    elif isinstance(expected, list) and isinstance(found, list) and len(found) == len(expected):
+        for number, (one, other) in enumerate(zip(found, expected, strict=True)):
+            _check_agreement(one, other, f"{key}{number}.")
+    elif isinstance(expected, float) and isinstance(found, int | float):
+        if not np.isclose(found, expected, rtol=_ROUNDING, atol=_ROUNDING):
+            raise _contradiction(key.rstrip("."), found, repr(expected))
+    elif found != expected:
+        raise _contradiction(key.rstrip("."), found, repr(expected))
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if len({key for key, _ in pairs}) < len(pairs):
+        raise ValueError("a key stands twice")
+    return dict(pairs)
+
+
+def _contradiction(key: str, found: Any, expected: str) -> InputError:
+    return InputError(
+        f"key {key}",
+        found=str(found),
+        expected=expected,
+        remedy="export the vehicle again, or make the parts of the file agree",
     )
 
 

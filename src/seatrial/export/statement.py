@@ -6,11 +6,13 @@ import numpy as np
 
 from seatrial import __version__
 from seatrial.core.coefficients import CoefficientName
-from seatrial.export.manoeuvre import changes, plan_for, run_manoeuvre
+from seatrial.export.manoeuvre import changes, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Change, Exporter, Statement
 from seatrial.export.vehicle import ExportedVehicle, Provenance
 
+_SLOW = 0.05
+"""Growth, 1/s, below which nothing grows much in the manoeuvre."""
 _NOTHING = 1e-9
 """Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
 
@@ -22,7 +24,7 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) 
     before = run_manoeuvre(vehicle, own, plan)
     after = before if not (carried.lost or carried.changed) else run_manoeuvre(vehicle, carried.motion, plan)
     loss = changes(vehicle, before, after)
-    found = Statement(exporter.target, provenance, carried, loss, plan.words, ())
+    found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan))
     return found._replace(lines=tuple(_lines(vehicle, found)))
 
 
@@ -56,6 +58,11 @@ def _lines(vehicle: ExportedVehicle, statement: Statement) -> list[str]:
     lines += [f"cannot carry: {item}" for item in carried.lost] or ["cannot carry: nothing is left out"]
     lines += [f"carried in another form: {item}" for item in carried.changed]
     lines.append(f"loss in predicted motion ({statement.manoeuvre}): {loss_words(statement.loss)}")
+    if statement.growth > _SLOW and loss_words(statement.loss) != "none":
+        lines.append(
+            "ahead at that speed the vehicle itself is unstable without control: small differences grow "
+            f"{np.exp(statement.growth):.1f} times each second, and make most of a large loss"
+        )
     return lines
 
 

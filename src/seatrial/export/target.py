@@ -53,6 +53,7 @@ class Statement(NamedTuple):
         loss: by velocity, in the standard manoeuvre; a target that runs away has infinite ones.
         manoeuvre: the standard manoeuvre in words.
         lines: all of it as text.
+        growth: rate at which the vehicle itself leaves straight motion ahead without control, 1/s; negative where it returns.
     """
 
     target: str
@@ -61,6 +62,7 @@ class Statement(NamedTuple):
     loss: tuple[Change, ...]
     manoeuvre: str
     lines: tuple[str, ...]
+    growth: float = 0.0
 
 
 class Exporter(Protocol):

@@ -57,6 +57,7 @@ def read_curve(path: Path, where: str) -> Curve:
     """
     if not path.is_file():
         raise InputError(where, found=f"no file {path}", expected="a CSV of two columns", remedy="correct the path")
+    _check_header(path)
     try:
         rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8-sig")
     except ValueError as cause:
@@ -72,6 +73,21 @@ def read_curve(path: Path, where: str) -> Curve:
             remedy="sort the rows, and drop repetitions",
         )
     return Curve(path.name, sha256_of(path), tuple(rows[:, 0].tolist()), tuple(rows[:, 1].tolist()))
+
+
+def _check_header(path: Path) -> None:
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        first = stream.readline().strip()
+    try:
+        [float(cell) for cell in first.split(",")]
+    except ValueError:
+        return
+    raise InputError(
+        f"{path}, row 1",
+        found=f'"{first}"',
+        expected="a header, such as pwm,thrust",
+        remedy="write one above the numbers: the first row is not read as a point",
+    )
 
 
 def _malformed(path: Path, found: str) -> InputError:

@@ -48,9 +48,7 @@ class OwnJson:
 
 def document(vehicle: ExportedVehicle, statement: Statement) -> dict[str, Any]:
     """The content of the file."""
-    hull, estimated, provenance = vehicle.hull, vehicle.estimated, statement.provenance
-    known = vehicle.knows_body
-    sd = dict(zip(estimated.names, estimated.sd, strict=True))
+    provenance = statement.provenance
     return {
         "format": FORMAT,
         "about": list(statement.lines),
@@ -64,6 +62,15 @@ def document(vehicle: ExportedVehicle, statement: Statement) -> dict[str, Any]:
             "sources": list(provenance.sources),
             "cautions": list(provenance.cautions),
         },
+        **described(vehicle),
+    }
+
+
+def described(vehicle: ExportedVehicle) -> dict[str, Any]:
+    """The vehicle itself: what a reader builds it from, and what follows from that and must agree."""
+    hull, estimated, known = vehicle.hull, vehicle.estimated, vehicle.knows_body
+    sd = dict(zip(estimated.names, estimated.sd, strict=True))
+    return {
         "name": vehicle.name,
         "frame": FRAME,
         "equation": EQUATION,

@@ -130,7 +130,8 @@ def run(link, mode, full):
         start = heard = time.monotonic()
         while True:
             now = time.monotonic()
-            if link.recv_match(type="HEARTBEAT", blocking=False) is not None:
+            beat = link.recv_match(type="HEARTBEAT", blocking=False)
+            if beat is not None and beat.get_srcSystem() == link.target_system:
                 heard = now
             if now - heard > HEARTBEAT:
                 reason = "heartbeat lost"
@@ -170,6 +171,9 @@ def main():
     options = parser.parse_args()
     if not options.full > 0:
         parser.error("--full must be above 0")
+    most = max(abs(clipped(value)) for _, value in ROWS)
+    if most > options.full * (1 + 1e-9):
+        parser.error(f"the trial goes to {most:g} {UNIT}, beyond --full {options.full:g}: the stick cannot ask for it")
     if options.send is None:
         dry_run(options.full, options.mode)
         return 0
