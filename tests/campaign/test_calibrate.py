@@ -37,22 +37,23 @@ def test_ranks_of_every_parameter(found, small):
 
 
 def test_resumes_to_the_same_bits(found, small, monkeypatch):
-    """Killed in its second block, then run again, and with more replicates asked for than before."""
+    """Killed at its twelfth replicate, then run again, and with more replicates asked for than before."""
     campaign, trials = small
     Store(campaign.folder).calibration(METHOD).unlink()
-    real, blocks = module.run_side_by_side, []
+    real, numbers = module._numbered, []
 
-    def dies(tasks):
-        blocks.append(len(tasks))
-        if len(blocks) == 2:
+    def dies(study, number, report):
+        numbers.append(number)
+        if len(numbers) == 12:
             raise KeyboardInterrupt
-        return real(tasks)
+        return real(study, number, report)
 
-    monkeypatch.setattr(module, "run_side_by_side", dies)
+    monkeypatch.setattr(module, "_numbered", dies)
     with pytest.raises(KeyboardInterrupt):
-        calibrate(campaign, trials, 24, METHOD)
+        calibrate(campaign, trials, 16, METHOD)
     again = calibrate(campaign, trials, 24, METHOD)
-    assert blocks == [8, 8, 8, 8]
+    assert set(numbers) == set(range(24))
+    assert len(numbers) < 24 + 12
     assert np.array_equal(again.calibration.ranks, found.calibration.ranks)
 
 
@@ -79,7 +80,7 @@ def test_unknown_method(small):
 
 def test_truths_that_cannot_be_simulated_are_drawn_again(small):
     campaign, trials = small
-    posterior = module.build_posterior(campaign, campaign.structures[0], trials.fit)
+    posterior = module.Study(campaign, trials.fit).posterior(campaign.structures[0])
     ranks, tried = module._replicate(posterior, module.find_method(METHOD), jax.random.key(5))
     assert tried >= 1
     assert ranks.min() >= 0

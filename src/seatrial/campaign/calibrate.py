@@ -1,28 +1,34 @@
 """Calibration of a whole campaign: is the stated uncertainty right for this vehicle, these trials and these priors?"""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
+from itertools import count
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from seatrial.campaign.compute.place import workers_of
+from seatrial.campaign.compute.study import Study
+from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import estimate_key
-from seatrial.campaign.problem import build_posterior, random_key
+from seatrial.campaign.problem import random_key
 from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
 from seatrial.campaign.trials import Trials
-from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
+from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.calibration import Calibration, ranks_of, spread_evenly
 from seatrial.estimation.draw_posterior import Draw, find_method
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
+from seatrial.sampling.target import Progress
 
 AT_ONCE = 8
-"""Replicates between two checkpoints."""
+"""Replicates between two checkpoints, at least."""
 TRIES = 200
 """Draws from the prior until one can be simulated."""
 LIKELIHOOD = "log-likelihood"
@@ -78,38 +84,79 @@ def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, 
         InputError: no such method.
         NumericalError: a prior of which hardly a draw can be simulated.
     """
-    structure, draw = campaign.full, find_method(method)
+    structure, _ = campaign.full, find_method(method)
     store = Store(campaign.folder)
-    path, checkpoint = store.calibration(method), store.checkpoint(f"calibration-{method}")
+    path = store.calibration(method)
     stamp = key_of("calibration", estimate_key(campaign, structure, trials), method)
     key = key_of(stamp, replicates)
     if not is_current(path, key):
-        posterior = build_posterior(campaign, structure, trials.fit)
-        stored = load_checkpoint(checkpoint, stamp)
-        ranks, tries = ([], []) if stored is None else (list(stored["ranks"]), list(stored["tries"]))
-        progress, root = watch.progress(f"calibrate {structure.label} by {method}"), random_key(campaign, "calibration")
-        progress(min(len(ranks), replicates), replicates)
-        while len(ranks) < replicates:
-            block = range(len(ranks), min(len(ranks) + AT_ONCE, replicates))
-            found = run_side_by_side([partial(_replicate, posterior, draw, jax.random.fold_in(root, i)) for i in block])
-            ranks += [rank for rank, _ in found]
-            tries += [tried for _, tried in found]
-            save_checkpoint(checkpoint, stamp, {"ranks": np.array(ranks), "tries": np.array(tries)})
-            progress(len(ranks), replicates)
+        workers, study = workers_of(campaign, watch), Study(campaign, trials.fit, method)
+        names = study.posterior(structure).names
+        progress = watch.progress(f"calibrate {structure.label} by {method}")
+        found = _Found(store.checkpoint(f"calibration-{method}"), key_of(stamp, "by number"))
+        _replicate_all(study, found, replicates, progress, workers)
+        ranks, tries = found.arrays(range(replicates))
         dataset = xr.Dataset(
-            {
-                "rank": (("replicate", "quantity"), np.array(ranks[:replicates])),
-                "tries": ("replicate", tries[:replicates]),
-            },
-            {"quantity": [*posterior.names, LIKELIHOOD]},
+            {"rank": (("replicate", "quantity"), ranks), "tries": ("replicate", tries)},
+            {"quantity": [*names, LIKELIHOOD]},
             {"structure": structure.label, "method": method},
         )
         write_dataset(path, dataset, key)
-        checkpoint.unlink(missing_ok=True)
+        found.path.unlink(missing_ok=True)
     data = open_dataset(path)
     names = tuple(map(str, data["quantity"].values))
     refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
     return Calibrated(Calibration(names, data["rank"].values), method, data.attrs["structure"], refused)
+
+
+class _Found:
+    """Ranks and tries of the replicates that are there, by their numbers, and the checkpoint that keeps them."""
+
+    def __init__(self, path: Path, key: str):
+        self.path, self.key = path, key
+        stored = load_checkpoint(path, key) or {"number": (), "ranks": (), "tries": ()}
+        columns = zip(stored["number"], stored["ranks"], stored["tries"], strict=True)
+        self.results = {int(number): (ranks, int(tries)) for number, ranks, tries in columns}
+        self.kept = len(self.results)
+
+    def add(self, number: int, result: tuple[np.ndarray, int]) -> None:
+        self.results[number] = result
+        there = len(self.results)
+        if there - self.kept >= max(AT_ONCE, there // 50):  # the more there are, the longer it takes to write them
+            self.keep()
+
+    def keep(self) -> None:
+        if len(self.results) > self.kept:
+            numbers = sorted(self.results)
+            ranks, tries = self.arrays(numbers)
+            save_checkpoint(self.path, self.key, {"number": np.array(numbers), "ranks": ranks, "tries": tries})
+            self.kept = len(numbers)
+
+    def arrays(self, numbers: Iterable[int]) -> tuple[np.ndarray, np.ndarray]:
+        ranks, tries = zip(*(self.results[number] for number in numbers), strict=True)
+        return np.array(ranks), np.array(tries)
+
+
+def _replicate_all(study: Study, found: _Found, replicates: int, progress: Progress, workers: Workers) -> None:
+    """Add all replicates that are missing; those that are there are kept, however it ends."""
+    missing = [number for number in range(replicates) if number not in found.results]
+    there = count(replicates - len(missing) + 1)
+
+    def done(index: int, result: tuple[np.ndarray, int]) -> None:
+        found.add(missing[index], result)
+        progress(next(there), replicates)
+
+    progress(replicates - len(missing), replicates)
+    try:
+        workers.run(_numbered, study, missing, done)
+    finally:
+        found.keep()
+
+
+def _numbered(study: Study, number: int, report: Progress) -> tuple[np.ndarray, int]:
+    """One replicate by its number, by the method that the study says."""
+    key = jax.random.fold_in(random_key(study.campaign, "calibration"), number)
+    return _replicate(study.posterior(study.campaign.full), find_method(study.extra), key)
 
 
 def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> tuple[np.ndarray, int]:

@@ -3,7 +3,6 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,17 +10,18 @@ import xarray as xr
 from seatrial.campaign.belief import HALF, belief_space, believed, coefficient_priors, prior_draws
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.design_words import design_words
+from seatrial.campaign.designs_in_rows import Believed, sweep_all
 from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
-from seatrial.campaign.utilities import design_filter, prediction_lines
+from seatrial.campaign.utilities import prediction_lines
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.campaign.weighing import plan_as_run, plan_of, safety_lines, utility_unit, weigh
+from seatrial.campaign.weighing import plan_as_run, plan_of, safety_lines, utility_unit
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.signals import signal_unit
-from seatrial.design.sweep import Sweep, sweep_family
-from seatrial.vehicles.model import VehicleModel
+from seatrial.design.sweep import Sweep
+from seatrial.selection.structures import Structure
 
 SWEPT = {
     "gain": "entropy reduction of the coefficients",
@@ -92,10 +92,10 @@ def design_first(campaign: Campaign, watch: Watch = SILENT) -> Designs:
         return read_designs(campaign, store.design)
     model = campaign.model(campaign.full)
     belief, draws = believed(coefficient_priors(campaign, model)), prior_draws(campaign, model)
-    return _sweep(campaign, model, belief, draws, store.design, key, "the priors", watch)
+    return _sweep(campaign, campaign.full, belief, draws, store.design, key, "the priors", watch)
 
 
-def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str, watch: Watch) -> Designs:
+def design_next(campaign: Campaign, structure: Structure, draws: np.ndarray, key: str, watch: Watch) -> Designs:
     """Sweep the grid for the chosen structure from what the trials so far have taught.
 
     Args:
@@ -112,8 +112,7 @@ def design_next(campaign: Campaign, structure: Any, draws: np.ndarray, key: str,
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
     basis = f"the posterior of {structure.label}"
     order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * HALF]
-    model = campaign.model(structure)
-    return _sweep(campaign, model, belief, draws[order], store.next_design, stamp, basis, watch)
+    return _sweep(campaign, structure, belief, draws[order], store.next_design, stamp, basis, watch)
 
 
 def read_designs(campaign: Campaign, path: Path) -> Designs:
@@ -143,7 +142,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
 
 def _sweep(
     campaign: Campaign,
-    model: VehicleModel,
+    structure: Structure,
     belief: Gaussian,
     draws: np.ndarray,
     path: Path,
@@ -151,23 +150,19 @@ def _sweep(
     basis: str,
     watch: Watch,
 ) -> Designs:
-    families, (amplitude, period), trim = campaign.families, campaign.grid(), campaign.control_trim(model)
-    space, scales = belief_space(campaign, model, belief)
+    model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.grid()
+    scales, plan, trim = (
+        belief_space(campaign, model, belief)[1],
+        plan_of(campaign, model),
+        campaign.control_trim(model),
+    )
     report = watch.progress(
         f"design: {(count := len(families) * amplitude.size * period.size)} trial{'s' * (count != 1)}"
     )
-    report(0, len(families))
-    method = design_filter(campaign, len(space.states))
-    mask, sweeps, refused, plan = campaign.measured_mask(campaign.family.time()), [], {}, plan_of(campaign, model)
-    for done, family in enumerate(families, 1):
-        try:
-            found = sweep_family(space, family, amplitude, period, campaign.limits(), method, mask, trim=trim)
-            sweeps.append(weigh(campaign, plan, found, draws, scales))
-        except InputError as error:
-            if len(families) == 1:
-                raise
-            refused[family.kind] = f"{error.found}; expected {error.expected}"
-        report(done, len(families))
+    sweeps, errors = sweep_all(campaign, Believed(structure, belief, draws), report, watch)
+    if len(families) == 1 and errors:
+        raise next(iter(errors.values()))
+    refused = {kind: f"{error.found}; expected {error.expected}" for kind, error in errors.items()}
     if not sweeps:
         raise InputError(
             campaign.where("design"),

@@ -3,18 +3,20 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from seatrial.campaign.compute.place import workers_of
+from seatrial.campaign.compute.study import Study
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.problem import build_posterior, is_whole, random_key
+from seatrial.campaign.problem import is_whole, random_key
 from seatrial.campaign.store import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
 from seatrial.campaign.trials import Trials
-from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
+from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.draw_posterior import spread_starts
@@ -27,7 +29,6 @@ from seatrial.sampling.run import (
     BLOCK,
     ChainSettings,
     Draws,
-    Run,
     arrays_of_run,
     complaints_of_draws,
     is_finished,
@@ -108,50 +109,82 @@ def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> st
 
 def estimate_all(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> list[Estimate]:
     """Estimate every candidate structure, side by side; current results are read."""
-    tasks = []
-    for structure in campaign.structures:
-        current = is_current(
-            Store(campaign.folder).posterior(structure.label), estimate_key(campaign, structure, trials)
-        )
-        progress = None if current else watch.progress(f"estimate {structure.label}: {' '.join(structure.terms)}")
-        tasks.append(partial(_estimate, campaign, structure, trials, progress))
-    return run_side_by_side(tasks)
+    store, keys = Store(campaign.folder), {one: estimate_key(campaign, one, trials) for one in campaign.structures}
+    missing = [one for one, key in keys.items() if not is_current(store.posterior(one.label), key)]
+    if missing:
+        total = campaign.source.estimation.warmup + campaign.source.estimation.draws
+        shown = [watch.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]
+
+        def done(index: int, result: _Ended | _Unended) -> _Unended | None:
+            """Keep what is there: a finished posterior, or the chains so far, from which its next piece goes on."""
+            structure = missing[index]
+            key, checkpoint = keys[structure], store.checkpoint(f"posterior-{structure.label}")
+            if isinstance(result, _Unended):
+                save_checkpoint(checkpoint, key, result.run)
+                shown[index](int(result.run["iteration"]), total)
+                return result
+            write_dataset(store.posterior(structure.label), result.data, key)
+            checkpoint.unlink(missing_ok=True)
+            shown[index](total, total)
+            return None
+
+        def told(index: int, done: int, total: int) -> None:
+            shown[index](done, total)
+
+        begun = [_Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), keys[one])) for one in missing]
+        workers_of(campaign, watch).run(_advance, Study(campaign, trials.fit), begun, done, told)
+    return [Estimate(one, open_dataset(store.posterior(one.label))) for one in keys]
 
 
-def _estimate(campaign: Campaign, structure: Structure, trials: Trials, progress: Progress | None) -> Estimate:
-    store, key = Store(campaign.folder), estimate_key(campaign, structure, trials)
-    path = store.posterior(structure.label)
-    if progress is not None:
-        posterior = build_posterior(campaign, structure, trials.fit)
-        mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
-        check_prior_contains_data(posterior, mode, str(campaign.path), is_whole(campaign, structure))
-        target, there = uncouple(posterior, mode)
-        run = _sample(campaign, structure, target, there, key, progress)
-        draws = in_posterior(target, SAMPLERS[campaign.source.estimation.sampler].finish(run))
-        write_dataset(path, _dataset(posterior, mode, draws, campaign.hull.trim), key)
-        store.checkpoint(f"posterior-{structure.label}").unlink(missing_ok=True)
-    return Estimate(structure, open_dataset(path))
+class _Begun(NamedTuple):
+    """A structure whose chains are to begin, or to go on from arrays of their run."""
+
+    structure: Structure
+    run: dict[str, np.ndarray] | None
 
 
-def _sample(campaign: Campaign, structure: Structure, target: Target, mode: Mode, key: str, progress: Progress) -> Run:
+class _Unended(NamedTuple):
+    """A structure and its chains' run so far."""
+
+    structure: Structure
+    run: dict[str, np.ndarray]
+
+
+class _Ended(NamedTuple):
+    """The posterior of a structure, as it is stored."""
+
+    data: xr.Dataset
+
+
+def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
+    """Run the chains of one structure to the next checkpoint, or to their end."""
+    campaign, structure = study.campaign, item.structure
+    posterior, mode, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
     table = campaign.source.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
     draw_key = random_key(campaign, f"chains {structure.terms}")
-    checkpoint = Store(campaign.folder).checkpoint(f"posterior-{structure.label}")
-    stored = load_checkpoint(checkpoint, key)
-    if stored is None:
-        starts = spread_starts(target, mode, settings.chains, jax.random.fold_in(draw_key, 2**31))
-        run = sampler.start_chains(target, starts, jnp.asarray(mode.cov))
+    if item.run is None:
+        starts = spread_starts(target, there, settings.chains, jax.random.fold_in(draw_key, 2**31))
+        run = sampler.start_chains(target, starts, jnp.asarray(there.cov))
     else:
-        run = run_from_arrays(sampler.State, stored)
+        run = run_from_arrays(sampler.State, item.run)
     total = settings.warmup + settings.draws
     while not is_finished(run, settings):
         run = sampler.advance_chains(target, run, draw_key, settings)
-        progress(run.iteration, total)
+        report(run.iteration, total)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
-            save_checkpoint(checkpoint, key, arrays_of_run(run))
-    return run
+            return _Unended(structure, arrays_of_run(run))
+    draws = in_posterior(target, sampler.finish(run))
+    return _Ended(_dataset(posterior, mode, draws, campaign.hull.trim))
+
+
+def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Target, Mode]:
+    """Posterior and mode of a structure, and both in the coordinates in which it is sampled."""
+    campaign, posterior = study.campaign, study.posterior(structure)
+    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    check_prior_contains_data(posterior, mode, str(campaign.path), is_whole(campaign, structure))
+    return posterior, mode, *uncouple(posterior, mode)
 
 
 def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, float]) -> xr.Dataset:

@@ -123,7 +123,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
     absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
-    absent += [f"limits and lag of {name}" for name in _controls(found) if name not in found.actuators]
+    absent += found.unknown_drives
     return found, Provenance(
         estimate.key,
         campaign.source.campaign.name,
@@ -178,7 +178,6 @@ def _with_rest(
         actuators={**published.actuators, **alone.actuators},
         estimated=alone.estimated,
     )
-    lost = [name for name in _controls(found) if name not in found.actuators]
     return found, replace(
         provenance,
         sources=(
@@ -186,7 +185,7 @@ def _with_rest(
             f"{REST} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
             *([f"of {rest} left out, since they act in the campaign's own motion: {' '.join(gone)}"] if gone else []),
         ),
-        absent=((f"limits and lag of {', '.join(lost)}",) if lost else ()),
+        absent=(", ".join(found.unknown_drives),) if found.unknown_drives else (),
     )
 
 
@@ -211,10 +210,6 @@ def _limit_words(campaign: Campaign, vehicle: ExportedVehicle) -> list[str]:
     control = campaign.source.design.control
     known = control in vehicle.actuators and control in campaign.source.limits
     return [f"limits of {control}: those of its trials, [limits] of campaign.toml"] if known else []
-
-
-def _controls(vehicle: ExportedVehicle) -> tuple[str, ...]:
-    return vehicle.model().controls
 
 
 def _estimated(estimate: Estimate, structure: Structure) -> Estimated:

@@ -23,7 +23,7 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, Provenance]:
         )
     vehicle = of_published(name, load_vehicle(name))
     absent = [f"everything about {rate}" for rate in RATES if rate not in vehicle.moves]
-    absent += [f"limits and lag of {control}" for control in vehicle.controls if control not in vehicle.actuators]
+    absent += vehicle.unknown_drives
     return vehicle, Provenance(
         f"catalogue {name}",
         f"{vehicle.name}, as published",

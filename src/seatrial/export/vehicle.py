@@ -85,6 +85,12 @@ class ExportedVehicle:
     estimated: Estimated = field(default_factory=Estimated)
 
     @property
+    def unknown_drives(self) -> list[str]:
+        """What is not known of the actuators, in words."""
+        lags = [f"lag of {name}" for name, actuator in self.actuators.items() if actuator.time_constant == 0]
+        return [f"limits and lag of {name}" for name in self.controls if name not in self.actuators] + lags
+
+    @property
     def is_whole(self) -> bool:
         """Whether everything is known that a simulator of six degrees of freedom needs."""
         return self.hull.mass is not None and set(self.moves) == set(RATES) and None not in self.hull.inertia
