@@ -1,0 +1,1 @@
+"""Where a campaign's work is done: on this machine, or on many."""

@@ -1,0 +1,280 @@
+"""The processes of a Dask cluster as workers: tasks that are lost with their process are done again elsewhere, by the scheduler.
+
+Functions and data travel as pickles between processes of one user's own: whoever is at the scheduler's address can run code here, and so
+can whoever reaches the scheduler there. Nothing that a file holds is ever unpickled. See docs/decisions/0016.
+"""
+
+import logging
+import pickle
+import queue
+import time
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from distributed import Client, Future, KilledWorker
+from distributed.comm.core import CommClosedError
+
+from seatrial.campaign.compute.machine import environment, processor
+from seatrial.campaign.compute.on_worker import Failed, Stranger, about, call, differing, load
+from seatrial.campaign.compute.workers import Done, Told, Work, nobody
+from seatrial.campaign.watch import Watch
+from seatrial.core.errors import InputError, NumericalError
+
+CONNECT = 5.0
+"""Seconds in which a scheduler answers, if there is one."""
+LOOK = 1.0
+"""Seconds between two looks at whether the scheduler is still there."""
+PAUSE = 0.2
+"""Seconds before a result is asked for again."""
+SAY = 30.0
+"""Seconds between two lines about the workers."""
+AHEAD = 3
+"""Tasks for each worker's thread that the scheduler holds: enough that none waits, few enough that millions are no burden."""
+NEEDED = ("seatrial", "distributed", "Python")
+"""What a scheduler has to have as here; it computes nothing."""
+LOST = (OSError, CommClosedError, TimeoutError)
+"""How a call ends whose scheduler is gone."""
+
+
+class DaskWorkers:
+    """Processes at a scheduler's address.
+
+    Args:
+        address: of the scheduler, or a cluster object of Dask that has one.
+        name: as messages call it.
+
+    Raises:
+        InputError: nothing answers there, or it is another version of Dask.
+    """
+
+    def __init__(self, address: Any, name: str):
+        self.name, self.ours = name, environment()
+        _quieten()
+        try:
+            self.client: Any = Client(address, timeout=CONNECT, set_as_default=False, name="seatrial")
+            theirs = self.client.get_versions(check=False)["scheduler"]["packages"]
+        except (*LOST, ValueError, TypeError, KeyError, RuntimeError) as cause:
+            raise InputError(
+                f"workers {name}",
+                found=f"no scheduler that answers within {CONNECT:g} s ({type(cause).__name__}: {cause})",
+                expected="the address of a Dask scheduler of the same version, as `dask scheduler` prints it",
+                remedy='start one with `dask scheduler`, correct the address, or set SEATRIAL_WORKERS="local"',
+            ) from cause
+        if theirs["distributed"] != self.ours["distributed"]:
+            self.client.close()
+            raise _stranger(
+                f"the scheduler at {name}", {"distributed": (theirs["distributed"], self.ours["distributed"])}
+            )
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the scheduler still is, as far as is known."""
+        return self.client.status == "running"
+
+    def greet(self, watch: Watch) -> None:
+        """Check the scheduler, which reads what the tasks are made of, and the workers that are there; say where they are.
+
+        Raises:
+            InputError: one whose results might not be ours.
+        """
+        try:
+            found = self.client.run(about, on_error="return")
+            at_the_scheduler = self.client.run_on_scheduler(about)
+        except LOST as cause:
+            raise self._gone(0, 0) from cause
+        except Exception as cause:  # whatever keeps seatrial from being imported there
+            raise self._mute(f"the scheduler at {self.name}", cause) from cause
+        versions = {name: self.ours[name] for name in NEEDED}
+        if other := differing(versions, at_the_scheduler[0]):
+            raise _stranger(f"the scheduler at {self.name}", other)
+        for address, answer in found.items():
+            if isinstance(answer, Exception):
+                raise self._mute(f"the worker {address}", answer)
+            if other := differing(self.ours, answer[0]):
+                raise _stranger(f"the worker {address}", other)
+        count = len(found)
+        here = (
+            f"{count} worker{'s' * (count != 1)} at {self.name}" if count else f"no worker at {self.name} yet: waiting"
+        )
+        link = self.client.dashboard_link
+        watch.say(here + (f"; the scheduler's page is {link}" if link else ""))
+        if others := {answer[1] for answer in found.values()} - {processor()}:
+            watch.say(
+                f"caution: workers compute on {', '.join(sorted(others))}, this machine is {processor()}: results of two kinds of "
+                "processor may differ in their last bits"
+            )
+
+    def close(self) -> None:
+        """Let go of the scheduler, and end the jobs of one that is a part of this process."""
+        with suppress(*LOST):
+            self.client.close(timeout=2)
+            if self.client.cluster is not None:
+                self.client.cluster.close(timeout=2)
+
+    def bound(self, watch: Watch) -> "WatchedDaskWorkers":
+        """These workers with a watch that is told how they are."""
+        return WatchedDaskWorkers(self, watch)
+
+    def _mute(self, who: str, answer: Exception) -> InputError:
+        return InputError(
+            who,
+            found=f"no answer but {answer}",
+            expected=f"a process in which seatrial {self.ours['seatrial']} can be imported",
+            remedy='install the same versions there: pip install "seatrial[cluster]"',
+        )
+
+    def _gone(self, kept: int, total: int) -> InputError:
+        return InputError(
+            f"workers {self.name}",
+            found=f"the scheduler is gone; {kept} of {total} tasks are kept" if total else "the scheduler is gone",
+            expected="one that stays until the work is done",
+            remedy='start it and run the same command again, which goes on from there; on this machine with SEATRIAL_WORKERS="local"',
+        )
+
+
+class WatchedDaskWorkers:
+    """`Workers` at a scheduler, telling one watch."""
+
+    def __init__(self, cluster: DaskWorkers, watch: Watch):
+        self.cluster, self.watch = cluster, watch
+
+    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, told: Told = nobody) -> None:
+        """See `Workers.run`."""
+        _Run(self.cluster, self.watch, work, shared, items, told).until_done(done)
+
+
+class _Run:
+    """Pieces of one call of `run`."""
+
+    def __init__(self, cluster: DaskWorkers, watch: Watch, work: Work, shared: Any, items: Sequence[Any], told: Told):
+        self.cluster, self.client, self.watch, self.work, self.told = cluster, cluster.client, watch, work, told
+        self.name, self.total = f"{work.__name__.strip('_')}-{uuid.uuid4().hex[:12]}", len(items)
+        self.waiting, self.ended = deque(enumerate(items)), queue.SimpleQueue[Future]()
+        self.running: dict[str, tuple[int, Future]] = {}
+        self.sent = self.kept = 0
+        self.width, self.looked, self.said = 1, 0.0, time.monotonic()
+        self.shared = pickle.dumps(shared, protocol=5)
+
+    def until_done(self, done: Done) -> None:
+        """Send pieces and hand over results until there are none left."""
+        with self._listening():
+            loaded = self._sent(load, self.shared, key=f"{self.name}-shared")
+            self._look()
+            while self.waiting or self.running:
+                while self.waiting and len(self.running) < AHEAD * self.width:
+                    self._send(loaded, *self.waiting.popleft(), begun=False)
+                if time.monotonic() - self.looked > LOOK:
+                    self._look()
+                try:
+                    future = self.ended.get(timeout=LOOK)
+                except queue.Empty:
+                    continue
+                index, _ = self.running.pop(future.key)
+                following = done(index, self._result(future))
+                self.kept += 1
+                if following is None:
+                    continue
+                self.total += 1
+                self._send(loaded, index, following, begun=True)
+
+    def _send(self, loaded: Future, index: int, item: Any, begun: bool) -> None:
+        self.sent += 1
+        arguments = (self.work, loaded, item, self.name, index, self.cluster.ours)
+        future = self._sent(call, *arguments, key=f"{self.name}-{self.sent}", priority=int(begun))
+        self.running[future.key] = (index, future)
+        future.add_done_callback(self.ended.put)
+
+    def _sent(self, function: Any, *arguments: Any, **options: Any) -> Future:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Sending large graph")
+            try:
+                return self.client.submit(function, *arguments, pure=False, **options)
+            except (*LOST, RuntimeError) as cause:
+                raise self._lost() from cause
+
+    def _result(self, future: Future) -> Any:
+        if future.status in ("cancelled", "lost"):
+            raise self._lost()
+        try:
+            found = self._fetched(future)
+        except KilledWorker as cause:
+            raise NumericalError(
+                f"a task has ended every worker that took it on, {cause.allowed_failures + 1} of them: most likely their memory is too "
+                f"small; give each more, and look at the log of {getattr(cause.last_worker, 'address', 'the last one')}"
+            ) from cause
+        except Exception as cause:
+            if "cancelled" in type(cause).__name__.lower():
+                raise self._lost() from cause
+            raise
+        if isinstance(found, Failed):
+            raise found.error()
+        if isinstance(found, Stranger):
+            raise _stranger(f"the worker {found.address}", found.differing)
+        return found
+
+    def _fetched(self, future: Future) -> Any:
+        """The result; where its worker ended before it was fetched, it is made again, which takes as long as it takes."""
+        while True:
+            try:
+                return future.result(timeout=CONNECT)
+            except LOST:
+                if future.status == "error":  # of the work itself
+                    raise
+                self._look()
+                time.sleep(PAUSE)
+
+    def _look(self) -> None:
+        """See whether the scheduler is there, and how many workers."""
+        self.looked = time.monotonic()
+        if self.client.status != "running":
+            raise self._lost()
+        try:
+            workers = self.client.scheduler_info(n_workers=-1)["workers"]
+        except (*LOST, RuntimeError) as cause:
+            raise self._lost() from cause
+        self.width = max(1, sum(one["nthreads"] for one in workers.values()))
+        if self.looked - self.said > SAY:
+            self.said = self.looked
+            self.watch.say(f"{self.kept} of {self.total} tasks; {_memory(workers)}")
+
+    def _lost(self) -> InputError:
+        return self.cluster._gone(self.kept, self.total)
+
+    @contextmanager
+    def _listening(self) -> Iterator[None]:
+        """Receive reports while the block runs; at its end, also by an error or Ctrl-C, what still runs is cancelled."""
+        self.client.subscribe_topic(self.name, lambda event: self.told(*event[1]))
+        try:
+            yield
+        finally:
+            if self.client.status == "running":
+                with suppress(*LOST, RuntimeError):
+                    self.client.cancel([future for _, future in self.running.values()], force=True)
+                    self.client.unsubscribe_topic(self.name)
+            self.running.clear()
+
+
+def _memory(workers: dict[str, Any]) -> str:
+    used = sorted(one["metrics"]["memory"] / 2**20 for one in workers.values())
+    if not used:
+        return "no worker is there: waiting"
+    return f"{len(used)} worker{'s' * (len(used) != 1)}, memory of each {used[0]:.0f} to {used[-1]:.0f} MiB"
+
+
+def _stranger(who: str, other: dict[str, tuple[str, str]]) -> InputError:
+    return InputError(
+        who,
+        found=", ".join(f"{name} {theirs or 'not set'}" for name, (theirs, _) in other.items()),
+        expected=", ".join(f"{name} {ours or 'not set'}" for name, (_, ours) in other.items()) + ", as here",
+        remedy='install the same versions there (`pip install "seatrial[cluster]"`), and let it import nothing before seatrial',
+    )
+
+
+def _quieten() -> None:
+    """Dask's own log says in many lines what our errors say in one."""
+    for name in ("distributed.client", "distributed.core", "distributed.comm.tcp", "distributed.batched"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)

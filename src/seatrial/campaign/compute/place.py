@@ -1,0 +1,89 @@
+"""Where a campaign's work is done: `[compute] workers`, or the environment variable SEATRIAL_WORKERS in its place.
+
+What is computed does not depend on it, so no key of a result does.
+"""
+
+import atexit
+import os
+import re
+from typing import Any
+
+from seatrial.campaign.compute.workers import LocalWorkers, Workers
+from seatrial.campaign.config import Campaign
+from seatrial.campaign.schema import SlurmTable
+from seatrial.campaign.watch import SILENT, Watch
+from seatrial.core.errors import InputError
+
+VARIABLE = "SEATRIAL_WORKERS"
+ADDRESS = re.compile(r"(tcp|tls)://\S+:\d+")
+"""Of a scheduler; with `tls` the certificates are those of Dask's own configuration."""
+
+
+def workers_of(campaign: Campaign, watch: Watch = SILENT) -> Workers:
+    """Whatever is to do the work of a campaign. A cluster is joined once in a process, and left at its end.
+
+    Raises:
+        InputError: a setting that is none, an address that only a file vouches for, a cluster that is not there or not ours, or
+            Dask missing.
+    """
+    place, where = _place(campaign)
+    if place == "local":
+        return LocalWorkers()
+    if place == "slurm":
+        table = campaign.source.compute.slurm
+        if table is None:
+            raise InputError(
+                campaign.where("compute.slurm"),
+                found="nothing",
+                expected="what to ask SLURM for",
+                remedy='add [compute.slurm] with memory = "8GB", walltime = "02:00:00", cores and jobs',
+            )
+        return _joined("slurm", table, watch).bound(watch)
+    if ADDRESS.fullmatch(place):
+        return _joined(place, None, watch).bound(watch)
+    raise InputError(
+        where,
+        found=f'"{place}"',
+        expected='"local", "slurm", or the address of a Dask scheduler, tcp://host:8786',
+        remedy="correct it, or leave it out to work on this machine",
+    )
+
+
+def _place(campaign: Campaign) -> tuple[str, str]:
+    """The setting, and where it stands."""
+    asked = os.environ.get(VARIABLE, "").strip()
+    if asked:
+        return asked, f"environment variable {VARIABLE}"
+    written, where = campaign.source.compute.workers, campaign.where("compute.workers")
+    if "://" in written:
+        raise InputError(
+            where,
+            found=f'"{written}"',
+            expected="an address that you vouch for: whoever is there can run code here, and a file may be anybody's",
+            remedy=f"if you trust it: export {VARIABLE}={written}",
+        )
+    return written, where
+
+
+_JOINED: dict[tuple[str, SlurmTable | None], Any] = {}
+"""Clusters that this process has joined."""
+
+
+def _joined(place: str, table: SlurmTable | None, watch: Watch) -> Any:
+    try:
+        from seatrial.campaign.compute.dask_workers import DaskWorkers
+        from seatrial.campaign.compute.slurm import submit_jobs
+    except ImportError as cause:
+        raise InputError(
+            f"workers {place}",
+            found=f"no package {cause.name}",
+            expected="Dask, to reach other machines",
+            remedy='pip install "seatrial[cluster]"',
+        ) from cause
+    found = _JOINED.get((place, table))
+    if found is None or not found.is_there:
+        found = DaskWorkers(place if table is None else submit_jobs(table), place)
+        atexit.register(found.close)
+        found.greet(watch)
+        _JOINED[place, table] = found
+    return found
