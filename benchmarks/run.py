@@ -40,6 +40,8 @@ MEASUREMENTS = {
     "subsets.package": (1,),
     "structure_recovery.recovered": (1,),
     "design_peers.reached": (2,),
+    "cluster.scaling": (2,),
+    "gpu.lanes": (2,),
 }
 NEEDS = {
     "kernels.surge": ("gcc",),
