@@ -81,7 +81,8 @@ def coefficient_paths(scale: Float[np.ndarray, " s"], paths: Sequence[Coefficien
         scale: factors, rising.
         paths: of each term.
     """
-    figure, panels = new_figure(WIDE, [50.0] * len(paths), left=104, right=14, bottom=38)
+    left, right = 138, 14
+    figure, panels = new_figure(WIDE, [50.0] * len(paths), left=left, right=right, bottom=38)
     for axes, path in zip(panels, paths, strict=True):
         exponent = power_of_ten(*path.mean)
         mean = path.mean * 10.0**-exponent
@@ -91,7 +92,7 @@ def coefficient_paths(scale: Float[np.ndarray, " s"], paths: Sequence[Coefficien
         axes.set(ylim=(low - room, high + room))
         axes.axhline(0.0, color=MUTED, linewidth=0.8)
         limit_ticks(axes.yaxis, 3)
-        axes.yaxis.set_label_coords(-0.27, 0.5)
+        axes.yaxis.set_label_coords(-0.6 * left / (WIDE - left - right), 0.5)
         axes.set_ylabel(
             unit_label(path.symbol, path.unit, exponent).replace(" [", "\n["), fontsize=SMALL, color=INK, rotation=0
         )
