@@ -1,10 +1,10 @@
 """One process works on a campaign at a time: a locked file says which, what it is doing and how far it has come.
 
 The lock is the operating system's (`flock`), so it ends with its process however that ends. The file is removed when the work ends;
-one that is there and not locked was left by a process that was killed.
+one that is there and not locked was left by a process that was killed. A system or a disk without such locks (Windows has none) holds
+nothing, and tells no other process.
 """
 
-import fcntl
 import json
 import os
 import socket
@@ -18,6 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from seatrial.core.errors import InputError
+
+try:
+    import fcntl
+except ImportError:
+    fcntl = None
 
 FILE_NAME = ".running.json"
 EVERY = 0.5
@@ -124,7 +129,7 @@ def release_all() -> None:
 def occupant_of(folder: Path) -> Occupant | None:
     """Who works on a campaign, or was killed while it did; None for nobody."""
     path = folder / FILE_NAME
-    for _ in range(5):
+    for _ in range(TRIES):
         try:
             with path.open("rb") as stream:
                 alive = _is_locked(stream.fileno())
@@ -139,38 +144,48 @@ def occupant_of(folder: Path) -> Occupant | None:
 
 def _locked(path: Path) -> int | None:
     """Open and lock the file; it may be removed by its last holder between the two, and is then made anew."""
-    tries = 0
-    while True:
+    while fcntl is not None:
         try:
             handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError:
             return None
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as cause:
+            taken = _try(handle)
+        except OSError:  # a file system without locks
             os.close(handle)
-            if (
-                tries := tries + 1
-            ) < TRIES:  # it may only have been looked at, for which `occupant_of` locks it for an instant
-                time.sleep(0.02)
-                continue
+            return None
+        if not taken:
+            os.close(handle)
             other = occupant_of(path.parent)
             raise InputError(
                 str(path.parent),
                 found=f"another process at work on this campaign{f': {other.words}' if other else ''}",
                 expected="one at a time",
                 remedy="wait until it ends, or stop it; what it has finished is kept",
-            ) from cause
-        except OSError:  # a file system without locks
-            os.close(handle)
-            return None
+            )
         with suppress(OSError):
             if os.stat(path).st_ino == os.fstat(handle).st_ino:
                 return handle
         os.close(handle)
+    return None
+
+
+def _try(handle: int) -> bool:
+    """Lock it, if nobody holds it for longer than the instant that a look by `occupant_of` takes."""
+    assert fcntl is not None
+    for _ in range(TRIES):
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.02)
+        else:
+            return True
+    return False
 
 
 def _is_locked(handle: int) -> bool:
+    if fcntl is None:
+        return False
     try:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,10 +1,10 @@
 """How a campaign tells what it is doing; the command line implements it, and `Silent` says nothing."""
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol, TypeVar
 
+from seatrial.core.engine import cores
 from seatrial.sampling.target import Progress
 
 Result = TypeVar("Result")
@@ -42,7 +42,7 @@ def run_side_by_side(tasks: Sequence[Callable[[], Result]]) -> list[Result]:
     Compiled code releases the interpreter, so threads are enough. Every task draws from its own key: the results do not
     depend on how many run at once.
     """
-    with ThreadPoolExecutor(max_workers=min(len(tasks), os.cpu_count() or 1) or 1) as pool:
+    with ThreadPoolExecutor(max_workers=min(len(tasks), cores()) or 1) as pool:
         futures = [pool.submit(task) for task in tasks]
         try:
             return [future.result() for future in futures]

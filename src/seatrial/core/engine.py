@@ -37,6 +37,11 @@ def cache_directory() -> Path:
     return Path(base) / "seatrial" / "xla"
 
 
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _fuse_time_loops() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     if _BACKEND_OPTIONS not in flags:

@@ -1,6 +1,5 @@
 """Sweep of a family over amplitude and period: the entropy reduction of every design, many designs in step."""
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.shown import shown_unit
 from seatrial.core.state_space import StateSpace
@@ -213,8 +213,7 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
     n = designs[0].shape[0]
     lanes = LANES if jax.default_backend() == "cpu" else n
     blocks = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1).reshape(-1, lanes)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    with ThreadPoolExecutor(cores) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         results = pool.map(
             lambda block: jax.tree.map(np.asarray, run(*(jnp.asarray(x[block]) for x in designs))), blocks
         )

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.estimation.windows import Windows, bump_windows, samples
+from seatrial.numerics.held import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
 
@@ -93,8 +94,10 @@ def where_measured(record: Record, channels: Sequence[str]) -> Record:
             expected="two at least",
             remedy="import the record at the step of its slowest sensor, or leave a channel out",
         )
-    held = record.step[:, None]
-    control = np.add.reduceat(record.control * held, there) / np.add.reduceat(held, there)
+    edges = np.append(record.time[there], record.time[-1] + record.step[-1])
+    control = np.column_stack(
+        [np.empty((there.size, 0)), *(held_mean(record.time, one, edges) for one in record.control.T)]
+    )
     return replace(record, time=record.time[there], control=control, measurement=record.measurement[there])
 
 

@@ -1,17 +1,7 @@
 """What every exporter is: a name, a target and its version, what the target keeps of a vehicle, and the files it writes.
 
-An exporter is a frozen dataclass whose fields are the target's options. The skeleton of a new one:
-
-    @dataclass(frozen=True)
-    class Mine:
-        name: str = "mine"
-        target: str = "My Simulator 2.1"
-
-        def check(self, vehicle): ...                # refuse what the target would make unstable
-        def carries(self, vehicle): ...              # Carried(motion, lost, changed)
-        def write(self, vehicle, statement): ...     # {file name: text}
-
-and one line in `registry.EXPORTERS`; the conformance test runs over it from then on.
+An exporter is a frozen dataclass whose other fields are the target's options: docs/skeletons/exporter.py is one to copy, and a line in
+`registry.EXPORTERS` puts it into the conformance test.
 """
 
 from typing import NamedTuple, Protocol

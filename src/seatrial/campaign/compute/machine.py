@@ -11,11 +11,6 @@ from seatrial import __version__
 PACKAGES = ("jax", "jaxlib", "jax-cuda12-plugin", "numpy", "scipy", "blackjax", "distributed")
 
 
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def environment() -> dict[str, str]:
     """Versions and compiler settings; where they differ, results may."""
     found = {"seatrial": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}

@@ -6,9 +6,9 @@ from dataclasses import replace
 from threading import Lock
 from typing import Any, TypeVar
 
-from seatrial.campaign.compute.machine import cores
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.problem import build_posterior
+from seatrial.core.engine import cores
 from seatrial.core.record import Record
 from seatrial.estimation.posterior import Posterior
 from seatrial.selection.structures import Structure

@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, Protocol
 
-from seatrial.campaign.compute.machine import cores
+from seatrial.core.engine import cores
 from seatrial.core.errors import InputError
 
 Work = Callable[[Any, Any, Callable[[int, int], None]], Any]

@@ -6,7 +6,6 @@ Terms always there are eliminated first. Of the others the first are doubled at 
 the last ones and keep sums only: the total, joint inclusion, moments of the coefficients, and the best structures seen.
 """
 
-import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.engine import cores
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.best import Best
 from seatrial.selection.subsets.conjugate import evidence_of
@@ -144,8 +144,7 @@ def _log_chance(codes: np.ndarray, chance: Float[np.ndarray, " terms"]) -> Float
 
 def _share(work: Callable[[Iterable[int]], None], firsts: list[int], threads: int | None) -> None:
     """Let several threads take blocks from one list."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    count, queue = min(threads or cores, len(firsts)), iter(firsts)
+    count, queue = min(threads or cores(), len(firsts)), iter(firsts)
     if count < 2:
         work(queue)
         return

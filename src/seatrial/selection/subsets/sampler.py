@@ -120,14 +120,14 @@ def sample_subsets(
     owner = np.array(
         [int(np.flatnonzero((units.members[:-1] == column).any(1))[0]) for column in range(len(question.free))]
     )
-    best = np.lexsort((evaluated.codes, -evaluated.scores))[:top]
+    ranked = np.lexsort((evaluated.codes, -evaluated.scores))
+    best, most = ranked[:top], ranked[:BEST]
     log_evidence, log_chance = _exactly(stats, prior, question, chance, evaluated.codes[best])
     renormalised = np.ones(len(question.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
     for term in question.free:
         renormalised[term] = weight[evaluated.codes >> np.uint64(term) & np.uint64(1) == 1].sum()
     covered = min(float(np.exp(np.logaddexp.reduce(evaluated.scores) - log_total)), 1.0)
-    most = np.argsort(-evaluated.scores, kind="stable")[:BEST]
     held = covered * float(weight[most].sum())
     found = _by_visits(question, problem, seen, owner, moves)
     errors = found.pop("errors")
