@@ -13,7 +13,7 @@ from seatrial.campaign.trials import import_trials
 from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns
-from seatrial.logs.guess import best
+from seatrial.logs.guess import best, guesses
 from seatrial.logs.inspect import inspect_log
 from seatrial.logs.summary import Gathered
 from tests.campaign.small import write_small
@@ -98,7 +98,8 @@ def ros_log(folder):
         for k in range(40):
             turn = vector(0.0, 0.02 * SURGE[k], 0.3 * SURGE[k])
             twist = types["geometry_msgs/msg/Twist"](vector(SURGE[k], 0.1 * SURGE[k], 0.0), turn)
-            pose = types["geometry_msgs/msg/Pose"](types["geometry_msgs/msg/Point"](float(k), 0.0, 0.0), quaternion)
+            heading = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(0.05 * k), np.cos(0.05 * k))
+            pose = types["geometry_msgs/msg/Pose"](types["geometry_msgs/msg/Point"](float(k), 0.0, 0.0), heading)
             covered = types["geometry_msgs/msg/PoseWithCovariance"](pose, many)
             moving = types["geometry_msgs/msg/TwistWithCovariance"](twist, many)
             wrench = types["geometry_msgs/msg/Wrench"](vector(RPM[k], 0.0, 0.0), vector(0.0, 0.0, 0.0))
@@ -115,15 +116,44 @@ def ros_log(folder):
 
 def test_guesses_of_ros_by_type_with_axes_turned(tmp_path):
     found = inspect_log(ros_log(tmp_path))
-    guesses = {guess.channel: guess for guess in best(found.guesses)}
-    assert guesses.keys() == {"u", "v", "q", "r", "tau_X"}
-    assert (guesses["u"].column, guesses["u"].scale, guesses["u"].role) == ("twist.twist.linear.x", 1.0, "measurement")
-    assert (guesses["r"].column, guesses["r"].scale, guesses["r"].unit) == ("twist.twist.angular.z", -1.0, "rad/s")
-    assert (guesses["tau_X"].table, guesses["tau_X"].unit, guesses["tau_X"].role) == ("/force", "N", "control")
-    assert "REP 103" in guesses["r"].reason
+    chosen = {guess.channel: guess for guess in best(found.guesses)}
+    assert chosen.keys() == {"u", "v", "q", "r", "y", "tau_X", "q_w", "q_x", "q_y", "q_z"}
+    assert (chosen["u"].column, chosen["u"].axes, chosen["u"].role) == ("twist.twist.linear.x", "ENU", "measurement")
+    assert (chosen["r"].column, chosen["r"].axes, chosen["r"].unit) == ("twist.twist.angular.z", "ENU", "rad/s")
+    assert (chosen["q_z"].column, chosen["q_z"].table) == ("pose.pose.orientation.z", "/odom")
+    assert chosen["y"].column == "pose.pose.position.x"
+    assert (chosen["tau_X"].table, chosen["tau_X"].unit, chosen["tau_X"].role) == ("/force", "N", "control")
+    assert "REP 103" in chosen["r"].reason
     text = "\n".join(found.lines())
     assert "garbage? (4e-79 at most)" in text
     assert "covariance[…], 36 elements: constant" in text
+    # A quaternion is only there for the angles that are made of it.
+    assert [guess.channel for guess in best(found.guesses, ["u", "r"])] == ["u", "r"]
+    assert [guess.channel for guess in best(found.guesses, ["psi"])] == ["q_w", "q_x", "q_y", "q_z"]
+    assert tomllib.loads(found.as_toml(["r"]))["import"]["files"][0]["axes"] == "ENU"
+
+
+AUTOPILOT = {
+    "LOCAL_POSITION_NED": (("vx", "vy", "vz"), "ATTITUDE", ("roll", "pitch", "yaw")),
+    "XKF1": (("VN", "VE", "VD"), "ATT", ("Roll", "Pitch", "Yaw")),
+}
+
+
+@pytest.mark.parametrize("name", AUTOPILOT)
+def test_velocities_over_the_earth_bring_the_attitude_with_them(name):
+    velocities, attitude, angles = AUTOPILOT[name]
+
+    def summed(kind, columns):
+        info = TableInfo(kind, (ColumnInfo("time", "s"), *map(ColumnInfo, columns)), ("time",))
+        gathered = Gathered(info)
+        gathered.take(Block(kind, {"time": np.arange(9.0), **{column: 0.1 * np.arange(9.0) for column in columns}}))
+        return gathered.summary()
+
+    found = guesses([summed(name, velocities), summed(attitude, angles)])
+    earth, turns = ["v_north", "v_east", "v_down"], ["phi", "theta", "psi"]
+    assert {guess.channel for guess in best(found, ["u"])} == {*earth, *turns}
+    assert {guess.channel for guess in best(found, ["psi"])} == {"psi"}
+    assert {guess.channel for guess in best(found)} == {*earth, *turns}
 
 
 NAMES = {

@@ -221,7 +221,7 @@ class TimeTable(Table):
 
 
 class ColumnTable(Table):
-    """Which column holds a channel, in which unit; `scale` multiplies it, -1 to turn an axis round.
+    """Which column holds a channel, in which unit; `scale` multiplies it, -1 to turn an axis round, and then `offset` is added.
 
     `curve` is a CSV of two columns with a header, the logged number and what it stands for in `unit`, between whose rows it is
     interpolated: the thrust of each PWM width in microseconds, from the maker's table.
@@ -230,6 +230,7 @@ class ColumnTable(Table):
     column: str
     unit: str
     scale: float = 1.0
+    offset: float = 0.0
     curve: str | None = None
 
 
@@ -237,7 +238,9 @@ class FileTable(Table):
     """`[[import.files]]`: one log of a trial; `{run}` in the path stands for the run's label.
 
     `table` is the topic, type of message, struct or variable where a log has several. `time` may be left out where the format
-    has a clock of its own. `delimiter`, `encoding` and `skip_rows` are for CSV and TSV.
+    has a clock of its own. `axes` are NED with body axes forward, right, down, or ENU with forward, left, up (REP 103). Channels
+    `v_north`, `v_east` and `v_down` become velocities along the body, and `q_w`, `q_x`, `q_y`, `q_z` angles. For CSV and TSV are
+    `delimiter` ("whitespace" too), `encoding`, `skip_rows`, `header_rows` and, for those without a header, `names` of all columns.
     """
 
     path: str
@@ -245,9 +248,12 @@ class FileTable(Table):
     time: TimeTable | None = None
     channels: dict[str, ColumnTable]
     clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
+    axes: Literal["NED", "ENU"] = "NED"
     delimiter: str | None = None
     encoding: str = "utf-8"
     skip_rows: int = Field(default=0, ge=0)
+    header_rows: int = Field(default=1, ge=1)
+    names: list[str] | None = Field(default=None, min_length=1)
 
 
 class ImportTable(Table):

@@ -11,7 +11,7 @@ from seatrial.campaign.simulated import check_simulated, simulated_records
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.record import Record
+from seatrial.core.record import Record, Role
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.logs.align import align
 from seatrial.logs.curve import read_curve
@@ -19,6 +19,7 @@ from seatrial.logs.formats.registry import hash_of_log
 from seatrial.logs.pieces import cut
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
+from seatrial.logs.to_body import SOURCES, to_body
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,8 @@ def _aligned(campaign: Campaign, run: str, paths: list[Path], kept: tuple[str, .
         name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}")
         for name in kept
     }
-    return align([read_log(source) for source in sources], **seconds, label=run)
+    tables = to_body([read_log(source) for source in sources], _roles(campaign))
+    return align(tables, **seconds, label=run)
 
 
 def _located(campaign: Campaign, run: str) -> list[Path]:
@@ -169,11 +171,20 @@ def _locate(campaign: Campaign, file: FileTable, run: str, index: int) -> Path:
     return path
 
 
-def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogSource:
+def _roles(campaign: Campaign) -> dict[str, Role]:
+    """Every signal that a record may hold, and whether it drives the vehicle or observes it."""
     model = campaign.model(campaign.full)
-    known = (*model.controls, *model.channel_units())
+    return {
+        name: "control" if name in model.controls else "measurement"
+        for name in (*model.controls, *model.channel_units())
+    }
+
+
+def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogSource:
+    roles = _roles(campaign)
+    known = tuple(roles)
     for name in file.channels:
-        if name not in known:
+        if name not in (*known, *SOURCES):
             raise InputError(
                 campaign.where(f"import.files[{index}].channels.{name}"),
                 found=f'channel "{name}"',
@@ -184,8 +195,9 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
         name: ColumnMap(
             column.column,
             column.unit,
-            "control" if name in model.controls else "measurement",
+            roles.get(name, "measurement"),
             scale=column.scale,
+            offset=column.offset,
             curve=None
             if column.curve is None
             else read_curve(
@@ -203,7 +215,10 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
         delimiter=file.delimiter,
         encoding=file.encoding,
         skip_rows=file.skip_rows,
+        header_rows=file.header_rows,
+        names=None if file.names is None else tuple(file.names),
         table=file.table,
+        axes=file.axes,
     )
 
 

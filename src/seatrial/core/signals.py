@@ -73,6 +73,8 @@ CURRENT = ("current_x", "current_y", "current_z")
 """Velocity of the water over ground, north, east and down; in m/s."""
 OVER_GROUND = ("u_g", "v_g", "w_g")
 """Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
+OVER_EARTH = ("v_north", "v_east", "v_down")
+"""Velocity over ground along north, east and down, as some logs hold it; in m/s."""
 ACTUAL = "_act"
 """Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`."""
 RATES = ("u", "v", "w", "p", "q", "r")
@@ -89,6 +91,15 @@ def signal_unit(name: str) -> str:
     return str(_dimension(name))
 
 
+def is_signal(name: str) -> bool:
+    """Whether `signal_unit` knows a name."""
+    try:
+        signal_unit(name)
+    except KeyError:
+        return False
+    return True
+
+
 def thruster_controls(count: int, commanded_force: bool) -> tuple[str, ...]:
     """Controls of several thrusters: speeds `n_1`, `n_2`, … in rad/s, or forces `f_1`, `f_2`, … in N."""
     return tuple(f"{'f' if commanded_force else 'n'}_{number}" for number in range(1, count + 1))
@@ -99,7 +110,7 @@ def _dimension(name: str) -> Dimension:
     for names, dimension in (
         (POSITIONS, Dimension(m=1)),
         (QUATERNION, Dimension()),
-        ((*CURRENT, *OVER_GROUND), SPEED),
+        ((*CURRENT, *OVER_GROUND, *OVER_EARTH), SPEED),
     ):
         if base in names:
             return dimension

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
 from seatrial.numerics.held import held_mean
 
@@ -46,8 +47,8 @@ def align(
 
     The common interval is where every control is known and something is measured. Controls are held from the last
     known sample, and averaged over a `step` in which several fall. Nothing is interpolated: with `step` each measurement
-    goes to the nearest grid instant, and those that meet there are averaged (angles on the circle); without, the axis is
-    the union of all stamps. An instant at which a channel was not measured holds NaN.
+    goes to the nearest grid instant, and those that meet there are averaged; without, the axis is the union of all stamps.
+    An instant at which a channel was not measured holds NaN. Roll, pitch and heading go on over full turns, so that none jumps.
 
     Args:
         tables: logs as `read_log` gives them.
@@ -126,7 +127,10 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
                     remedy="drop it from one of the maps",
                 )
             known = np.isfinite(table.columns[channel.name])
-            found[channel.name] = _Track(channel, table.source, time[known], table.columns[channel.name][known])
+            values = table.columns[channel.name][known]
+            if channel.name in ANGLES:
+                values = np.unwrap(values)
+            found[channel.name] = _Track(channel, table.source, time[known], values)
     for name in wanted or ():
         if name not in found:
             offered = [channel.name for table in tables for channel in table.channels]
@@ -214,8 +218,6 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
     values = track.values[near]
     used, firsts, counts = np.unique(index[near], return_index=True, return_counts=True)
     deviation = values - np.repeat(values[firsts], counts)
-    if track.channel.unit == "rad":
-        deviation = (deviation + math.pi) % (2 * math.pi) - math.pi
     column = np.full(instants.size, np.nan)
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
     met = int((counts > 1).sum())

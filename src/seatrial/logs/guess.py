@@ -1,7 +1,6 @@
 """Which columns of a log may be which signals: guesses from types of message, names, units and ranges, each with its reason.
 
-Vehicles' conventions differ; ROS keeps body axes forward, left, up (REP 103), seatrial forward, right, down. What needs
-more than a factor (velocities in north and east, pulse widths of thrusters) is named, not mapped.
+What needs more than a factor (pulse widths of thrusters) is named, not mapped.
 """
 
 import re
@@ -11,8 +10,10 @@ from math import pi
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Role
-from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, QUATERNION, SIGNALS, signal_unit
 from seatrial.core.units import to_si
+from seatrial.logs.axes import Axes
+from seatrial.logs.known_messages import AUTOPILOT, REMARKS, ROS
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
 
@@ -26,6 +27,7 @@ class Guess:
         column: of the table.
         unit: of the cells times `scale`.
         scale: factor on the cells.
+        axes: of the message.
         role: whether the channel drives the vehicle or observes it.
         reason: why.
         strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else.
@@ -36,56 +38,13 @@ class Guess:
     column: str
     unit: str
     scale: float
+    axes: Axes
     role: Role
     reason: str
     strength: int
 
 
-_FLU = "body axes of ROS are forward, left, up (REP 103)"
-_TWIST = {"linear.x": "u", "linear.y": "-v", "linear.z": "-w", "angular.x": "p", "angular.y": "-q", "angular.z": "-r"}
-_WRENCH = {
-    "force.x": "tau_X",
-    "force.y": "-tau_Y",
-    "force.z": "-tau_Z",
-    "torque.x": "tau_K",
-    "torque.y": "-tau_M",
-    "torque.z": "-tau_N",
-}
-_ROS = {
-    "nav_msgs/msg/Odometry": {f"twist.twist.{name}": to for name, to in _TWIST.items()},
-    "geometry_msgs/msg/TwistWithCovarianceStamped": {f"twist.twist.{name}": to for name, to in _TWIST.items()},
-    "geometry_msgs/msg/TwistStamped": {f"twist.{name}": to for name, to in _TWIST.items()},
-    "geometry_msgs/msg/Twist": _TWIST,
-    "sensor_msgs/msg/Imu": {f"angular_velocity.{axis}": to for axis, to in zip("xyz", ("p", "-q", "-r"), strict=True)},
-    "geometry_msgs/msg/WrenchStamped": {f"wrench.{name}": to for name, to in _WRENCH.items()},
-    "geometry_msgs/msg/Wrench": _WRENCH,
-}
-"""For each type of message its columns and signals; a minus turns the axis round."""
-_AUTOPILOT = {
-    "ATT": {"Roll": ("phi", "deg"), "Pitch": ("theta", "deg"), "Yaw": ("psi", "deg")},
-    "IMU": {"GyrX": ("p", "rad/s"), "GyrY": ("q", "rad/s"), "GyrZ": ("r", "rad/s")},
-    "ATTITUDE": {
-        "roll": ("phi", "rad"),
-        "pitch": ("theta", "rad"),
-        "yaw": ("psi", "rad"),
-        "rollspeed": ("p", "rad/s"),
-        "pitchspeed": ("q", "rad/s"),
-        "yawspeed": ("r", "rad/s"),
-    },
-}
-"""For each type of message of ArduPilot, whose body axes are seatrial's."""
-_REMARKS = (
-    (
-        re.compile(r"(?:XKF1|NKF1|EKF1|EK3|LOCAL_POSITION_NED)\b"),
-        re.compile(r"V[NED]|v[xyz]"),
-        "velocities in north, east and down: they must be turned into body axes before they can be mapped",
-    ),
-    (
-        re.compile(r"(?:RCOU|SERVO_OUTPUT_RAW|RCO2)\b"),
-        re.compile(r"C\d+|servo\d+_raw"),
-        "pulse widths of the outputs: a table of thrust over pulse width must turn them into forces",
-    ),
-)
+_BODY = ("u", "v", "w")
 _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 """What a name may have before the letter of a velocity."""
 _NAMES = (
@@ -101,6 +60,8 @@ _NAMES = (
     ("phi", 2, "phi|roll|roll_?angle"),
     ("theta", 2, "theta|pitch|pitch_?angle"),
     ("psi", 2, "psi|yaw|heading|hdg|yaw_?angle"),
+    ("z", 2, "depth|depth_?m"),
+    ("z", 1, "z|position\\.z"),
     ("n", 2, "n|rpm|(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"),
     ("delta_r", 2, "delta_?r|rudder|rudder_?angle|desired_rudder"),
     ("delta_r", 1, "delta"),
@@ -148,15 +109,24 @@ def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
     """Guess the channel of every column whose type, name or unit says something, the strongest of each channel first."""
     found = [guess for table in tables if table.clock for guess in _of_table(table)]
     sizes = {table.info.name: table.rows for table in tables}
-    order = list(SIGNALS)
+    order = [*SIGNALS, *POSITIONS, *OVER_EARTH, *QUATERNION]
     return tuple(sorted(found, key=lambda guess: (order.index(guess.channel), -guess.strength, -sizes[guess.table])))
 
 
 def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
-    """Return one guess for each channel, or for each of some."""
+    """Return one guess for each channel, or for each of some.
+
+    Velocities over the earth, and quaternions, are there where what is made of them is wanted and nothing gives it itself.
+    """
+    wanted = set(only) or {guess.channel for guess in found} | {*_BODY, *ANGLES}
+    direct = {guess.channel for guess in found}
+    for made_of, makes, needs in ((OVER_EARTH, _BODY, ANGLES), (QUATERNION, ANGLES, ())):
+        wanted -= {*made_of}
+        if wanted & {*makes} and not direct & {*makes} and direct & {*made_of}:
+            wanted |= {*made_of, *needs}
     first: dict[str, Guess] = {}
     for guess in found:
-        if not only or guess.channel in only:
+        if guess.channel in wanted:
             first.setdefault(guess.channel, guess)
     return tuple(first.values())
 
@@ -166,34 +136,40 @@ def remarks(tables: Sequence[TableSummary]) -> tuple[str, ...]:
     return tuple(
         f"{table.info.name}: {text}"
         for table in tables
-        for kind, column, text in _REMARKS
+        for kind, column, text in REMARKS
         if kind.match(table.info.name) and any(column.fullmatch(each.name) for each in table.columns)
     )
 
 
 def _of_table(table: TableSummary) -> Iterator[Guess]:
     clocks = {clock.name for clock in table.clocks}
+    found = []
     for column in table.columns:
-        if column.trouble or column.name in clocks or column.name.endswith("log_time"):
+        if column.name in clocks or column.name.endswith("log_time"):
             continue
-        guess = _by_type(table, column) or _by_name(table, column)
+        guess = _by_type(table, column) or (None if column.trouble else _by_name(table, column))
         if guess is not None:
+            found.append((guess, column))
+    # Three parts of a quaternion may be constant where the vehicle only turns, all four where it is not known.
+    turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in found)
+    for guess, column in found:
+        if not column.trouble or (turns and guess.channel in QUATERNION):
             yield guess
 
 
 def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
     info = table.info
-    signed = _ROS.get(info.kind, {}).get(column.name)
-    if signed is not None:
-        if "Twist" in info.kind and re.search(r"cmd|command|setpoint|desired", info.name):
-            return None
-        channel, scale = signed.lstrip("-"), -1.0 if signed.startswith("-") else 1.0
-        unit = _text_unit(channel)
-        return Guess(channel, info.name, column.name, unit, scale, _role(channel), f"{info.kind}: {_FLU}", 3)
-    known = _AUTOPILOT.get(info.name.split("[")[0].split(" of ")[0], {}).get(column.name)
-    if known is not None:
-        return Guess(known[0], info.name, column.name, known[1], 1.0, _role(known[0]), "message of ArduPilot", 3)
-    return None
+    known = ROS.get(info.kind, {}).get(column.name)
+    if known is not None and "Twist" in info.kind and re.search(r"cmd|command|setpoint|desired", info.name):
+        return None
+    reason = f"{info.kind}: its axes are east, north, up and forward, left, up (REP 103)"
+    if known is None:
+        known = AUTOPILOT.get(info.name.split("[")[0].split(" of ")[0], {}).get(column.name)
+        reason = "message of ArduPilot"
+    if known is None:
+        return None
+    unit = known.unit or _text_unit(known.channel)
+    return Guess(known.channel, info.name, column.name, unit, known.scale, known.axes, _role(known.channel), reason, 3)
 
 
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
@@ -212,7 +188,7 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
                         continue
                     reason = f'the name "{full}"; {unit[2]}'
                     return Guess(
-                        channel, table.info.name, column.name, unit[0], unit[1], _role(channel), reason, strength
+                        channel, table.info.name, column.name, *unit[:2], "NED", _role(channel), reason, strength
                     )
     return None
 

@@ -80,6 +80,8 @@ class LogSummary:
             yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
         elif clock.jitter > _BURSTS / clock.rate:
             yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
+        if any(guess.axes == "ENU" for guess in mine):
+            yield 'axes = "ENU"'
         for key, value, usual in (
             ("delimiter", layout.delimiter, None),
             ("encoding", layout.encoding, "utf-8"),

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
+from seatrial.core.signals import ANGLES
 
 FEWEST = 10
 """Samples in a piece, at least."""
@@ -44,8 +46,18 @@ def _piece(record: Record, number: int, rows: slice) -> Record:
     return replace(
         record,
         time=time - time[0],
-        control=record.control[rows],
-        measurement=record.measurement[rows],
+        control=_near_zero(record.control[rows], record.controls),
+        measurement=_near_zero(record.measurement[rows], record.measured),
         provenance=replace(record.provenance, options={**options, "piece": [float(time[0]), float(time[-1])]}),
         label=f"{record.label}.{number + 1}",
     )
+
+
+def _near_zero(columns: Float[np.ndarray, "n k"], names: tuple[str, ...]) -> Float[np.ndarray, "n k"]:
+    """Columns in which angles begin within half a turn of zero."""
+    turns = np.zeros(len(names))
+    for index, name in enumerate(names):
+        known = columns[np.isfinite(columns[:, index]), index]
+        if name in ANGLES and known.size:
+            turns[index] = np.round(known[0] / (2 * np.pi))
+    return columns - 2 * np.pi * turns

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel
 from seatrial.core.signals import signal_unit
+from seatrial.logs.axes import from_axes
 from seatrial.logs.clock import check_unit, elapsed, mend_clock
 from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
@@ -90,6 +91,7 @@ def read_log(source: LogSource) -> LogTable:
         stated = info.unit(column.column) if info else None
         if stated not in (None, column.unit):
             notes.append(f'{name}: the log states the unit "{stated}", the map says "{column.unit}"')
+    mapped = from_axes(mapped, source.axes, str(source.path))
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
     used = replace(source, table=info.name if info else None, time_column=clock, time_unit=clocks[clock])
     options = source_options(used) | (text_options(source) if form.is_text else {})

@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel, Role
-from seatrial.core.signals import RATES, SIGNALS, signal_unit
+from seatrial.core.signals import SIGNALS, is_signal, signal_unit
 from seatrial.core.units import to_si
+from seatrial.logs.axes import Axes
 from seatrial.logs.curve import Curve
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.text_rows import separator
@@ -61,6 +62,7 @@ class LogSource:
         names: column names of a file without a header.
         encoding: of the text.
         table: a topic, type of message, struct, group or variable; needed only where a log has several.
+        axes: in which its velocities, angles and forces are.
     """
 
     path: Path
@@ -74,6 +76,7 @@ class LogSource:
     names: tuple[str, ...] | None = None
     encoding: str = "utf-8"
     table: str | None = None
+    axes: Axes = "NED"
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +119,7 @@ def check_source(source: LogSource) -> None:
             remedy='map one, for example u = {column = "speed", unit = "m/s", role = "measurement"}',
         )
     _one_of(source.clock, get_args(Clock), f"{where}, clock")
+    _one_of(source.axes, get_args(Axes), f"{where}, axes")
     if source.time_unit is not None:
         time_scale(source, source.time_unit)
     for key, value, least in (("skip_rows", source.skip_rows, 0), ("header_rows", source.header_rows, 1)):
@@ -128,7 +132,8 @@ def check_source(source: LogSource) -> None:
             )
     for name, column in source.channels.items():
         key = f'{where}, channel "{name}"'
-        _one_of(name, (*SIGNALS, *(f"{rate}dot" for rate in RATES)), f"{where}, channels")
+        if not is_signal(name):
+            _one_of(name, tuple(SIGNALS), f"{where}, channels")
         _one_of(column.role, get_args(Role), f"{key}, role")
         if not (math.isfinite(column.scale) and math.isfinite(column.offset) and column.scale != 0):
             raise InputError(
@@ -172,6 +177,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
         "time_column": source.time_column,
         "time_unit": source.time_unit,
         "clock": source.clock,
+        "axes": source.axes,
         "channels": {
             name: {
                 "column": column.column,

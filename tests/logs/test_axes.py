@@ -1,0 +1,138 @@
+"""Axes of logs against SciPy's rotations: signs, quaternions, and velocities over the earth turned into the body's."""
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from seatrial.core.record import Channel
+from seatrial.core.signals import QUATERNION, signal_unit
+from seatrial.logs.axes import from_axes
+from seatrial.logs.source import LogTable
+from seatrial.logs.to_body import to_body
+from tests.logs.log_cases import refusal
+
+NED_OF_ENU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
+FRD_OF_FLU = np.diag([1.0, -1, -1])
+ALL = dict.fromkeys(("u", "v", "w", "phi", "theta", "psi", "z"), "measurement") | {"n": "control"}
+
+
+def only(*names):
+    return dict.fromkeys(names, "measurement")
+
+
+def table(source="log", start=0.0, rate=10.0, count=200, **columns):
+    time = np.arange(count) / rate
+    channels = tuple(Channel(name, signal_unit(name), "measurement") for name in columns)
+    return LogTable(time, Decimal(repr(start)), columns, channels, source, "0" * 64)
+
+
+def rotations(count=200, seed=0):
+    return Rotation.random(count, np.random.default_rng(seed))
+
+
+def angles_of(rotation):
+    psi, theta, phi = rotation.as_euler("ZYX").T
+    return {"phi": phi, "theta": theta, "psi": psi}
+
+
+def parts_of(rotation):
+    x, y, z, w = rotation.as_quat().T
+    return dict(zip(QUATERNION, (w, x, y, z), strict=True))
+
+
+def assert_same_angles(found, expected):
+    for name, values in expected.items():
+        np.testing.assert_allclose((found[name] - values + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-9, err_msg=name)
+
+
+def test_quaternions_become_angles():
+    rotation = rotations()
+    (found,) = to_body([table(**parts_of(rotation), n=np.ones(200))], ALL)
+    assert [channel.name for channel in found.channels] == ["n", "phi", "theta", "psi"]
+    assert_same_angles(found.columns, angles_of(rotation))
+
+
+def test_enu_is_turned_as_its_matrices_say():
+    enu = rotations(seed=1)
+    ned = Rotation.from_matrix(NED_OF_ENU @ enu.as_matrix() @ FRD_OF_FLU)
+    (found,) = to_body([table(**from_axes(parts_of(enu), "ENU", "log"))], ALL)
+    assert_same_angles(found.columns, angles_of(ned))
+    assert_same_angles(from_axes(angles_of(enu), "ENU", "log"), angles_of(ned))
+
+
+@pytest.mark.parametrize("names", ["u v w", "p q r", "tau_X tau_Y tau_Z", "tau_K tau_M tau_N", "udot vdot wdot"])
+def test_vectors_of_the_body_in_enu(names):
+    vectors = np.random.default_rng(2).normal(size=(50, 3))
+    columns = dict(zip(names.split(), vectors.T, strict=True))
+    found = from_axes(columns, "ENU", "log")
+    np.testing.assert_array_equal(np.stack([*found.values()]).T, vectors @ FRD_OF_FLU.T)
+    assert from_axes(columns, "NED", "log").keys() == columns.keys()
+
+
+def test_velocities_over_the_earth_become_the_bodys():
+    rotation, speed = rotations(seed=3), np.random.default_rng(4).normal(size=(200, 3))
+    earth = rotation.apply(speed).T
+    log = table(**parts_of(rotation), **dict(zip(("v_north", "v_east", "v_down"), earth, strict=True)))
+    (found,) = to_body([log], only("u", "v", "w"))
+    assert [channel.name for channel in found.channels] == ["u", "v", "w"]
+    # Random attitudes turn by far more than half a turn between samples, where unwrapping must do no harm.
+    np.testing.assert_allclose(np.stack([found.columns[name] for name in "uvw"]).T, speed, atol=1e-9)
+
+
+def test_the_attitude_of_another_file_is_interpolated_over_the_turn():
+    heading = 0.3 * np.arange(400) / 20.0 + 3.0
+    wrapped = (heading + np.pi) % (2 * np.pi) - np.pi
+    compass = table("compass", start=100.0, rate=20.0, psi=wrapped, count=400)
+    time = 2.003 + np.arange(100) / 10.0
+    psi = 0.3 * time + 3.0
+    gps = table(
+        "gps", start=102.003, count=100, v_north=np.cos(psi) - 0.2 * np.sin(psi), v_east=np.sin(psi) + 0.2 * np.cos(psi)
+    )
+    velocity, kept = to_body([gps, compass], only("u", "v", "psi"))
+    np.testing.assert_allclose(velocity.columns["u"], 1.0, atol=1e-9)
+    np.testing.assert_allclose(velocity.columns["v"], 0.2, atol=1e-9)
+    assert "w" not in velocity.columns
+    assert velocity.notes[-1] == "u, v are over the earth, turned by phi = 0, theta = 0, psi of compass"
+    np.testing.assert_array_equal(kept.columns["psi"], wrapped)
+    (alone,) = to_body([gps, compass], only("v") | {"u": "control"})
+    assert (alone.source, [channel.role for channel in alone.channels]) == ("gps", ["control", "measurement"])
+
+
+def test_holes_of_the_attitude_are_holes_of_the_velocity():
+    psi = np.where(np.arange(200) // 10 == 7, np.nan, 0.0)
+    compass = table("compass", psi=np.where((np.arange(200) > 60) & (np.arange(200) < 90), np.nan, psi))
+    gps = table("gps", start=-1.0, count=240, v_north=np.ones(240), v_east=np.zeros(240))
+    found = to_body([gps, compass], only("u"))[0].columns["u"]
+    known = np.isfinite(found)
+    time = np.arange(240) / 10.0 - 1.0
+    np.testing.assert_array_equal(known, (time > -1e-9) & (time < 19.9 + 1e-9) & ((time < 6.05) | (time > 8.95)))
+
+
+def test_what_is_missing_or_twice_is_said():
+    ones = np.ones(200)
+    gps = table("gps", v_north=ones, v_east=ones)
+    with refusal("gps, channels v_north, v_east", "no heading in any file", "map the heading too"):
+        to_body([gps], ALL)
+    with refusal("gps, channels v_north", "no v_east"):
+        to_body([table("gps", v_north=ones, psi=ones)], ALL)
+    with refusal("gps, channels v_north, v_east", "no v_down"):
+        to_body([gps, table("imu", theta=ones, psi=ones)], ALL)
+    with refusal("gps, channels u", "v_north, v_east", "one or the other"):
+        to_body([table("gps", v_north=ones, v_east=ones, u=ones, psi=ones)], ALL)
+    with refusal("log, channels q_w, q_x", "no q_y, q_z"):
+        from_axes({"q_w": ones, "q_x": ones}, "NED", "log")
+    halves = dict.fromkeys(QUATERNION, 0.5 * ones)
+    broken = table(**(halves | {"q_w": np.where(np.arange(200) == 30, 0.0, 0.5)}))
+    with refusal("log, channels q_w", "a length of 0.866 at 3 s; 1 such rows", "scalar part"):
+        to_body([broken], ALL)
+    with refusal("phi, theta, psi", "one or the other"):
+        to_body([table(**halves, phi=ones, theta=ones, psi=ones)], ALL)
+
+
+def test_rows_without_attitude_stay_holes():
+    parts = parts_of(rotations())
+    parts["q_x"] = np.where(np.arange(200) < 5, np.nan, parts["q_x"])
+    (found,) = to_body([table(**parts)], ALL)
+    assert np.isnan(found.columns["psi"]).sum() == 5
