@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from seatrial.campaign.first_answers import _smoothed, posterior_modes, regressi
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.trials import get_trials
 from seatrial.core.errors import InputError
+from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
 
 ACCELERATION = ("[limits.n]", '[sensors.udot]\nnoise = "0.01 m/s^2"\n[limits.n]')
@@ -34,6 +36,25 @@ def test_the_mode_and_its_spread(tmp_path):
     assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]
     assert "log evidence by Laplace" in answer.lines()[0]
     assert len(answer.lines()) == 1 + len(answer.rows)
+
+
+def test_the_mode_predicts_what_was_held_back(tmp_path):
+    campaign = load_campaign(write_small(tmp_path, *NO_X_U))
+    trials = get_trials(campaign)
+    (record,) = trials.fit
+    (answer,) = posterior_modes(campaign, replace(trials, predict=(replace(record, label="2"),)))
+    (fit,) = answer.held_back
+    values = {name: pairs[0][0] for name, _, pairs in answer.rows}
+    model = campaign.model(answer.structure)
+    start = jnp.array([record.channel("u")[0] if campaign.source.estimation.initial == "measured" else 1.54])
+    motion = np.asarray(simulate(model, values, jnp.asarray(record.control), jnp.asarray(record.step), start))[:, 0]
+    speed = record.channel("u")
+    there = np.isfinite(speed)
+    explained = 1 - np.sum((speed - motion)[there] ** 2) / np.sum((speed[there] - speed[there].mean()) ** 2)
+    assert (fit.record, fit.channel, fit.held_back) == ("2", "u", True)
+    assert fit.explained == pytest.approx(explained, abs=0.002)
+    assert answer.lines()[-1].startswith("  held-back run 2: u ")
+    assert f"{fit.explained:.1%} of the variance explained" in answer.lines()[-1]
 
 
 def test_a_regression_of_measured_accelerations_is_plain_and_refined(small):

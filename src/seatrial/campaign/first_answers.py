@@ -4,13 +4,16 @@ Both take about a second. The mode's standard deviations are those of a normal p
 simulation and no prior, and is drawn aside by noise in the speed: `seatrial.estimation.equation_error` says by how much.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import jax
 import numpy as np
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.nuisances import nuisances
+from seatrial.campaign.predict import N_DRAWS, Fit, predict_held_back
 from seatrial.campaign.problem import build_posterior, is_whole, random_key
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
@@ -24,7 +27,8 @@ from seatrial.estimation.equation_error import (
     measured_accelerations,
     smoothed_accelerations,
 )
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
@@ -54,6 +58,7 @@ class FirstAnswer:
         note: what belongs to all of them, in a few words.
         alarm: why there is no answer; empty if there is one.
         caution: what is wrong with it; empty if nothing is.
+        held_back: how it predicts what was not fitted, each channel of each record.
     """
 
     structure: Structure
@@ -62,6 +67,7 @@ class FirstAnswer:
     note: str = ""
     alarm: str = ""
     caution: str = ""
+    held_back: tuple[Fit, ...] = ()
 
     def lines(self) -> list[str]:
         """A table of the answer."""
@@ -72,7 +78,26 @@ class FirstAnswer:
         for name, unit, pairs in self.rows:
             numbers = " ".join(f"{value:>12.5g} ± {sd:<8.3g}" for value, sd in pairs)
             said.append(f"  {name:<16} {numbers} {unit}")
-        return said
+        return [*said, *map(_told, self.held_back)]
+
+
+def _told(fit: Fit) -> str:
+    """One held-back channel in one line."""
+    scores = fit.missing or f"{fit.explained:.1%} of the variance explained, {fit.coverage:.0%} inside the 90 % band"
+    return f"  held-back run {fit.record}: {fit.channel:<8} {scores}"
+
+
+@dataclass(frozen=True, eq=False)
+class _NormalPosterior:
+    """Draws of the normal approximation about a mode, bounded as the priors are."""
+
+    structure: Structure
+    names: tuple[str, ...]
+    values: np.ndarray
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """See `Drawn`."""
+        return self.values[:, [self.names.index(name) for name in (self.names if names is None else names)]]
 
 
 def posterior_modes(campaign: Campaign, trials: Trials, watch: Watch = SILENT) -> list[FirstAnswer]:
@@ -125,7 +150,14 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         else ""
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
-    return FirstAnswer(structure, rows, ("mode",), note, caution=caution)
+    held_back = predict_held_back(campaign, _drawn(campaign, structure, posterior, mode), trials)
+    return FirstAnswer(structure, rows, ("mode",), note, caution=caution, held_back=tuple(held_back))
+
+
+def _drawn(campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
+    key = random_key(campaign, f"about the mode {structure.terms}")
+    z = jax.random.multivariate_normal(key, mode.z, mode.cov, (N_DRAWS,), method="eigh")
+    return _NormalPosterior(structure, posterior.names, np.asarray(posterior.constrain(z)))
 
 
 def _regression(campaign: Campaign, structure: Structure, trials: Trials, window: float | None) -> FirstAnswer:

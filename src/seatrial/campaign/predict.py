@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -26,6 +26,7 @@ from seatrial.estimation.replicate import motions
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.estimation.validation import Score, score_channel
+from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
 ANY = "any"
@@ -60,6 +61,33 @@ class Fit(Score):
         return Verdict(self.level, self.about, self.reason)
 
 
+class Drawn(Protocol):
+    """Draws of the parameters of one structure, of a posterior or of what stands for it."""
+
+    @property
+    def structure(self) -> Structure:
+        """Which terms."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        ...
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """Draws of the named parameters, SI, shape (n, k)."""
+        ...
+
+
+def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> list[Fit]:
+    """Predict the records that were not fitted; nothing is stored."""
+    return [
+        fit
+        for record in trials.predict
+        for fit in _fits(campaign, drawn, record, True, _predict(campaign, drawn, record))
+    ]
+
+
 def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], xr.Dataset]:
     """Predict every record with draws from the posterior; returns the fits and the stored curves.
 
@@ -73,9 +101,9 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         pieces = [_predict(campaign, estimate, record) for record in records]
         columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0] if name != "noise"}
         fits = [
-            _fit(estimate, record.label, index >= len(trials.fit), channel, c, pieces[index])
-            for index, record in enumerate(records)
-            for c, channel in enumerate(campaign.channels)
+            fit
+            for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
+            for fit in _fits(campaign, estimate, record, index >= len(trials.fit), piece)
         ]
         lengths = [record.time.size for record in records]
         dataset = xr.Dataset(
@@ -119,12 +147,12 @@ def fit_complaints(fits: Sequence[Fit]) -> list[str]:
     return said
 
 
-def _predict(campaign: Campaign, estimate: Estimate, record: Record) -> dict[str, np.ndarray]:
+def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.ndarray]:
     """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
-    model = campaign.model(estimate.structure)
-    table = estimate.draws()
+    model = campaign.model(drawn.structure)
+    table = drawn.draws()
     table = table[:: max(1, table.shape[0] // N_DRAWS)][:N_DRAWS]
-    known = dict(zip(estimate.names, table.T, strict=True))
+    known = dict(zip(drawn.names, table.T, strict=True))
     # Under one label for all records, so that records of one length share compiled code.
     anonymous = replace(record, label=ANY)
     likelihood, data = build_likelihood(campaign, model, [anonymous])
@@ -171,16 +199,20 @@ def _outputs(likelihood: OutputError | FilterError):
     return of_draws
 
 
-def _fit(
-    estimate: Estimate, label: str, held_back: bool, channel: str, column: int, piece: dict[str, np.ndarray]
-) -> Fit:
-    tau = correlation_name(channel)
-    coloured = tau in estimate.names
-    score = score_channel(
-        piece["time"],
-        *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
-        noise_sd=float(piece["noise"][column]),
-        correlation_time=float(np.median(estimate.draws([tau]))) if coloured else None,
-    )
-    verdict = judge(score, channel, held_back, coloured)
-    return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())
+def _fits(
+    campaign: Campaign, drawn: Drawn, record: Record, held_back: bool, piece: Mapping[str, np.ndarray]
+) -> list[Fit]:
+    """Every channel of one record, scored and judged."""
+    found = []
+    for column, channel in enumerate(campaign.channels):
+        tau = correlation_name(channel)
+        coloured = tau in drawn.names
+        score = score_channel(
+            piece["time"],
+            *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
+            noise_sd=float(piece["noise"][column]),
+            correlation_time=float(np.median(drawn.draws([tau]))) if coloured else None,
+        )
+        verdict = judge(score, channel, held_back, coloured)
+        found.append(Fit(**vars(score), record=record.label, held_back=held_back, channel=channel, **verdict._asdict()))
+    return found
