@@ -6,6 +6,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
+from seatrial.apps.dashboard import drawings
 from seatrial.apps.dashboard.answers import Asked, Clicked, Limit, Margin, Recorded, Stage
 from seatrial.apps.dashboard.drawings import as_plot, as_recorded
 from seatrial.apps.dashboard.thinning import Drawn, envelopes
@@ -38,8 +39,8 @@ def steps(folder: str) -> tuple[Stage, ...]:
 
 
 def ready() -> bool:
-    """Nothing, but everything is imported and JAX has found its device then."""
-    return bool(jnp.zeros(1).sum() == 0)
+    """Nothing, but everything is imported, fonts are found and JAX has found its device then."""
+    return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
 
 
 def asked(folder: str) -> Asked:
