@@ -116,6 +116,16 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
             expected="one of them: a simulated vehicle or a real log",
             remedy="give [truth] with coefficients, or [import] with files",
         )
+    if source.imported is not None:
+        runs = (*source.imported.fit, *source.imported.predict)
+        for run in source.imported.trim:
+            if run not in runs:
+                raise InputError(
+                    campaign.where(f"import.trim.{run}"),
+                    found=f'run "{run}"',
+                    expected="one of " + ", ".join(runs),
+                    remedy=nearest(run, runs),
+                )
     for name in source.truth:
         if name not in names:
             raise InputError(

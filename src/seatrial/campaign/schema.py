@@ -256,11 +256,18 @@ class FileTable(Table):
     names: list[str] | None = Field(default=None, min_length=1)
 
 
+class TrimTable(Table):
+    """`[import.trim.RUN]`: where one run begins and ends, in place of what `[import]` says for all."""
+
+    start: Quantity | None = None
+    end: Quantity | None = None
+
+
 class ImportTable(Table):
     """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
 
-    Every run is trimmed to between `start` and `end`, and cut into pieces of about `split`, each a trial with a start of its own: for
-    long records, and for vehicles that run away where nobody steers.
+    Every run is trimmed to between `start` and `end`, counted from where its files overlap, and cut into pieces of about `split`, each
+    a trial with a start of its own: for long records, and for vehicles that run away where nobody steers.
     """
 
     fit: list[str] = Field(min_length=1)
@@ -268,6 +275,7 @@ class ImportTable(Table):
     step: Quantity | None = None
     start: Quantity | None = None
     end: Quantity | None = None
+    trim: dict[str, TrimTable] = {}
     split: Quantity | None = None
     files: list[FileTable] = Field(min_length=1)
 

@@ -1,7 +1,7 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,7 +91,7 @@ def read_untrimmed(campaign: Campaign, run: str) -> Record:
     Raises:
         InputError: files that cannot be used.
     """
-    return _aligned(campaign, run, _located(campaign, run), ("step",))
+    return _aligned(campaign, run, _located(campaign, run), {})
 
 
 def record_key(campaign: Campaign, run: str, hash_of: Callable[[Path], str] = hash_of_log) -> str:
@@ -108,23 +108,33 @@ def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
     key = _key(campaign, run, paths, hash_of_log)
     path = Store(campaign.folder).record(run)
     if not is_current(path, key):
-        _write(path, _aligned(campaign, run, paths, ("step", "start", "end")), key)
+        _write(path, _aligned(campaign, run, paths, _ends(campaign, run)), key)
     return read_record(path), key
 
 
-def _aligned(campaign: Campaign, run: str, paths: list[Path], kept: tuple[str, ...]) -> Record:
-    """Read the files of a run, and put them on one axis under those settings that are to be kept."""
+def _ends(campaign: Campaign, run: str) -> dict[str, float]:
+    """Where a run begins and ends, s, as far as anything is said of it."""
+    table = campaign.source.imported
+    assert table is not None
+    found = {}
+    for name in ("start", "end"):
+        own = getattr(table.trim.get(run), name, None)
+        text, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
+        if text is not None:
+            found[name] = campaign.si(text, "s", key)
+    return found
+
+
+def _aligned(campaign: Campaign, run: str, paths: list[Path], ends: Mapping[str, float]) -> Record:
+    """Read the files of a run, and put them on one axis between its ends."""
     table = campaign.source.imported
     assert table is not None
     sources = [
         _source(campaign, file, path, index) for index, (file, path) in enumerate(zip(table.files, paths, strict=True))
     ]
-    seconds = {
-        name: None if (text := getattr(table, name)) is None else campaign.si(text, "s", f"import.{name}")
-        for name in kept
-    }
+    step = None if table.step is None else campaign.si(table.step, "s", "import.step")
     tables = to_body([read_log(source) for source in sources], _roles(campaign))
-    return align(tables, **seconds, label=run)
+    return align(tables, step=step, **ends, label=run)
 
 
 def _located(campaign: Campaign, run: str) -> list[Path]:
@@ -143,7 +153,7 @@ def _located(campaign: Campaign, run: str) -> list[Path]:
 def _key(campaign: Campaign, run: str, paths: list[Path], hash_of: Callable[[Path], str]) -> str:
     table = campaign.source.imported
     assert table is not None
-    options = table.model_dump(include={"step", "start", "end", "files"})
+    options = table.model_dump(include={"step", "files"}) | _ends(campaign, run)
     curves = [
         campaign.folder / column.curve for file in table.files for column in file.channels.values() if column.curve
     ]

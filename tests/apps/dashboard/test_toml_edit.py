@@ -5,8 +5,9 @@ import tomllib
 
 import pytest
 
-from seatrial.apps.dashboard.edits import read_file, with_limit, with_map, with_trim, write_file
-from seatrial.apps.dashboard.toml_edit import comment_out, set_key
+from seatrial.apps.campaign_text import read_file, with_trim, write_file
+from seatrial.apps.dashboard.edits import with_limit, with_map
+from seatrial.apps.toml_edit import comment_out, set_key
 from seatrial.campaign.templates import init_campaign
 from seatrial.core.errors import InputError
 
@@ -86,13 +87,13 @@ def test_line_ends_of_windows_stay():
     ],
 )
 def test_what_it_does_not_understand_it_refuses(text):
-    with pytest.raises(InputError, match="cannot edit"):
+    with pytest.raises(InputError, match="cannot be edited"):
         set_key(text, "limits.n", "upper", "2 rpm")
 
 
 def test_text_inside_strings_is_not_taken_for_a_table():
     text = 'note = """\n[limits.n]\nupper = "1"\n"""\n\n[limits.n]\nupper = "2"\n'
-    with pytest.raises(InputError, match="cannot edit"):
+    with pytest.raises(InputError, match="cannot be edited"):
         set_key(text, "limits.n", "upper", "3")
 
 
@@ -118,9 +119,13 @@ def test_the_files_that_init_writes_can_be_edited(tmp_path, template):
     content = tomllib.loads(mapped)
     assert content["import"]["fit"] == ["run 1"]
     assert "truth" not in content
-    trimmed = tomllib.loads(with_trim(tmp_path, mapped, 1.5, None))
+    trimmed = tomllib.loads(with_trim(tmp_path, mapped, None, "1.5 s", None))
     assert trimmed["import"]["start"] == "1.5 s"
     assert "end" not in trimmed["import"]
+    own = tomllib.loads(with_trim(tmp_path, mapped, "25_05", "1.5 s", "9 s"))
+    assert own["import"]["trim"] == {"25_05": {"start": "1.5 s", "end": "9 s"}}
+    with pytest.raises(InputError, match="by hand"):
+        with_trim(tmp_path, mapped, "run 1", "1.5 s", None)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +162,7 @@ def test_a_file_changed_meanwhile_is_not_overwritten(tmp_path):
     (tmp_path / "campaign.toml").write_text(TEXT)
     seen = read_file(tmp_path)
     (tmp_path / "campaign.toml").write_text(TEXT + "# somebody else\n")
-    with pytest.raises(InputError, match="changed since"):
+    with pytest.raises(InputError, match="changed meanwhile"):
         write_file(tmp_path, "new", seen)
     write_file(tmp_path, "new", read_file(tmp_path))
     assert read_file(tmp_path) == "new"

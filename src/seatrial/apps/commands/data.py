@@ -1,6 +1,6 @@
 """The trial's records: simulated, or read from logs."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -18,15 +18,59 @@ def simulate(folder: Folder, quiet: Quiet = False) -> None:
     with_campaign(folder, quiet, work)
 
 
-def import_logs(folder: Folder, quiet: Quiet = False) -> None:
+def import_logs(
+    folder: Folder,
+    run: Annotated[
+        str | None, typer.Option(help="With --start or --end: only this run; all runs if not given.")
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help='Where to begin, such as "5 s", from where the files overlap; written to campaign.toml.',
+        ),
+    ] = None,
+    end: Annotated[str | None, typer.Option(metavar="TIME", help="Where to end, likewise.")] = None,
+    quiet: Quiet = False,
+) -> None:
     """Read real logs into records, by the campaign's channel map."""
 
     def work(campaign: Any, watch: Any) -> Exit:
         from seatrial.campaign.trials import import_trials
+        from seatrial.core.errors import InputError
 
+        if start is not None or end is not None:
+            return _trim(campaign, run, start, end, watch)
+        if run is not None:
+            raise InputError(
+                "--run", found=run, expected="--start or --end with it", remedy="give one, or leave it out"
+            )
         return _say_trials(import_trials(campaign, watch))
 
     with_campaign(folder, quiet, work)
+
+
+def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, watch: Any) -> Exit:
+    """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
+    from seatrial.apps.campaign_text import read_file, with_trim, write_file
+    from seatrial.campaign.load import check_text
+    from seatrial.campaign.trials import import_trials
+    from seatrial.core.errors import InputError
+    from seatrial.core.units import quantity
+
+    if campaign.source.imported is None:
+        raise InputError("--start, --end", found="a simulated vehicle", expected="[import]", remedy="leave them out")
+    given = [(option, text) for option, text in (("--start", start), ("--end", end)) if text is not None]
+    seconds = [quantity(text, "s", option) for option, text in given]
+    if len(seconds) == 2 and not seconds[0] < seconds[1]:
+        raise InputError(
+            "--start, --end", found=f"{start} to {end}", expected="a start before the end", remedy="change them round"
+        )
+    seen = read_file(campaign.folder)
+    text = with_trim(campaign.folder, seen, run, start, end)
+    trials = import_trials(check_text(campaign.folder, text), watch)
+    write_file(campaign.folder, text, seen)
+    return _say_trials(trials)
 
 
 def _say_trials(trials: Any) -> Exit:

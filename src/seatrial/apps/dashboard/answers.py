@@ -90,8 +90,6 @@ class Asked(NamedTuple):
     truth: tuple[tuple[str, float], ...]
     fit: tuple[str, ...]
     predict: tuple[str, ...]
-    start: str
-    end: str
 
 
 class Margin(NamedTuple):

@@ -10,10 +10,11 @@ from typing import Any
 from markupsafe import Markup, escape
 from nicegui import ui
 
+from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard.answers import Asked, Stage
 from seatrial.apps.dashboard.desk import Desk
 from seatrial.apps.dashboard.jobs import Job, Jobs
-from seatrial.apps.dashboard.places import CAMPAIGN, Places
+from seatrial.apps.dashboard.places import Places
 from seatrial.apps.dashboard.words import words_of
 from seatrial.campaign.store import Store
 from seatrial.core.errors import SeatrialError

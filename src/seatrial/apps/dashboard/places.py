@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.campaign.store import Store
 from seatrial.core.errors import InputError, nearest
 
-CAMPAIGN = "campaign.toml"
 DEEPEST = 3
 """Folders below the served one in which campaigns are looked for."""
 MOST = 500

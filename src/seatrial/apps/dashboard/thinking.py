@@ -65,8 +65,6 @@ def asked(folder: str) -> Asked:
         tuple(shown.items()) if source.truth else (),
         tuple(table.fit) if table else (),
         tuple(table.predict) if table else (),
-        str(table.start or "") if table else "",
-        str(table.end or "") if table else "",
     )
 
 

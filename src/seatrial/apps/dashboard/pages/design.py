@@ -7,12 +7,12 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
 from seatrial.apps.dashboard.answers import Asked, Clicked, Limit, Plot, Swept
-from seatrial.apps.dashboard.edits import read_file, with_limit, write_file
+from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.frame import button, figure, section, table
 from seatrial.apps.dashboard.house import House, fill, markup, say
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.apps.dashboard.places import CAMPAIGN
 from seatrial.campaign.store import Store
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short

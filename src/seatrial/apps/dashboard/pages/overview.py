@@ -8,10 +8,10 @@ from pathlib import Path
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard.answers import Stage
 from seatrial.apps.dashboard.frame import VIEWS, frame, link
 from seatrial.apps.dashboard.house import PATIENCE, House, fill, markup
-from seatrial.apps.dashboard.places import CAMPAIGN
 
 EVERY = 2.0
 """Seconds between looks at what is running."""

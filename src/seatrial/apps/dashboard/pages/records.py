@@ -9,8 +9,9 @@ from urllib.parse import urlencode
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.apps.campaign_text import read_file, with_trim, write_file
 from seatrial.apps.dashboard.answers import Asked, Recorded
-from seatrial.apps.dashboard.edits import read_file, with_map, with_trim, write_file
+from seatrial.apps.dashboard.edits import with_map
 from seatrial.apps.dashboard.frame import button, section, table
 from seatrial.apps.dashboard.house import House, fill, markup, say
 from seatrial.apps.dashboard.pages.work import begin, live_view
@@ -165,23 +166,18 @@ class Trimming:
             )
             self.end = ui.number("End [s]", value=round(record.end, 6), **limits).props("outlined hide-bottom-space")
             button("Check and save", lambda: self._save(record), main=True)
-        markup(
-            '<p class="note">Seconds from where the files of a run overlap, the same for all runs. Arrow keys move a handle.</p>'
-        )
+        markup('<p class="note">Seconds from where the files of this run overlap. Arrow keys move a handle.</p>')
 
     async def _save(self, record: Recorded) -> None:
         self.said.clear()
         with self.said:
             try:
                 start, end = float(self.start.value or 0.0), float(self.end.value or record.available)
-                seen = read_file(self.folder)
-                hair = 1e-9 * max(record.available, 1.0)
-                text = with_trim(
-                    self.folder, seen, start if start > hair else None, end if end < record.available - hair else None
-                )
-                await self.house.desk.think("check", str(self.folder), text)
                 if not start < end:
                     raise ValueError
+                seen = read_file(self.folder)
+                text = with_trim(self.folder, seen, self.run, f"{start:.6g} s", f"{end:.6g} s")
+                await self.house.desk.think("check", str(self.folder), text)
                 write_file(self.folder, text, seen)
             except ValueError:
                 say("The begin has to be before the end.")

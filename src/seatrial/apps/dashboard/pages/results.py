@@ -175,7 +175,7 @@ async def _truth(house: House, folder: Path) -> tuple[tuple[str, float], ...]:
     """True values of a simulated vehicle, as the campaign file has them."""
     import tomllib
 
-    from seatrial.apps.dashboard.edits import read_file
+    from seatrial.apps.campaign_text import read_file
 
     try:
         content = tomllib.loads(read_file(folder))

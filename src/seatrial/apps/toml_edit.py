@@ -42,7 +42,7 @@ def set_key(text: str, table: str, key: str, value: str | float | bool | None, w
             return candidate
     raise InputError(
         f"{where}, key {table}.{key}",
-        found="a key that is written in a way this page cannot edit",
+        found="a key that is written in a way that cannot be edited line by line",
         expected=f"a line `{key} = …` under [{table}]",
         remedy="edit the file in a text editor",
     )

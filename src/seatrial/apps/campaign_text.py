@@ -1,0 +1,73 @@
+"""The text of a campaign file: read, changed key by key, and written unless somebody else changed it meanwhile."""
+
+import re
+from pathlib import Path
+
+from seatrial.apps.toml_edit import set_key
+from seatrial.core.errors import InputError
+from seatrial.core.files import write_text
+
+CAMPAIGN = "campaign.toml"
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def read_file(folder: Path) -> str:
+    """Text of a campaign file.
+
+    Raises:
+        InputError: not UTF-8.
+    """
+    path = folder / CAMPAIGN
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise InputError(
+            str(path),
+            found="bytes that are not UTF-8",
+            expected="a TOML file in UTF-8",
+            remedy="save the file as UTF-8",
+        ) from cause
+
+
+def with_trim(folder: Path, text: str, run: str | None, start: str | None, end: str | None) -> str:
+    """Text of a campaign file with other ends of an imported run, or of all that have none of their own.
+
+    Args:
+        folder: of the campaign.
+        text: of the file.
+        run: label; None for all runs.
+        start: from the beginning of where its files overlap, such as "5 s"; None to leave it as it is.
+        end: likewise.
+
+    Raises:
+        InputError: a label that is no plain key, or a key that cannot be edited.
+    """
+    place = str(folder / CAMPAIGN)
+    if run is not None and not _BARE.fullmatch(run):
+        raise InputError(
+            f"{place}, key import.trim",
+            found=f"run {run!r}",
+            expected="a label of letters, digits, _ and -",
+            remedy=f'write [import.trim."{run}"] with start and end by hand',
+        )
+    for key, value in (("start", start), ("end", end)):
+        if value is not None:
+            text = set_key(text, "import" if run is None else f"import.trim.{run}", key, value, place)
+    return text
+
+
+def write_file(folder: Path, text: str, seen: str) -> None:
+    """Write a campaign file that was checked, unless somebody else changed it meanwhile.
+
+    Raises:
+        InputError: the file is no longer what the edit began from.
+        OSError: it cannot be written.
+    """
+    if read_file(folder) != seen:
+        raise InputError(
+            str(folder / CAMPAIGN),
+            found="a file that was changed meanwhile",
+            expected="the file as it was read",
+            remedy="look at it, and edit again",
+        )
+    write_text(folder / CAMPAIGN, text)

@@ -1,0 +1,79 @@
+"""`seatrial import` with other ends: written to the campaign file where they leave a record, and not where they do not."""
+
+import tomllib
+
+import pytest
+from typer.testing import CliRunner
+
+from seatrial.apps.cli import app
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.trials import import_trials
+from tests.campaign.small import write_small
+
+IMPORT = """
+[import]
+fit = ["1", "2"]
+end = "18 s"  # for all
+
+[[import.files]]
+path = "log_{run}.csv"
+time = { column = "t", unit = "s" }
+channels.n = { column = "rpm", unit = "rpm", offset = 10.0 }
+channels.u = { column = "north", unit = "m/s" }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    place = write_small(tmp_path / "small")
+    path = place / "campaign.toml"
+    text = path.read_text()
+    before, after = text.index("[truth]"), text.find("\n[", text.index("[truth]") + 1)
+    path.write_text(text[:before] + (text[after + 1 :] if after > 0 else "") + IMPORT)
+    for run in (1, 2):
+        rows = [f"{0.1 * i:.1f},{1200 + 200 * (i // 50 % 2)},{1.5 + 0.001 * i * run}" for i in range(200)]
+        (place / f"log_{run}.csv").write_text("t,rpm,north\n" + "\n".join(rows) + "\n")
+    return place
+
+
+def run(folder, *words):
+    return CliRunner().invoke(app, ["import", str(folder), "--quiet", *words])
+
+
+def test_ends_are_written_for_one_run_or_all(folder):
+    assert run(folder, "--run", "2", "--start", "2 s", "--end", "5000 ms").exit_code == 0
+    assert run(folder, "--start", "1 s").exit_code == 0
+    content = tomllib.loads((folder / "campaign.toml").read_text())["import"]
+    assert content["trim"] == {"2": {"start": "2 s", "end": "5000 ms"}}
+    assert (content["start"], content["end"]) == ("1 s", "18 s")
+    assert "# for all" in (folder / "campaign.toml").read_text()
+    first, second = import_trials(load_campaign(folder)).fit
+    assert [round(record.time[-1], 9) for record in (first, second)] == [17.0, 3.0]
+    assert first.channel("u")[0] == pytest.approx(1.51)
+    assert second.channel("u")[0] == pytest.approx(1.54)
+    assert first.channel("n")[0] * 60 / 6.283185307179586 == pytest.approx(1210.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--run", "3", "--start", "1 s"], ("import.trim.3", 'run "3"', "one of 1, 2")),
+        (["--run", "2", "--start", "30 s"], ("0 samples", "between 0 s and 19.9 s")),
+        (["--start", "5 s", "--end", "4 s"], ("5 s to 4 s", "a start before the end")),
+        (["--start", "5 m"], ("--start", 'a unit like "s"')),
+        (["--run", "2"], ("--run", "--start or --end with it")),
+        (["--run", "a b", "--start", "1 s"], ("run 'a b'", "by hand")),
+    ],
+)
+def test_what_leaves_no_record_changes_nothing(folder, words, told):
+    before = (folder / "campaign.toml").read_text()
+    result = run(folder, *words)
+    assert result.exception is not None
+    for part in told:
+        assert part in str(result.exception)
+    assert (folder / "campaign.toml").read_text() == before
+
+
+def test_a_simulated_campaign_has_no_ends(tmp_path):
+    result = run(write_small(tmp_path / "small"), "--start", "1 s")
+    assert "a simulated vehicle" in str(result.exception)
