@@ -230,7 +230,7 @@ def _record(label: str, random: np.random.Generator) -> Record:
         Channel("u", "m/s", "measurement"),
         Channel("udot", "m/s^2", "measurement"),
     )
-    provenance = Provenance(f"{EVIL}.csv", "0" * 64, {"note": EVIL})
+    provenance = Provenance(f"{EVIL}.csv", "0" * 64, {"note": EVIL, "start": 2.0, "end": 30.0, "available": 40.0})
     return make_record(time, {"tau_X": control, "u": u, "udot": 0.2 * np.cos(time)}, channels, provenance, label)
 
 

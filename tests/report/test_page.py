@@ -1,7 +1,9 @@
 """The page: complete in itself, safe whatever names it prints, well formed, and the same bytes for the same results."""
 
 import re
+from base64 import b64encode
 from dataclasses import replace
+from hashlib import sha256
 from html.parser import HTMLParser
 
 import numpy as np
@@ -71,11 +73,28 @@ def test_nothing_is_loaded_from_elsewhere(html, page):
     assert not re.search(r"https?://", html)
     assert not re.search(r"@import|url\((?!#)", html)
     tags = {tag for tag, _ in page.elements}
-    assert not tags & {"script", "iframe", "object", "embed", "img", "image", "form", "base"}
+    assert not tags & {"iframe", "object", "embed", "img", "image", "form", "base"}
     for tag, attributes in page.elements:
         assert not any(name.startswith("on") for name in attributes), tag
         for name in ("src", "href", "xlink:href", "action"):
             assert attributes.get(name, "#").startswith(("#", "data:,")), (tag, attributes)
+
+
+def test_the_only_script_is_the_one_that_the_page_names_by_its_hash(html, page):
+    scripts = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    assert len(scripts) == sum(tag == "script" for tag, _ in page.elements) == 1
+    digest = b64encode(sha256(scripts[0].encode()).digest()).decode()
+    assert f"default-src 'none'; script-src 'sha256-{digest}'; style-src" in html
+    assert "unsafe-inline" not in re.findall(r"script-src [^;]*;", html)[0]
+    assert "innerHTML" not in scripts[0]
+
+
+def test_imported_records_can_be_trimmed(html, page):
+    boxes = [attributes for _, attributes in page.elements if attributes.get("class") == "trimmed"]
+    assert [box["data-run"] for box in boxes] == [*FITTED, HELD]
+    assert {box["data-first"] for box in boxes} == {"2"}
+    handles = [attributes for tag, attributes in page.elements if tag == "input"]
+    assert [handle["value"] for handle in handles] == [box[end] for box in boxes for end in ("data-first", "data-last")]
 
 
 def test_names_from_files_are_text(html, page):

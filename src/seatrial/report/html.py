@@ -1,9 +1,12 @@
 """A page from its template: everything that is not markup made here is escaped, and the same content gives the same bytes."""
 
 import re
+from base64 import b64encode
+from hashlib import sha256
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from seatrial import __version__
 from seatrial.report.figures.style import PALETTE
@@ -12,8 +15,14 @@ _PERCENT = re.compile(r"(?<=\d) %")
 """A number and its percent sign stay on one line."""
 
 
-def render_html(template: str, **content: Any) -> str:
-    """Fill a template; the palette and the version are known to all."""
+def render_html(template: str, script: str = "", **content: Any) -> str:
+    """Fill a template; the palette and the version are known to all.
+
+    Args:
+        template: file name.
+        script: template of the only script that the page may run, which it names by its hash; none by default.
+        content: what the template prints.
+    """
     environment = Environment(
         loader=PackageLoader("seatrial.report"),
         autoescape=True,
@@ -22,5 +31,8 @@ def render_html(template: str, **content: Any) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    html = environment.get_template(template).render(palette=PALETTE, version=__version__, **content)
+    code = environment.get_template(script).render() if script else ""
+    allowed = f"script-src 'sha256-{b64encode(sha256(code.encode()).digest()).decode()}'; " if code else ""
+    about = {"palette": PALETTE, "version": __version__, "script": Markup(code), "allowed": Markup(allowed)}
+    html = environment.get_template(template).render(**about, **content)
     return _PERCENT.sub("\u202f%", html)

@@ -60,4 +60,5 @@ def render(outcome: Outcome) -> str:
     """Return the page. Everything that is not markup made here is escaped: names come from users' files."""
     with own_settings():
         sections = {name: section(outcome) for name, section in SECTIONS.items()}
-    return render_html("page.html", contents=CONTENTS, **sections)
+    script = "trimming.js" if sections["trial"].get("trimmed") else ""
+    return render_html("page.html", script, contents=CONTENTS, **sections)

@@ -31,6 +31,13 @@ def import_logs(
         ),
     ] = None,
     end: Annotated[str | None, typer.Option(metavar="TIME", help="Where to end, likewise.")] = None,
+    accelerations: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CHANNELS",
+            help="Measured channels, such as u,r, of which every record is smoothed; writes values and rates, each with its sd.",
+        ),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Read real logs into records, by the campaign's channel map."""
@@ -40,17 +47,17 @@ def import_logs(
         from seatrial.core.errors import InputError
 
         if start is not None or end is not None:
-            return _trim(campaign, run, start, end, watch)
+            return _say_trials(_trim(campaign, run, start, end, watch), campaign, accelerations)
         if run is not None:
             raise InputError(
                 "--run", found=run, expected="--start or --end with it", remedy="give one, or leave it out"
             )
-        return _say_trials(import_trials(campaign, watch))
+        return _say_trials(import_trials(campaign, watch), campaign, accelerations)
 
     with_campaign(folder, quiet, work)
 
 
-def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, watch: Any) -> Exit:
+def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, watch: Any) -> Any:
     """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
     from seatrial.apps.campaign_text import read_file, with_trim, write_file
     from seatrial.campaign.load import check_text
@@ -70,10 +77,10 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, wa
     text = with_trim(campaign.folder, seen, run, start, end)
     trials = import_trials(check_text(campaign.folder, text), watch)
     write_file(campaign.folder, text, seen)
-    return _say_trials(trials)
+    return trials
 
 
-def _say_trials(trials: Any) -> Exit:
+def _say_trials(trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
     from seatrial.campaign.record_checks import record_cautions
 
     for record in (*trials.fit, *trials.predict):
@@ -81,4 +88,23 @@ def _say_trials(trials: Any) -> Exit:
         typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
         for text in record_cautions(record):
             typer.echo(f"caution: {text}", err=True)
+    if accelerations is not None:
+        _smooth(campaign, trials, accelerations)
     return Exit.OK
+
+
+def _smooth(campaign: Any, trials: Any, channels: str) -> None:
+    """Smooth channels of every record, write them with their rates, and say what was found."""
+    from seatrial.campaign.accelerations import check_names, smooth_channels, write_accelerations
+    from seatrial.report.accelerations_picture import write_accelerations_picture
+
+    records = (*trials.fit, *trials.predict)
+    names = list(dict.fromkeys(name.strip() for name in channels.split(",")))
+    for record in records:
+        check_names(record, names, "--accelerations")
+    for record in records:
+        found = smooth_channels(campaign, record, names)
+        for channel in found:
+            typer.echo(f"record {record.label}, {channel.line}")
+        paths = (write_accelerations(campaign, record, found), write_accelerations_picture(campaign, record, found))
+        typer.echo(f"  written: {', '.join(map(str, paths))}")

@@ -36,7 +36,7 @@ from seatrial.report.figures.style import (
 )
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_mathtext
-from seatrial.report.svg import inline_svg
+from seatrial.report.svg import axes_box, inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -315,8 +315,5 @@ def _moved(curve: Envelope, factor: float, later: float) -> Envelope:
 
 def as_plot(figure: "Figure", name: str, title: str) -> Plot:
     """Draw a figure, and say where its axes are."""
-    place, last = figure.axes[0].get_position(), figure.axes[0]
-    bottom = min(axes.get_position().y0 for axes in figure.axes)
-    box = (place.x0, 1 - place.y1, place.x1, 1 - bottom)
-    (x0, x1), (y0, y1) = last.get_xlim(), last.get_ylim()
-    return Plot(str(inline_svg(figure, name, title)), box, (x0, x1), (y0, y1))
+    (x0, x1), (y0, y1) = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
+    return Plot(str(inline_svg(figure, name, title)), axes_box(figure), (x0, x1), (y0, y1))

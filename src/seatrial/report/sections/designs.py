@@ -20,6 +20,7 @@ from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, percent, rounded, short, times_ten, unit_html
 from seatrial.report.sections import known
+from seatrial.report.sections.trimming import trimmed_records
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
@@ -27,7 +28,7 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
     first = outcome.first
     content: dict[str, Any] = {"simulated": first is not None, "records": record_rows(outcome)}
     if first is None:
-        return content | {"figures": _coverage(outcome)}
+        return content | {"figures": _coverage(outcome), "trimmed": trimmed_records(outcome)}
     filtered = [str(name) for name in outcome.filter["coefficient"].values]
     full = outcome.estimates[0]
     before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
