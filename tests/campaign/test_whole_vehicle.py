@@ -9,6 +9,8 @@ from seatrial.campaign.relay_trial import design_relay_trial
 from seatrial.campaign.store import Store, write_stamped_json
 from seatrial.campaign.trials import get_trials
 from seatrial.core.errors import InputError
+from seatrial.core.record import Channel, Provenance, make_record
+from seatrial.core.signals import signal_unit
 
 PITCH = """
 [campaign]
@@ -186,3 +188,23 @@ def test_a_quaternion_is_no_unknown_start(tmp_path):
 
     with pytest.raises(InputError, match="attitude as a quaternion"):
         build_parameters(campaign, campaign.model(campaign.full), ())
+
+
+def test_a_heading_over_full_turns_needs_euler_angles(tmp_path):
+    from seatrial.campaign.problem import build_likelihood
+
+    changes = [
+        ('moves = ["w", "q"]', 'moves = ["v", "w", "p", "q", "r"]\nattitude = "quaternion"'),
+        ("[sensors.theta]", '[sensors.psi]\nnoise = "0.2 deg"\n\n[sensors.theta]'),
+        ('u = "1.54 m/s"', 'u = "1.54 m/s"\ndelta_r = "0 deg"'),
+    ]
+    campaign = pitch(tmp_path, *changes)
+    model, time = campaign.model(campaign.full), np.arange(60) / 10.0
+    columns = {name: np.zeros(60) for name in model.controls} | {"u": np.full(60, 1.54)}
+    channels = [Channel(name, signal_unit(name), "control") for name in columns]
+    for name in ("q", "theta", "psi"):
+        columns[name] = 0.7 * time if name == "psi" else 0.01 * np.sin(time)
+        channels.append(Channel(name, signal_unit(name), "measurement"))
+    record = make_record(time, columns, tuple(channels), Provenance("turns.csv", "0" * 64), "1")
+    with pytest.raises(InputError, match=r'(?s)channel "psi".*237 deg.*attitude = "euler"'):
+        build_likelihood(campaign, model, [record])

@@ -11,7 +11,7 @@ from seatrial.campaign.nuisances import deviations, nuisances, varying
 from seatrial.campaign.starts import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
-from seatrial.core.signals import QUATERNION, signal_unit
+from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.filter_error import FilterError, filter_error
 from seatrial.estimation.output_error import OutputError, initial_name, output_error
 from seatrial.estimation.posterior import Parameter, Posterior
@@ -86,11 +86,28 @@ def build_likelihood(
         "varying": varying(campaign, model),
         "starts_over_ground": table.initial != "trim",
     }
+    _check_turns(model, records)
     with located(str(campaign.path)):
         if table.likelihood == "filter-error":
             spread = [first_sd(campaign, state) for state in model.states]
             return filter_error(model, records, campaign.sensors, starts, spread, **options)
         return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
+
+
+def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
+    """Refuse measured angles beyond half a turn where the attitude is a quaternion, whose angles never are."""
+    if not set(QUATERNION) <= set(model.states):
+        return
+    for record in records:
+        for angle in (name for name in ANGLES if name in record.measured):
+            furthest = float(np.nanmax(np.abs(record.channel(angle))))
+            if furthest > np.pi:
+                raise InputError(
+                    f'record "{record.label}", channel "{angle}"',
+                    found=f"{np.degrees(furthest):.0f} deg",
+                    expected="angles within 180 deg, as a quaternion gives them",
+                    remedy='set vehicle.attitude = "euler", whose angles go on over full turns',
+                )
 
 
 def first_sd(campaign: Campaign, state: str) -> float:
