@@ -115,6 +115,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "step": ("time", "of the common clock; that of the fastest channel where not given"),
         "start": ("time", "trim the record before this"),
         "end": ("time", "trim the record after this"),
+        "trim": ("", "`[import.trim.RUN]`, for runs with ends of their own"),
+        "split": ("time", "length of the pieces that a long record is cut into"),
         "files": ("", "`[[import.files]]`, one or more"),
     },
     "FileTable": {
@@ -126,6 +128,13 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "delimiter": ("", "of text"),
         "encoding": ("", "of text"),
         "skip_rows": ("", "lines above the header of text"),
+        "header_rows": ("", "rows of the header of text, of which the first names the columns"),
+        "names": ("", "of all columns of text without a header"),
+        "axes": ("", "north, east, down with forward, right, down; or east, north, up with forward, left, up"),
+    },
+    "TrimTable": {
+        "start": ("time", "from where the files of the run overlap"),
+        "end": ("time", "likewise"),
     },
     "TimeTable": {
         "column": ("", "that holds time"),
@@ -135,6 +144,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "column": ("", "that holds the channel"),
         "unit": ("that of the channel", "in which it is written"),
         "scale": ("1", "factor, -1 to turn an axis round"),
+        "offset": ("that of the channel", "added after scaling"),
+        "curve": ("", "CSV of logged numbers and what they stand for"),
     },
     "FilterTable": {
         "process_noise": ("SI, or a quantity", "by state or coefficient: standard deviation gained in one second"),

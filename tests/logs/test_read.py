@@ -117,3 +117,20 @@ def test_whole_numbers_too_long_for_a_machine_word_are_read_as_floats(tmp_path):
     long = {"n": replace(PROPELLER, scale=1e-20)}
     table = read_log(source(written(tmp_path, text), channels=long))
     np.testing.assert_allclose(table.columns["n"], pi / 30)
+
+
+@pytest.mark.parametrize("decimals", [0, 1, 3, 6, 9, 12])
+@pytest.mark.parametrize("begin", ["0", "1669912345", "1669912345123456"])
+def test_decimal_stamps_are_exact_however_many_digits(tmp_path, begin, decimals):
+    steps = np.random.default_rng(decimals).integers(1, 10**decimals + 5, 60)
+    exact = [Decimal(begin) + Decimal(int(step)).scaleb(-decimals) for step in np.cumsum(steps)]
+    text = "t,rpm,speed\n" + "".join(f"{stamp:f},{k},{k}\n" for k, stamp in enumerate(exact))
+    table = read_log(source(written(tmp_path, text)))
+    assert table.epoch == exact[0]
+    assert table.time.tolist() == [float(stamp - exact[0]) for stamp in exact]
+
+
+def test_digits_beyond_those_of_a_float_are_kept(tmp_path):
+    exact = [Decimal("1669912345.1234567891"), Decimal("1669912345.2234567893"), Decimal("1669912345.3234567892")]
+    text = "t,rpm,speed\n" + "".join(f"{stamp},{k},{k}\n" for k, stamp in enumerate(exact))
+    assert read_log(source(written(tmp_path, text))).time.tolist() == [float(stamp - exact[0]) for stamp in exact]

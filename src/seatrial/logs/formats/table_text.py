@@ -11,7 +11,7 @@ from seatrial.logs.formats.clock_names import clock_unit, clocks_among
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, LogFormat, RawTable, TableInfo, Wanted
 from seatrial.logs.formats.text_cells import as_floats, bad_cell, numbers, parse
 from seatrial.logs.formats.text_rows import Rows, pieces
-from seatrial.logs.formats.text_stamps import LARGEST_STAMP, Stamps, decimal_stamps, joined_stamps
+from seatrial.logs.formats.text_stamps import LARGEST_STAMP, Stamps, decimal_stamps, joined_stamps, short_stamps
 
 TABLE = "rows"
 _ENOUGH = 10_000
@@ -87,6 +87,8 @@ def _stamps(cells: np.ndarray, rows: Rows, position: int, name: str) -> Stamps:
         raise bad_cell(rows, int(missing[0]), position, name, "a time stamp in every row")
     if cells.dtype == np.int64 and np.abs(values).max() < LARGEST_STAMP:
         return Stamps(cells, 0)
+    if (short := short_stamps(values)) is not None:
+        return short
     names = tuple(str(at) for at in range(rows.widths[0]))
     return decimal_stamps(parse(rows, names, [position], str)[position].tolist())
 

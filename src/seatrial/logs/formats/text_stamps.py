@@ -5,8 +5,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 LARGEST_STAMP = 2.0**62
+_FEW = 9
+"""Decimals up to which floats are tried: nanoseconds."""
+_ROUNDING = 2.0**-52
+_CLEAR = 1e-3
+"""Rounding of the largest stamp, in units of its last decimal, up to which its digits are beyond doubt."""
 _DECIMAL = re.compile(r"\s*([-+]?)(\d*)(?:\.(\d*))?\s*", re.ASCII)
 
 
@@ -15,6 +21,19 @@ class Stamps(NamedTuple):
 
     values: np.ndarray
     decimals: int
+
+
+def short_stamps(values: Float[np.ndarray, " n"]) -> Stamps | None:
+    """Stamps of so few digits that floats hold them, to a rounding of each; None where only the text can tell."""
+    largest = float(np.abs(values).max(initial=0.0))
+    for decimals in range(_FEW + 1):
+        if largest * 10.0**decimals * _ROUNDING > _CLEAR:
+            return None
+        scaled = values * 10.0**decimals
+        whole = np.rint(scaled)
+        if (np.abs(scaled - whole) <= 2.0 * _ROUNDING * np.abs(scaled)).all():
+            return Stamps(whole.astype(np.int64), decimals)
+    return None
 
 
 def decimal_stamps(texts: Sequence[str]) -> Stamps:
