@@ -13,6 +13,7 @@ from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.filter_error import FilterError, filter_error
+from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.output_error import OutputError, initial_name, output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal
@@ -43,7 +44,20 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     _check_widths(campaign, parameters)
     _check_trials(campaign, records)
     _check_enough(campaign, records, len(parameters))
-    return Posterior(parameters, *build_likelihood(campaign, model, records))
+    return Posterior(
+        parameters, *build_likelihood(campaign, model, records), _guess(campaign, model, records, parameters)
+    )
+
+
+def _guess(
+    campaign: Campaign, model: VehicleModel, records: Sequence[Record], parameters: Sequence[Parameter]
+) -> np.ndarray | None:
+    """Coefficients from the measured motion; in surge alone draws from the prior do as well."""
+    if campaign.vehicle.is_surge:
+        return None
+    priors = {parameter.name: parameter.prior for parameter in parameters}
+    found = first_guess(model, records, [initial_state(campaign, model, record) for record in records], priors)
+    return np.array([found.get(parameter.name, np.nan) for parameter in parameters])
 
 
 def is_whole(campaign: Campaign, structure: Structure) -> bool:

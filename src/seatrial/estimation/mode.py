@@ -45,7 +45,7 @@ class Mode(NamedTuple):
 
 
 def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: int = 3) -> Mode:
-    """Maximise the posterior density from the best of many prior draws.
+    """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
     Args:
         posterior: density to maximise.
@@ -58,18 +58,19 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
     candidates = np.asarray(posterior.sample_prior(key, starts))
-    densities = evaluate(posterior, candidates)
-    if not np.isfinite(densities).any():
+    drawn = _best(evaluate(posterior, candidates))[:tries]
+    followed = [*_guessed(posterior, candidates), *candidates[drawn]]
+    if not followed:
         raise NumericalError(
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
             f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     found: list[tuple[np.ndarray, float]] = []
     lost = None
-    for i in np.argsort(-densities)[:tries]:
-        if np.isfinite(densities[i]) and not any(_rises(posterior, candidates[i], z) for z, _ in found):
+    for start in followed:
+        if not any(_rises(posterior, start, z) for z, _ in found):
             try:
-                found.append(_climb(posterior, candidates[i]))
+                found.append(_climb(posterior, start))
             except NumericalError as error:
                 lost = error
     if lost is not None and not found:
@@ -91,6 +92,22 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
         np.abs(slope) * np.sqrt(np.diag(cov)),
         flat,
     )
+
+
+def _best(densities: np.ndarray) -> np.ndarray:
+    """Places of the finite densities, the largest first."""
+    order = np.argsort(-densities)
+    return order[np.isfinite(densities[order])]
+
+
+def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
+    """The best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
+    if posterior.guess is None or np.isnan(posterior.guess).all():
+        return candidates[:0]
+    known = ~np.isnan(posterior.guess)
+    z = np.asarray(posterior.unconstrain(jnp.where(known, posterior.guess, posterior.constrain(candidates[0]))))
+    moved = np.where(known, z, candidates)
+    return moved[_best(evaluate(posterior, moved))[:1]]
 
 
 def _rises(posterior: Posterior, start: np.ndarray, end: np.ndarray) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.trees import compiled_tree
@@ -35,11 +36,13 @@ class Posterior:
         parameters: the unknowns, in the order of the vector z.
         likelihood: `likelihood(values, data)`, values by name in SI; -inf where the model diverges, never NaN.
         data: arrays the likelihood needs.
+        guess: parameters near which there may be a mode, SI, NaN where nothing is guessed, shape (d,); None for no guess at all.
     """
 
     parameters: tuple[Parameter, ...]
     likelihood: LogLikelihood
     data: Any
+    guess: Float[np.ndarray, " d"] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

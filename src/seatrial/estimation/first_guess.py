@@ -1,0 +1,133 @@
+"""Coefficients by least squares on the measured motion: no estimate, but a place from which the posterior's mode is found.
+
+    x_i(t_b) - x_i(t_a) = integral over (t_a, t_b) of f_i(x, c; coefficients) dt
+
+for the measured velocities x_i over windows, the states between samples on straight lines. Forces are linear in all coefficients but
+added masses, so few Gauss-Newton steps end it; noise in the states draws it aside, which a place to start from may be.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.record import Record
+from seatrial.core.signals import ACTUAL, RATES
+from seatrial.estimation.priors import Prior
+from seatrial.vehicles.model import VehicleModel
+
+SAMPLES = 8
+"""Samples in a window."""
+STEPS = 4
+"""Gauss-Newton steps, each with every velocity weighed anew by what is left of it."""
+_INDEPENDENT = 0.1
+"""Rows that are worth one, as neighbours share their noise."""
+
+
+def first_guess(
+    model: VehicleModel, records: Sequence[Record], starts: Sequence[Sequence[float]], priors: Mapping[str, Prior]
+) -> dict[str, float]:
+    """Coefficients that explain the measured velocities of several trials, drawn to the means of their priors.
+
+    Args:
+        model: vehicle.
+        records: trials.
+        starts: a state of each, SI, whose value is taken for what is not measured.
+        priors: of every coefficient.
+
+    Returns:
+        each coefficient inside the support of its prior; none where no velocity is measured, or where the motion has no end.
+    """
+    names = tuple(str(term) for term in model.coefficients)
+    mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
+    trials = [_motion(model, record, start) for record, start in zip(records, starts, strict=True)]
+    rates = tuple(i for i, state in enumerate(model.states) if state in RATES and _measured_by_all(state, records))
+    if not rates or not names:
+        return {}
+    values = mean
+    for _ in range(STEPS):
+        parts = [_rows(model, rates, trial, values) for trial in trials]
+        target, design = (np.concatenate(column, axis=0) for column in zip(*parts, strict=True))
+        known = np.isfinite(target).all(1) & np.isfinite(design).all((1, 2))
+        target, design = target[known], design[known]
+        if len(target) * len(rates) < len(names):
+            return {}
+        left = np.sqrt(np.mean((target - design @ values) ** 2, axis=0)) + 1e-12
+        weight = np.sqrt(_INDEPENDENT) / left
+        a = np.concatenate([(design * weight[:, None]).reshape(-1, len(names)) * sd, np.eye(len(names))])
+        b = np.concatenate([((target - design @ mean) * weight).ravel(), np.zeros(len(names))])
+        values = mean + sd * np.linalg.lstsq(a, b, rcond=None)[0]
+    if not np.isfinite(values).all():
+        return {}
+    return {name: _inside(float(value), priors[name]) for name, value in zip(names, values, strict=True)}
+
+
+def _measured_by_all(state: str, records: Sequence[Record]) -> bool:
+    return all(state in record.measured for record in records)
+
+
+def _inside(value: float, prior: Prior) -> float:
+    """A value a hair inside the support."""
+    lower, upper = prior.bounds
+    hair = 1e-3 * min(float(prior.sd), upper - lower)
+    return min(max(value, lower + hair), upper - hair)
+
+
+class _Motion(NamedTuple):
+    """Time, shape (n,), states and controls of one trial at every sample; states by straight lines between measured ones."""
+
+    time: Float[np.ndarray, " n"]
+    state: Float[np.ndarray, "n s"]
+    control: Float[np.ndarray, "n c"]
+
+
+def _motion(model: VehicleModel, record: Record, start: Sequence[float]) -> _Motion:
+    columns = []
+    for name, value in zip(model.states, start, strict=True):
+        if name in record.measured:
+            there = np.isfinite(record.channel(name))
+            columns.append(np.interp(record.time, record.time[there], record.channel(name)[there]))
+        elif name.removesuffix(ACTUAL) in record.controls:
+            columns.append(record.channel(name.removesuffix(ACTUAL)))
+        else:
+            columns.append(np.full(record.time.size, value))
+    control = np.column_stack([record.channel(name) for name in model.controls])
+    return _Motion(record.time, np.column_stack(columns), control)
+
+
+def _rows(
+    model: VehicleModel, rates: tuple[int, ...], motion: _Motion, values: np.ndarray
+) -> tuple[Float[np.ndarray, "w r"], Float[np.ndarray, "w r k"]]:
+    """Change of each velocity over each window less what no coefficient makes, and its derivatives, at some coefficients."""
+    rate, slope = map(
+        np.asarray,
+        _linearised(model, rates)(jnp.asarray(values), jnp.asarray(motion.state), jnp.asarray(motion.control)),
+    )
+    step = np.diff(motion.time)
+    begins = np.arange(0, step.size, SAMPLES)
+    made = np.add.reduceat(step[:, None] * rate, begins)
+    design = np.add.reduceat(step[:, None, None] * slope, begins)
+    change = np.diff(motion.state[np.append(begins, step.size)][:, list(rates)], axis=0)
+    return change - made + design @ values, design
+
+
+@lru_cache(maxsize=16)
+def _linearised(model: VehicleModel, rates: tuple[int, ...]):
+    names = [str(term) for term in model.coefficients]
+
+    def rate(values: Array, state: Array, control: Array) -> Array:
+        known = dict(zip(names, values, strict=True))
+        found = model.derivative(known, tuple(state), tuple(control))
+        return jnp.stack([jnp.asarray(found[i]) for i in rates])
+
+    @jax.jit
+    def along(values: Array, state: Array, control: Array) -> tuple[Array, Array]:
+        middle = 0.5 * (state[1:] + state[:-1])  # the control holds over the step
+        each = jax.vmap(rate, (None, 0, 0))(values, middle, control[:-1])
+        return each, jax.vmap(jax.jacfwd(rate), (None, 0, 0))(values, middle, control[:-1])
+
+    return along
