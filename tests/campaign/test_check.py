@@ -1,4 +1,4 @@
-"""The command that judges records before anything is fitted to them."""
+"""The command that judges records before anything is fitted to them; what it expects is made by Euler steps here."""
 
 import csv
 
@@ -7,6 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
+from seatrial.campaign.check import check_records
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.own_rows import values_by_rows
+from seatrial.campaign.trials import get_trials
 
 CAMPAIGN = """
 [campaign]
@@ -56,16 +60,30 @@ initial = "measured"
 """
 
 
-def write(folder, scale):
-    """A vehicle of the prior means, by Euler steps, under a slow doublet."""
-    folder.mkdir()
-    (folder / "campaign.toml").write_text(CAMPAIGN.replace("SCALE", scale))
-    random, u, rows = np.random.default_rng(3), 0.0, []
-    for k in range(400):
-        force = 10.0 if k < 150 else -10.0 if k < 300 else 0.0
-        rows.append((0.1 * k, force, u + 0.02 * random.normal()))
+MUTE = CAMPAIGN.replace("mean = 1.0\nsd = 0.2", "mean = 0.0\nsd = 3.0").replace(
+    "mean = -6.0\nsd = 3.0", "mean = 0.0\nsd = 20.0"
+)
+"""Priors that do not say which way a force drives: at their means nothing moves."""
+FORCE = np.where(np.arange(400) < 150, 10.0, np.where(np.arange(400) < 300, -10.0, 0.0))
+NOISE = 0.02
+
+
+def speed(gain=1.0, drag=-6.0, constant=0.0):
+    """Speed of a 30 kg vehicle by Euler steps, under a slow doublet."""
+    u, found = 0.0, []
+    for force in FORCE:
+        found.append(u)
         for _ in range(10):
-            u += 0.01 * (force - 6.0 * u * abs(u)) / 30.0
+            u += 0.01 * (gain * force + drag * u * abs(u) + constant) / 30.0
+    return np.array(found)
+
+
+def write(folder, scale, text=CAMPAIGN):
+    """A vehicle of the prior means of `CAMPAIGN`, with noise."""
+    folder.mkdir()
+    (folder / "campaign.toml").write_text(text.replace("SCALE", scale))
+    shown = speed() + NOISE * np.random.default_rng(3).normal(size=FORCE.size)
+    rows = zip(0.1 * np.arange(FORCE.size), FORCE, shown, strict=True)
     with (folder / "one.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("t", "force", "speed"), *rows])
 
@@ -80,3 +98,57 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     assert result.exit_code == code, result.output
     assert told in result.output
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
+
+
+def test_a_reversed_sign_is_seen_under_a_prior_that_knows_but_the_sign(tmp_path):
+    known = CAMPAIGN.replace(
+        'distribution = "normal"\nmean = 1.0\nsd = 0.2', 'distribution = "half-normal"\nscale = 2.0\nlower = 0.0'
+    )
+    assert known != CAMPAIGN
+    for name, scale, code in (("right", "1.0", 0), ("turned", "-1.0", 3)):
+        write(tmp_path / name, scale, known)
+        assert CliRunner().invoke(app, ["check", str(tmp_path / name), "--quiet"]).exit_code == code
+
+
+@pytest.mark.parametrize("scale", ["1.0", "-1.0"])
+def test_priors_that_say_neither_way_cast_no_doubt_on_a_record(tmp_path, scale):
+    write(tmp_path / "a", scale, MUTE)
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    assert "record one: pass" in result.output
+    assert "note    u          direction: not judged" in result.output
+    assert "caution" not in result.output
+
+
+def test_what_a_record_can_tell_under_priors_that_say_neither_way(tmp_path):
+    sd = {"X_tau_X": 3.0, "X_uabsu": 20.0, "X_0": 0.01}
+    text = (
+        MUTE.replace('"X_uabsu"]', '"X_uabsu", "X_0"]')
+        + '[prior.X_0]\ndistribution = "normal"\nmean = 0.0\nsd = 0.01\n'
+    )
+    write(tmp_path / "a", "1.0", text)
+    campaign = load_campaign(tmp_path / "a")
+    trials = get_trials(campaign)
+    (judged,) = check_records(campaign, trials)
+    found = {finding.signal: finding for finding in judged.findings if finding.check.startswith("excitation")}
+
+    truth, step = np.array([1.0, -6.0, 0.0]), 1e-4 * np.eye(3)
+    slopes = np.array([(speed(*(truth + one)) - speed(*(truth - one))) / 2e-4 / NOISE for one in step])
+    before = np.array([sd[name] for name in found])
+    left = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T + np.diag(before**-2)))) / before
+    assert [finding.level for finding in found.values()] == ["pass", "pass", "caution"]
+    for finding, share in zip(found.values(), left, strict=True):
+        assert finding.check == "excitation (at a fit of the record's own rows)"
+        assert float(finding.value.split("%")[0]) == pytest.approx(100 * share, abs=0.6)
+
+    model = campaign.model(campaign.full)
+    priors = [campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients]
+    assert values_by_rows(campaign, trials.fit[0], list(found), priors)[:2] == pytest.approx(truth[:2], rel=0.03)
+
+
+def test_excitation_of_a_whole_vehicle_under_priors_that_say_neither_way(tmp_path):
+    write(tmp_path / "a", "1.0", MUTE.replace('mass = "30 kg"', 'mass = "30 kg"\nmoves = ["u"]'))
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    assert "note    all        excitation: not judged" in result.output
+    assert "record one: pass" in result.output

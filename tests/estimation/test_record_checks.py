@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.record_checks import best_lag, check_excitation, check_motion, check_samples
+from seatrial.estimation.record_checks import best_lag, check_excitation, check_motion, check_samples, says_direction
 
 STEP = 0.1
 TIME = np.arange(600) * STEP
@@ -62,6 +62,46 @@ def test_spikes_are_told_and_steep_quiet_signals_are_not():
     (finding,) = check_samples("u", spiky, 0.02)
     assert finding.level == "caution"
     assert 'residuals = "heavy"' in finding.remedy
+
+
+@pytest.mark.parametrize("together", [1, 2, 3])
+@pytest.mark.parametrize(("share", "most"), [(0.004, 1.0), (0.15, 2.0)], ids=["few", "many, some next to one another"])
+def test_spikes_alone_and_together_are_counted(together, share, most):
+    rng = np.random.default_rng(4)
+    time = np.arange(4000) * STEP
+    clean = np.sin(0.5 * time) + 0.02 * rng.normal(size=time.size)
+    first = rng.random(time.size) < share / together
+    spiked = np.any([np.roll(first, steps) for steps in range(together)], axis=0)
+    (finding,) = check_samples("u", clean + 2.0 * spiked, 0.02)
+    assert finding.level == "caution"
+    assert 0.75 * spiked.mean() < float(finding.value.split("%")[0]) / 100 < (most + 0.05) * spiked.mean()
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        np.where(TIME < 40, 0.0, np.sin(0.8 * (TIME - 40))),
+        np.abs(TIME % 12 - 6),
+        np.where(TIME % 20 < 10, 0.0, 1.0),
+        np.cumsum(np.where(TIME % 14 < 7, 0.1, -0.1) * np.exp(-(TIME % 7))),
+    ],
+    ids=["a turn after quiet", "kinks", "steps", "rates that jump and fade"],
+)
+def test_motion_that_turns_is_no_outlier(motion):
+    quiet = 1e-4 * np.random.default_rng(5).normal(size=TIME.size)
+    assert check_samples("r", motion + quiet, 1e-4)[0].value == "0.00% of the samples"
+
+
+def test_whether_priors_say_a_direction():
+    gains = np.random.default_rng(6).normal(size=32)
+    still, lost = np.zeros((32, TIME.size)), np.full((4, TIME.size), np.nan)
+    one_way = np.abs(gains)[:, None] * EXPECTED
+    assert says_direction(EXPECTED, one_way, 0.01)
+    assert says_direction(EXPECTED, np.vstack([one_way[:-4], lost]), 0.01)
+    assert not says_direction(EXPECTED, np.vstack([one_way[:4], *[lost] * 4]), 0.01)
+    assert not says_direction(EXPECTED, gains[:, None] * EXPECTED, 0.01)
+    assert not says_direction(0.0 * EXPECTED, one_way, 0.01)
+    assert says_direction(0.0 * EXPECTED, still, 0.01)
 
 
 def test_coefficients_that_a_record_cannot_tell():

@@ -2,16 +2,32 @@
 
 from dataclasses import dataclass
 
+import jax
 import numpy as np
+from jaxtyping import Array
 
 from seatrial.campaign.belief import coefficient_priors
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.problem import initial_state
+from seatrial.campaign.own_rows import values_by_rows
+from seatrial.campaign.problem import initial_state, random_key
 from seatrial.campaign.record_checks import record_cautions
 from seatrial.campaign.trials import Trials
+from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.design.plan import TrialPlan
-from seatrial.estimation.record_checks import Finding, check_excitation, check_motion, check_samples
+from seatrial.design.prior_belief import draw_values
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.record_checks import (
+    Finding,
+    check_excitation,
+    check_motion,
+    check_samples,
+    not_judged,
+    says_direction,
+)
+
+DRAWS = 32
+"""Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +64,7 @@ class RecordJudgement:
 
 
 def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
-    """Judge every record, fitted and held back; the vehicle at the prior means says what is expected."""
+    """Judge every record, fitted and held back; vehicles of the priors say what is expected, as far as they agree."""
     return [_judge(campaign, record) for record in (*trials.fit, *trials.predict)]
 
 
@@ -62,7 +78,8 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     weight = np.column_stack([np.isfinite(column) / campaign.noise(name) for name, column in measured.items()])
     plan = TrialPlan(model, campaign.channels, np.array(initial_state(campaign, model, record)), step, weight)
     alone = TrialPlan(model, campaign.channels, plan.start, step, np.ones_like(weight))
-    expected = np.asarray(alone.outputs(mean, control))
+    tried = np.vstack([mean, draw_values(priors, random_key(campaign, "vehicles of the priors"), DRAWS)])
+    expected, *drawn = np.asarray(_shown(alone, tried, control))
     findings = [
         finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise(name))
     ]
@@ -72,11 +89,48 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             Finding("motion", "direction", "caution", "the vehicle at the prior means runs away", "finite", remedy)
         )
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
-    usual = float(np.median(step[:-1]))
+    usual, unsaid = float(np.median(step[:-1])), []
     for index, (name, column) in enumerate(measured.items()):
-        findings += check_motion(name, usual, column, expected[:, index])
-    before = np.array([float(prior.sd) for prior in priors])
-    information = np.asarray(plan.information(mean, control))
-    after = np.sqrt(np.diag(np.linalg.inv(information + np.diag(before**-2.0))))
-    findings += check_excitation(plan.names, before, after)
+        ways = np.array([one[:, index] for one in drawn])
+        if says_direction(expected[:, index], ways, campaign.noise(name)):
+            findings += check_motion(name, usual, column, expected[:, index])
+        else:
+            unsaid.append(name)
+    if unsaid:
+        findings += [not_judged(unsaid), *_excitation_by_rows(campaign, record, plan, priors, control)]
+    else:
+        findings += _excitation(plan, priors, mean, control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+
+
+def _excitation(
+    plan: TrialPlan, priors: tuple[Prior, ...], values: np.ndarray, control: np.ndarray, about: str = ""
+) -> list[Finding]:
+    """What the record can tell, linearised at some values of the coefficients."""
+    before = np.array([float(prior.sd) for prior in priors])
+    information = np.asarray(plan.information(values, control))
+    after = np.sqrt(np.diag(np.linalg.inv(information + np.diag(before**-2.0))))
+    return check_excitation(plan.names, before, after, about)
+
+
+def _excitation_by_rows(
+    campaign: Campaign, record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
+) -> list[Finding]:
+    """The same where the vehicle at the prior means does not move as this one did: at a fit of the record's own rows."""
+    try:
+        values = values_by_rows(campaign, record, plan.names, priors)
+    except InputError as error:
+        reason = error.found
+    else:
+        if np.isfinite(np.asarray(plan.motion(values, control))).all():
+            return _excitation(plan, priors, values, control, "at a fit of the record's own rows")
+        reason = "the vehicle as fitted to the record's own rows runs away"
+    value = "not judged; the vehicle at the prior means does not move as this one did"
+    remedy = "priors of known sign would say"
+    return [Finding("all", "excitation", "note", value, f"and no fit of the record's own rows: {reason}", remedy)]
+
+
+@jax.jit
+def _shown(plan: TrialPlan, values: Array, control: Array) -> Array:
+    """What the sensors would show of several vehicles, shape (d, n, m)."""
+    return jax.vmap(lambda one: plan.outputs(one, control))(values)

@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-Level = Literal["pass", "caution", "fail"]
+Level = Literal["pass", "note", "caution", "fail"]
+"""A note says what was not judged, and why; it casts no doubt on the record."""
 OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
 SIZE = 3.0
@@ -26,9 +27,18 @@ CONFUSED = {
 }
 """Factors of unit errors."""
 SPIKE = 8.0
-"""Robust standard deviations from a running median beyond which a sample stands out."""
+"""Robust standard deviations beyond its neighbours from which a sample stands out."""
 SPIKES = 0.002
 """Share of samples that stand out from which it is told."""
+TOGETHER = 3
+"""Neighbouring samples that may be one spike."""
+AROUND = 25
+"""Samples on either side that tell how much a signal scatters where it is."""
+QUARTILE = 0.3186
+"""A quarter of a standard normal variable's sizes are below."""
+AGREED, LEFT = 0.75, 0.25
+"""Share of the vehicles drawn from the priors that must go one way for the priors to say which, of those that do not run away, and
+share that must be left of them."""
 LATE, LONGEST = 0.1, 2.0
 """Seconds from which a shift in time is told, and up to which one is sought."""
 TOLD = 0.9
@@ -42,7 +52,7 @@ class Finding:
     Attributes:
         signal: channel it is about.
         check: what was looked at.
-        level: pass, caution or fail.
+        level: pass, note, caution or fail.
         value: what was found, with its unit.
         threshold: from where it counts.
         remedy: what to do; empty for a pass.
@@ -96,6 +106,31 @@ def check_motion(
     return [*found, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
 
 
+def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:
+    """Whether the priors say which way a channel goes: vehicles drawn from them nearly all go the way of the one at their means.
+
+    Those that run away say nothing. Where none moves by more than the noise, the priors say that the channel stays still.
+
+    Args:
+        expected: of the vehicle at the prior means, SI, shape (n,).
+        drawn: of d vehicles drawn from the priors, SI, not finite where they run away, shape (d, n).
+        noise: standard deviation of the sensor, SI.
+    """
+    lost = ~np.isfinite(drawn).all(1)
+    if not lost.any() and np.ptp(drawn, axis=1).max() <= noise:
+        return True
+    if lost.mean() > 1 - LEFT:
+        return False
+    return float(np.mean([_correlation(one, expected) > 0 for one in drawn[~lost]])) >= AGREED
+
+
+def not_judged(names: Sequence[str]) -> Finding:
+    """The note about channels of which the priors do not say which way they go."""
+    value = "not judged, nor size and delay; vehicles drawn from the priors go either way or run away"
+    remedy = "priors of known sign, such as half-normal ones, would say"
+    return Finding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
+
+
 def _delay(name: str, late: float, shifted: float, direct: float) -> list[Finding]:
     """A shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
     limit = f"under {LATE:g} s, where a shift explains most of the rest"
@@ -109,7 +144,7 @@ def _delay(name: str, late: float, shifted: float, direct: float) -> list[Findin
 
 
 def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[Finding]:
-    """Samples that stand out from their neighbours.
+    """Samples that stand out from both of their sides, alone or up to three together.
 
     Args:
         name: channel.
@@ -119,10 +154,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
     x = values[np.isfinite(values)]
     if x.size < 25:
         return []
-    near = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(x, 3, mode="edge"), 7), axis=1)
-    away = x - near
-    scale = max(1.4826 * float(np.median(np.abs(away))), noise)
-    share = float((np.abs(away) > SPIKE * scale).mean())
+    share = float((_standing_out(x) > SPIKE * np.maximum(_scatter(x), noise)).mean())
     limit = f"under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
         return [Finding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
@@ -130,21 +162,51 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
     return [Finding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
 
 
+def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """How far each sample lies beyond both sides, and beyond where the straight lines of both sides lead.
+
+    A slope or a step leads away on one side only, and a turn no further than its neighbours bend. For each way to count up to two
+    neighbours to the same spike, the sides are the two samples before it and the two after.
+    """
+    reach = TOGETHER + 1
+    padded, here, found = np.pad(x, reach, mode="edge"), np.arange(x.size) + reach, np.zeros(x.size)
+    for before, after in ((i, j) for i in range(1, reach) for j in range(1, reach + 1 - i)):
+        sides = [(padded[here - before], padded[here - before - 1], before)]
+        sides += [(padded[here + after], padded[here + after + 1], after)]
+        beyond = np.stack([x - led for near, far, steps in sides for led in (near, near + steps * (near - far))])
+        found = np.maximum(found, np.maximum(beyond.min(0), -beyond.max(0)))
+    return found
+
+
+def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Standard deviation of white noise that bends as the samples around each do: by a quartile, which spikes leave alone."""
+    bend = np.abs(np.diff(x, 2)) / np.sqrt(6.0)
+    around = min(AROUND, bend.size // 2)
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(bend, around + 1, mode="reflect"), 2 * around + 1)
+    return np.quantile(near, 0.25, axis=1)[: x.size] / QUARTILE
+
+
 def check_excitation(
-    names: Sequence[str], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"]
+    names: Sequence[str], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"], about: str = ""
 ) -> list[Finding]:
-    """What the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left."""
+    """What the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
+
+    Args:
+        names: coefficients.
+        before: standard deviations of the priors, SI.
+        after: of what would be left, SI.
+        about: where that was linearised, in words; empty for the prior means.
+    """
     found = []
+    check = f"excitation ({about})" if about else "excitation"
     for name, prior, left in zip(names, before, after, strict=True):
         share = float(left / prior)
-        limit = "below 70 % it is excited"
+        value, limit = f"{share:.0%} of the prior's sd would be left", "below 70 % it is excited"
         if share < 0.7:
-            found.append(Finding(name, "excitation", "pass", f"{share:.0%} of the prior's sd would be left", limit))
+            found.append(Finding(name, check, "pass", value, limit))
         else:
             remedy = "this record cannot tell it: move what it depends on further, fix it, or design a trial (`seatrial design`)"
-            found.append(
-                Finding(name, "excitation", "caution", f"{share:.0%} of the prior's sd would be left", limit, remedy)
-            )
+            found.append(Finding(name, check, "caution", value, limit, remedy))
     return found
 
 

@@ -21,7 +21,7 @@ class Curve(NamedTuple):
     measured: np.ndarray | None = None
 
 
-def smoothed_record(time: np.ndarray, curves: Sequence[Curve], most: int = 3000) -> "Figure":
+def smoothed_record(time: np.ndarray, curves: Sequence[Curve], most: int = 1500) -> "Figure":
     """Draw a panel for each curve.
 
     Args:
@@ -29,7 +29,7 @@ def smoothed_record(time: np.ndarray, curves: Sequence[Curve], most: int = 3000)
         curves: each of shape (n,).
         most: samples worth drawing in a panel.
     """
-    figure, axes = new_figure(WIDE, [110.0] * len(curves))
+    figure, axes = new_figure(WIDE, [110.0] * len(curves), left=60)
     keep = thin(time.size, most)
     for panel, curve in zip(axes, curves, strict=True):
         at, mean, half = time[keep], curve.mean[keep], Z90 * curve.sd[keep]

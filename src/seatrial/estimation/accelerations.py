@@ -1,0 +1,254 @@
+r"""A measured signal and its rate of change by smoothing, each with a standard deviation.
+
+The rate of the signal x wanders as a Wiener process, and the sensor's noise is white:
+
+    dx = v dt,   dv = sigma sqrt(q) dW,   y_i = x(t_i) + sigma e_i
+
+with nothing known of x and v at the start. The posterior mean of x is the cubic smoothing spline of smoothness 1/q (Wahba,
+J. R. Stat. Soc. B 40, 1978). The rate is continuous but may turn at once, as an acceleration does when a force is switched; one
+order more would make the rate itself smooth, and ring about every switched force.
+
+Sigma follows in closed form for each q, and q has the largest likelihood of innovations (Harvey, Forecasting, Structural Time
+Series Models and the Kalman Filter, 1989, section 4.2). For samples h apart the smoother passes slow motion, and loses that beyond
+the angular frequency 1/tau, tau = (h/q)^(1/4): its gain is 1/(1 + (omega tau)^4). Both are taken as known in the standard
+deviations that are stated.
+
+A filter of inverse covariances runs from either end, so that knowing nothing is a matrix of zeros, and samples may be anywhere.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import minimize_scalar
+
+from seatrial.core.errors import InputError
+
+FEWEST = 12
+"""Measured samples from which noise and smoothness can be told apart at all."""
+SHORTEST = 0.2
+"""Least tau, in usual steps, at which the smoother leaves every sample as it is."""
+TRIED = 24
+"""Values of tau tried before the best is refined."""
+LAGS = 20
+"""Lags of the innovations that are looked at, at most."""
+CHANCE = 4.0
+"""Standard deviations of an estimate by chance that are let pass."""
+RELEVANT = 0.1
+"""A correlation of innovations below this does no harm, however significant."""
+HEAVY = 6.0
+"""Kurtosis of the innovations, 3 for normal ones, from which outliers are told."""
+HIDDEN = "the noise cannot be told from the motion, which changes from sample to sample: give the sensor's noise"
+STILL = "nothing moves but along a straight line, as far as the noise shows"
+BLOCK = 512
+"""Samples are filled up to a multiple of this, so that records of like length share compiled code."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """A signal and its rate at n instants.
+
+    Attributes:
+        value: signal, in its unit, shape (n,).
+        value_sd: its standard deviation, shape (n,).
+        rate: time derivative, in its unit over s, shape (n,).
+        rate_sd: its standard deviation, shape (n,).
+        noise: standard deviation of the sensor's noise, found or given, in the unit of the signal.
+        time_scale: tau, s.
+        hidden: whether the noise was to be found, and cannot be told from the motion.
+        innovations: of the measured samples from the third on, over their standard deviations, shape (m - 2,).
+        complaints: why the standard deviations cannot be believed, in words; empty if nothing speaks against them.
+    """
+
+    value: Float[np.ndarray, " n"]
+    value_sd: Float[np.ndarray, " n"]
+    rate: Float[np.ndarray, " n"]
+    rate_sd: Float[np.ndarray, " n"]
+    noise: float
+    time_scale: float
+    hidden: bool
+    innovations: Float[np.ndarray, " m-2"]
+    complaints: tuple[str, ...]
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency at which half of the motion is passed, Hz."""
+        return 1.0 / (2 * np.pi * self.time_scale)
+
+
+def smooth(
+    time: Float[np.ndarray, " n"],
+    values: Float[np.ndarray, " n"],
+    noise: float | None = None,
+    time_scale: float | None = None,
+    where: str = "signal",
+) -> Smoothed:
+    """Smooth one signal.
+
+    Args:
+        time: s, strictly increasing, shape (n,).
+        values: NaN where not measured, shape (n,); angles unwrapped.
+        noise: standard deviation of the sensor's noise, in the unit of the signal; None to find it.
+        time_scale: tau, s; None to find it.
+        where: what the signal is, for errors.
+
+    Raises:
+        InputError: too few measured samples, or noise or a time scale that is not positive.
+    """
+    there = np.isfinite(values)
+    if there.sum() < FEWEST or np.ptp(values[there]) == 0:
+        raise InputError(
+            where,
+            found=f"{there.sum()} measured samples" if there.sum() < FEWEST else "the same value in every sample",
+            expected=f"at least {FEWEST}, not all the same",
+            remedy="choose a longer record, or another channel",
+        )
+    for name, given in (("noise", noise), ("time scale", time_scale)):
+        if given is not None and not 0 < given < inf:
+            raise InputError(where, found=f"a {name} of {given}", expected="more than 0", remedy="leave it to be found")
+    usual = float(np.median(np.diff(time[there])))
+    straight = np.polyfit(time[there] - time[0], values[there], 1)
+    line = np.polyval(straight, time - time[0])
+    unit = float(np.std(values[there] - line[there])) or float(np.ptp(values[there]))
+    data = _filled(time, np.where(there, values - line, 0.0) / unit, there)
+    sigma = None if noise is None else noise / unit
+    ends = (SHORTEST * usual, 0.5 * float(np.ptp(time[there])))
+    tau = _most_likely(data, usual, sigma, *ends) if time_scale is None else time_scale
+    mean, var, z, told = (np.asarray(part)[..., : time.size] for part in _smoothed(data, usual, tau))
+    scale = float(np.sqrt(np.mean(z[told] ** 2))) if sigma is None else sigma
+    innovations = z[told] / scale
+    sd = unit * scale * np.sqrt(var)
+    found = time_scale is None
+    hidden, still = found and noise is None and tau < 1.1 * ends[0], found and tau > 0.9 * ends[1]
+    return Smoothed(
+        line + unit * mean[0],
+        sd[0],
+        straight[0] + unit * mean[1],
+        sd[1],
+        unit * scale,
+        tau,
+        hidden,
+        innovations,
+        (*[HIDDEN] * hidden, *[STILL] * still, *_innovation_complaints(innovations)),
+    )
+
+
+def _filled(time: np.ndarray, values: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time since the sample before, value and whether it was measured, up to a whole block; what is added takes no time."""
+    missing = -time.size % BLOCK
+    columns = (np.diff(time, prepend=time[0]), values, there.astype(float))
+    step, values, there = (np.pad(column, (0, missing)) for column in columns)
+    return step, values, there
+
+
+def _most_likely(
+    data: tuple[np.ndarray, np.ndarray, np.ndarray], usual: float, sigma: float | None, shortest: float, longest: float
+) -> float:
+    """Tau of the greatest likelihood, s: the best of a grid, then between its neighbours."""
+    given = 0.0 if sigma is None else sigma
+    tried = np.linspace(np.log(shortest), np.log(longest), TRIED)
+    losses = np.asarray(_losses(data, usual, np.exp(tried), given))
+    best = int(np.argmin(losses))
+    around = tried[[max(best - 1, 0), min(best + 1, TRIED - 1)]]
+    found = minimize_scalar(
+        lambda tau: float(_losses(data, usual, np.exp([tau]), given)[0]),
+        bounds=tuple(around),
+        method="bounded",
+        options={"xatol": 0.01},
+    )
+    return float(np.exp(found.x if found.fun < losses[best] else tried[best]))
+
+
+@jax.jit
+def _losses(data: tuple, usual: float, taus: Float[Array, " k"], sigma: float) -> Float[Array, " k"]:
+    """Minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
+
+    def loss(tau: Array) -> Array:
+        _, _, mean, var, told = _pass(data, usual, tau)
+        squares = jnp.where(told, (data[1] - mean) ** 2 / var, 0.0)
+        count, logs = told.sum(), jnp.where(told, jnp.log(var), 0.0).sum()
+        profiled = count * jnp.log(jnp.maximum(squares.sum() / count, 1e-30))
+        known = squares.sum() / jnp.where(sigma > 0, sigma**2, 1.0)
+        return logs + jnp.where(sigma > 0, known, profiled)
+
+    return jax.vmap(loss)(taus)
+
+
+@jax.jit
+def _smoothed(data: tuple, usual: float, tau: float) -> tuple[Array, Array, Array, Array]:
+    """Means and variances of signal and rate, shape (2, n), in units of sigma^2; innovations over their deviations, and where told.
+
+    What came before an instant, with its sample, and what comes after it without: their inverse covariances add up. The later part is
+    the same filter with time turned round, which turns the rate round too.
+    """
+    step, y, there = data
+    turned = (jnp.append(jnp.zeros(1), step[:0:-1]), y[::-1], there[::-1])
+    _, earlier, mean, var, told = _pass(data, usual, tau)
+    later, *_ = _pass(turned, usual, tau)
+    a, b, c, e, f = (
+        one + sign * other[::-1] for one, other, sign in zip(earlier, later, (1, -1, 1, 1, -1), strict=True)
+    )
+    det = a * c - b * b
+    means = jnp.stack([(c * e - b * f) / det, (a * f - b * e) / det / tau])
+    return means, jnp.stack([c / det, a / det / tau**2]), (y - mean) / jnp.sqrt(var), told
+
+
+def _pass(data: tuple, usual: float, tau: Array | float) -> tuple[tuple, tuple, Array, Array, Array]:
+    """Filter in units of tau and sigma: what is known of (x, v) before each sample and with it, and what the sample was to be.
+
+    Known are the inverse covariance ((a, b), (b, c)) and its product with the mean, (e, f); d = ac - b^2 is carried along, so that it
+    is zero as long as less than two samples are known. Over a step, with F = ((1, s), (0, 1)) and the process noise Q, and
+    M = F^-T ((a, b), (b, c)) F^-1,
+
+        (M^-1 + Q)^-1 = (M + det(M) adj(Q)) / (1 + tr(M Q) + det(M) det(Q))
+
+    in which nothing is inverted.
+
+    Returns:
+        a, b, c, e, f before each sample; the same with it; mean and variance of each sample; whether they are finite and it was measured.
+    """
+    q = usual / tau
+
+    def advance(known: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        (a, b, c, d, e, f), (s, y, there) = known, sample
+        c = c - s * (2 * b - a * s)
+        b, f = b - a * s, f - e * s
+        xx, xv, vv = q * s**3 / 3, q * s**2 / 2, q * s
+        over = 1.0 / (1.0 + a * xx + 2 * b * xv + c * vv + d * (xx * vv - xv**2))
+        g, h = c * e - b * f, a * f - b * e
+        e, f = (e + vv * g - xv * h) * over, (f - xv * g + xx * h) * over
+        a, b, c, d = (a + d * vv) * over, (b - d * xv) * over, (c + d * xx) * over, d * over
+        told = (d > 0) & (there > 0)
+        safe = jnp.where(d > 0, d, 1.0)
+        shown = ((c * e - b * f) / safe, 1.0 + c / safe, told)
+        with_it = (a + there, b, c, d + there * c, e + there * y, f)
+        return with_it, ((a, b, c, e, f), (*with_it[:3], *with_it[4:]), *shown)
+
+    step, y, there = data
+    zero = jnp.zeros(())
+    return jax.lax.scan(advance, (zero,) * 6, (jnp.asarray(step) / tau, jnp.asarray(y), jnp.asarray(there)))[1]
+
+
+def _innovation_complaints(z: np.ndarray) -> list[str]:
+    """Whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
+    said, centred = [], z - z.mean()
+    lags = np.arange(1, min(LAGS, z.size // 4) + 1)
+    found = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)
+    worst = int(np.argmax(np.abs(found)))
+    if abs(found[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
+        said.append(
+            f"the innovations are not white (correlation {found[worst]:+.2f} at lag {lags[worst]}): noise or motion has a memory "
+            "that the model has not, and the standard deviations cannot be believed"
+        )
+    kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)
+    if kurtosis > HEAVY:
+        said.append(
+            f"the innovations have outliers (kurtosis {kurtosis:.0f}): look at the picture before the standard deviations"
+        )
+    size = float(np.sqrt(np.mean(z**2)))
+    if abs(np.log(size)) > max(np.log(1.2), CHANCE / np.sqrt(2 * z.size)):
+        said.append(f"the innovations are {size:.2g} times as large as the noise that was given makes them")
+    return said
