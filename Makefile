@@ -16,10 +16,10 @@ test: $(VENV)/ready
 	$(MAKE) --no-print-directory -j2 --output-sync=target quick thorough
 
 quick: $(VENV)/ready
-	$(BIN)/python -m pytest -m "not thorough"
+	$(BIN)/python -m pytest -m "not thorough" --durations=25
 
 thorough: $(VENV)/ready
-	$(BIN)/python -m pytest -m thorough
+	$(BIN)/python -m pytest -m thorough --durations=25
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -1,68 +1,235 @@
-"""Log densities of many parameter vectors on a GPU against this machine's processor, which must agree within rounding.
+"""The same work on a GPU and on this machine's processor, which must find the same: densities, design sweep, chains, evidence, calibration.
 
-`python benchmarks/gpu.py`. Where JAX sees no GPU it says so, and measures nothing.
+`python benchmarks/run.py gpu`, or alone `python benchmarks/gpu.py`. Where JAX sees no GPU it says so, and measures nothing;
+`JAX_NUM_CPU_DEVICES=2 python benchmarks/gpu.py --rehearse` then runs the smallest sizes with a second device of the processor in its
+place, computing in the accelerator's form: its numbers are checked, its times mean nothing.
+
+Each size runs on both in turn after one call that compiles. What is computed without a choice must agree within rounding: orders of
+summation, and another exp and log, over thousands of steps. A chain decides at random: where rounding turns one decision in a million, it
+goes another way, no worse. So chains, evidence and ranks must agree within their Monte Carlo errors, and mostly agree much better.
 """
 
-import os
+import atexit
+import shutil
 import sys
-from functools import partial
-from typing import Any
+import tempfile
+from collections.abc import Callable
+from functools import cache, partial
+from math import isqrt
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from paper_problem import paper_problem
-from timing import Ratio, Row, agree, alternate, row
+from problems import family, grid, state_space
+from timing import Ratio, Row, alternate, row
 
-GROUP = "log densities of the paper's posterior, 6 000 steps"
-LANES, REPEATS = (64, 1024, 16384, 65536), 3
+from seatrial.campaign.calibrate import calibrate
+from seatrial.campaign.load import load_campaign
+from seatrial.campaign.store import Store
+from seatrial.campaign.templates import init_campaign
+from seatrial.campaign.trials import get_trials
+from seatrial.core import lanes
+from seatrial.core.engine import cores as usable_cores
+from seatrial.design.sweep import sweep_family
+from seatrial.estimation.calibration import DRAWS
+from seatrial.estimation.mode import find_mode
+from seatrial.sampling.diagnostics import diagnose
+from seatrial.sampling.run import ChainSettings
+from seatrial.sampling.sampler import SAMPLERS, sample
+from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
+
+REPEATS, STEPS = 3, 6_000
 ROUNDING = 1e-9
-"""Relative difference of sums over thousands of steps that orders of summation and another exp and log explain."""
+"""Relative, of what is computed without a choice."""
+ERRORS = 5.0
+"""Monte Carlo standard errors between two runs."""
+METHOD = "independence-metropolis"
 
 
-def lanes(cores: int) -> list[Row | Ratio]:
-    """Seconds for each number of lanes on both; nothing where there is no GPU."""
+class Numbers(NamedTuple):
+    """What a run found, shape (n,), and the Monte Carlo standard errors; None of what is computed without a choice."""
+
+    found: np.ndarray
+    error: np.ndarray | None = None
+
+
+def densities(count: int) -> Callable[[], Numbers]:
+    """Log densities of many parameter vectors of the paper's posterior."""
+    posterior = paper_problem().posterior
+    drawn = posterior.sample_prior(jax.random.key(0), count)
+    run = jax.jit(lambda target, z: lanes.map_lanes(target.log_density, z, cpu=64))
+    return lambda: Numbers(np.asarray(run(posterior, drawn)))
+
+
+def sweep(count: int) -> Callable[[], Numbers]:
+    """Entropy reductions and standard deviations of a square grid of designs."""
+    side = isqrt(count)
+    space, doublets, designs = state_space(), family(STEPS), grid(side, side, 20.0)
+
+    def run() -> Numbers:
+        found = sweep_family(space, doublets, *designs)
+        return Numbers(np.concatenate([found.gain.ravel(), found.final_sd.ravel()]))
+
+    return run
+
+
+def chains(count: int) -> Callable[[], Numbers]:
+    """Means of 100 + 100 iterations of adaptive Metropolis, many chains in step, from the mode."""
+    posterior, (z, cov) = paper_problem().posterior, _mode()
+    starts, settings = jnp.tile(jnp.asarray(z), (count, 1)), ChainSettings(count, 100, 100)
+    key = jax.random.key(1)
+
+    def run() -> Numbers:
+        drawn = np.asarray(
+            sample(SAMPLERS["adaptive-metropolis"], posterior, starts, jnp.asarray(cov), key, settings).z
+        )
+        return Numbers(drawn.mean((0, 1)), np.asarray(diagnose(drawn).mcse))
+
+    return run
+
+
+def evidence(particles: int) -> Callable[[], Numbers]:
+    """Log evidence by tempered SMC; its variance is that of independent particles, four times over."""
+    posterior, key, settings = paper_problem().posterior, jax.random.key(2), SMCSettings(particles)
+
+    def run() -> Numbers:
+        found = sample_tempered_smc(posterior, key, settings)
+        return Numbers(np.array([found.log_evidence]), np.array([2.0 * np.sqrt(found.expected_variance)]))
+
+    return run
+
+
+def calibration(replicates: int) -> Callable[[], Numbers]:
+    """Ranks of a calibration of the template campaign, as shares."""
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    init_campaign(folder, "remus100")
+    campaign = load_campaign(folder)
+    trials, path = get_trials(campaign), Store(campaign.folder).calibration(METHOD)
+
+    def run() -> Numbers:
+        path.unlink(missing_ok=True)
+        shares = calibrate(campaign, trials, replicates, METHOD).calibration.ranks.ravel() / DRAWS
+        return Numbers(shares, np.full(shares.size, np.sqrt(0.25 / DRAWS)))
+
+    return run
+
+
+WORK = {
+    f"log densities, {STEPS} steps": (densities, (64, 1024, 16384, 65536), "lanes"),
+    f"square-root UKF sweep, {STEPS} steps": (sweep, (100, 400, 3600), "designs"),
+    f"adaptive Metropolis, 200 iterations, {STEPS} steps": (chains, (32, 512, 4096), "chains"),
+    f"evidence by tempered SMC, {STEPS} steps": (evidence, (1024, 8192), "particles"),
+    f"calibration by {METHOD}": (calibration, (8, 32), "replicates"),
+}
+"""Titles, what prepares a run of one size on the device in use, sizes, and what they count."""
+
+
+def speed(cores: int) -> list[Row | Ratio]:
+    """Seconds of every size on both, and how far their numbers are apart; nothing where there is no GPU."""
     try:
         accelerator = jax.devices("gpu")[0]
     except RuntimeError as error:
-        print(
-            f'gpu: skipped, for JAX sees no GPU here; pip install "seatrial[cuda]" where there is one ({error})',
-            file=sys.stderr,
-        )
+        said = 'gpu: skipped, for JAX sees no GPU here; pip install "seatrial[cuda]" where there is one'
+        print(f"{said} ({str(error).splitlines()[0]})", file=sys.stderr)
         return []
     return between(jax.devices("cpu")[0], accelerator, cores)
 
 
-def between(processor: Any, accelerator: Any, cores: int) -> list[Row | Ratio]:
-    """The same posterior and the same vectors on both devices."""
-    posterior = paper_problem().posterior
-    drawn = np.asarray(posterior.sample_prior(jax.random.key(0), max(LANES)))
-    run = jax.jit(lambda target, z: jax.vmap(target.log_density)(z))
-    found: list[Row | Ratio] = []
-    for count in LANES:
-        placed = [
-            (jax.device_put(posterior, device), jax.device_put(drawn[:count], device))
-            for device in (processor, accelerator)
-        ]
-        values = [np.asarray(run(*one)) for one in placed]
-        finite = np.isfinite(values[0])
-        if not np.array_equal(finite, np.isfinite(values[1])):
-            raise SystemExit("benchmarks: devices disagree about which vehicles run away: the times mean nothing")
-        agree("densities on the two devices", values[0][finite], values[1][finite], ROUNDING, relative=True)
-        names = (f"{count} lanes, processor", f"{count} lanes, GPU")
-        seconds = alternate(
-            {
-                name: partial(lambda one: run(*one).block_until_ready(), one)
-                for name, one in zip(names, placed, strict=True)
-            },
-            REPEATS,
+def rehearse(cores: int) -> list[Row | Ratio]:
+    """The smallest sizes, a second device of the processor in the place of a GPU, computing as one would.
+
+    Raises:
+        SystemExit: the processor is not two devices.
+    """
+    if len(jax.devices("cpu")) != 2:
+        raise SystemExit("gpu: a rehearsal needs two devices; set JAX_NUM_CPU_DEVICES=2")
+    processor, other = jax.devices("cpu")
+    lanes.backend = lambda: "gpu" if _device() == other else "cpu"
+    return between(processor, other, cores, rehearsal=True)
+
+
+def between(processor: Any, accelerator: Any, cores: int, rehearsal: bool = False) -> list[Row | Ratio]:
+    """All work on both devices; of a rehearsal the smallest sizes."""
+    return [
+        line
+        for group, (prepare, sizes, things) in WORK.items()
+        for size in (sizes[:1] if rehearsal else sizes)
+        for line in _both(
+            group,
+            prepare,
+            size,
+            things,
+            {"processor": processor, "second device" if rehearsal else "GPU": accelerator},
+            cores,
         )
-        found += [row(GROUP, name, cores, "ms", seconds[name], 1e-3) for name in names]
-        found.append(
-            Ratio(GROUP, f"processor over GPU, {count} lanes", cores, seconds[names[0]].min() / seconds[names[1]].min())
-        )
-    return found
+    ]
+
+
+def _both(
+    group: str,
+    prepare: Callable[[int], Callable[[], Numbers]],
+    size: int,
+    things: str,
+    devices: dict[str, Any],
+    cores: int,
+) -> list[Row | Ratio]:
+    found: dict[str, Numbers] = {}
+    runs = {
+        name: partial(_keep, found, name, device, _on(device, partial(prepare, size)))
+        for name, device in devices.items()
+    }
+    seconds = alternate(runs, REPEATS)
+    here, there = found.values()
+    apart = _apart(here.found, there.found)
+    relative = float(np.max(apart / np.where(apart > 0, np.abs(here.found), 1.0)))
+    lines: list[Row | Ratio] = [
+        row(group, f"{size} {things}, {name}", cores, "ms", seconds[name], 1e-3) for name in devices
+    ]
+    one, other = (taken.min() for taken in seconds.values())
+    lines.append(Ratio(group, f"{' / '.join(devices)}, {size} {things}", cores, one / other))
+    said = f"largest relative difference, {size} {things}"
+    lines.append(Ratio(group, said, cores, relative, at_most=ROUNDING if here.error is None else None))
+    if here.error is not None:
+        worst = float(np.max(apart / (np.sqrt(2) * here.error)))
+        lines.append(Ratio(group, f"the same in Monte Carlo errors, {size} {things}", cores, worst, at_most=ERRORS))
+    return lines
+
+
+def _keep(found: dict[str, Numbers], name: str, device: Any, run: Callable[[], Numbers]) -> None:
+    found[name] = _on(device, run)
+
+
+def _on(device: Any, function: Callable[[], Any]) -> Any:
+    """Call with a default device, which the threads of a run follow too."""
+    before = _device()
+    jax.config.update("jax_default_device", device)
+    try:
+        return function()
+    finally:
+        jax.config.update("jax_default_device", before)
+
+
+def _device() -> Any:
+    return jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Differences; infinite where one of two is not finite, unless both are the same infinity."""
+    with np.errstate(invalid="ignore"):
+        return np.where(one == other, 0.0, np.nan_to_num(np.abs(one - other), nan=np.inf, posinf=np.inf))
+
+
+@cache
+def _mode() -> tuple[np.ndarray, np.ndarray]:
+    """Mode and covariance of the paper's posterior, found once, so that chains on both devices start alike."""
+    mode = find_mode(paper_problem().posterior, jax.random.key(0))
+    return mode.z, mode.cov
 
 
 if __name__ == "__main__":
-    for line in lanes(len(os.sched_getaffinity(0))):
-        print(*line)
+    measured = rehearse if sys.argv[1:] == ["--rehearse"] else speed
+    for line in measured(usable_cores()):
+        print(*line[:-2], line.verdict) if isinstance(line, Ratio) else print(*line)

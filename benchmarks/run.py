@@ -41,7 +41,7 @@ MEASUREMENTS = {
     "structure_recovery.recovered": (1,),
     "design_peers.reached": (2,),
     "cluster.scaling": (2,),
-    "gpu.lanes": (2,),
+    "gpu.speed": (2,),
 }
 NEEDS = {
     "kernels.surge": ("gcc",),

@@ -21,11 +21,12 @@ from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
+from seatrial.core.lanes import map_lanes
 from seatrial.estimation.calibration import Calibration, ranks_of, spread_evenly
 from seatrial.estimation.draw_posterior import Draw, find_method
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
-from seatrial.sampling.target import Progress
+from seatrial.sampling.target import VECTOR, Progress
 
 AT_ONCE = 8
 """Replicates between two checkpoints, at least."""
@@ -182,4 +183,4 @@ def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> tuple[np.nda
 
 @jax.jit
 def _log_likelihoods(posterior: Posterior, z: jax.Array) -> jax.Array:
-    return jax.lax.map(posterior.log_likelihood, z, batch_size=8)
+    return map_lanes(posterior.log_likelihood, z, VECTOR)

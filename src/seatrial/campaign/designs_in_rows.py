@@ -16,6 +16,7 @@ from seatrial.campaign.watch import Watch
 from seatrial.campaign.weighing import plan_of, weigh
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.lanes import on_accelerator
 from seatrial.design.plan import TrialPlan
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.manoeuvres.family import Family
@@ -73,7 +74,7 @@ def sweep_all(
         NumericalError: the expected motion diverges for a design that is inside the limits.
     """
     amplitude, period = campaign.grid()
-    every = max(1, -(-LANES // period.size))
+    every = amplitude.size if on_accelerator() else max(1, -(-LANES // period.size))
     parts = [
         _Rows(family, first, min(first + every, amplitude.size))
         for family in range(len(campaign.families))

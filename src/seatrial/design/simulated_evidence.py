@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.special import logsumexp
 
+from seatrial.core.lanes import map_lanes
 from seatrial.design.plan import TrialPlan
 from seatrial.design.prior_belief import Belief, log_priors, outputs_of
 
@@ -133,7 +134,7 @@ def _explain(
         return jnp.where(jnp.isnan(log_weight), -jnp.inf, log_weight)  # diverged: it cannot have made the data
 
     log_prior = jnp.sum(jax.vmap(partial(log_priors, belief))(z), 1)
-    return log_prior, jax.lax.map(weigh, (peak, measured, noise, t)), origin
+    return log_prior, map_lanes(weigh, (peak, measured, noise, t)), origin
 
 
 def _log_student(t: Array) -> Array:

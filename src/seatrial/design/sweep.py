@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.lanes import lanes_at_once, on_accelerator
 from seatrial.core.shown import shown_unit
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
@@ -26,7 +27,7 @@ from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 Trim = tuple[tuple[str, float], ...]
 """Every control's name and trim value, SI, in the vehicle's order."""
 LANES = 80
-"""Designs in one call on a CPU: fewer leave its vector units idle, more no longer fit its cache."""
+"""Designs in one call on a processor: fewer leave its vector units idle, more no longer fit its cache."""
 
 FILTERS = {ExtendedKalmanFilter: "extended", UnscentedKalmanFilter: "unscented"}
 """Filters beside the square-root unscented one, in words."""
@@ -209,11 +210,14 @@ def _shown(control: str) -> tuple[float, str]:
 
 
 def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarray]:
-    """Run over designs, one a row, in blocks of one size, on every core; the last block repeats its last design."""
+    """Run over designs, one a row, in blocks of one size; the last block repeats its last design.
+
+    On a processor blocks go to every core; on an accelerator one block after the other has all of it.
+    """
     n = designs[0].shape[0]
-    lanes = LANES if jax.default_backend() == "cpu" else n
+    lanes = lanes_at_once(run, *designs, cpu=LANES)
     blocks = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1).reshape(-1, lanes)
-    with ThreadPoolExecutor(cores()) as pool:
+    with ThreadPoolExecutor(1 if on_accelerator() else cores()) as pool:
         results = pool.map(
             lambda block: jax.tree.map(np.asarray, run(*(jnp.asarray(x[block]) for x in designs))), blocks
         )

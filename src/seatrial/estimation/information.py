@@ -7,6 +7,7 @@ be told apart has no curvature to rounding. Other likelihoods give the observed 
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.lanes import lanes_at_once
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
@@ -35,8 +37,8 @@ def expand_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) ->
 
     Memory does not grow with the number of time steps, and one compiled program serves any number of points.
     """
-    n = values.shape[0]
-    blocks = np.minimum(np.arange(-(-n // VECTOR) * VECTOR), n - 1).reshape(-1, VECTOR)
+    n, size = values.shape[0], lanes_at_once(partial(_expand, posterior), values, cpu=VECTOR)
+    blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
     parts = [_expand(posterior, jnp.asarray(values[block])) for block in blocks]
     return Expansion(*(np.concatenate([np.asarray(part[i]) for part in parts])[:n] for i in range(3)))
 

@@ -10,14 +10,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
+from seatrial.core.lanes import lanes_at_once
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.trial_data import TrialData
+from seatrial.sampling.target import LANES
 
 MAX_ENTRIES = 60_000_000
 """Largest table, 0.5 GB."""
-_LANES = 64
-"""Draws simulated at once."""
 
 
 def thin_draws(draws: Float[np.ndarray, "chains draws d"], most: int = 2000) -> Float[np.ndarray, "chains kept d"]:
@@ -60,11 +60,13 @@ def pointwise_log_likelihood(
         )
     flat = draws.reshape(-1, dim)
     table = np.empty((flat.shape[0], count))
-    for start in range(0, flat.shape[0], _LANES):
-        lanes = np.minimum(np.arange(start, start + _LANES), flat.shape[0] - 1)
+    columns = dict(zip(posterior.names, flat.T, strict=True))
+    size = lanes_at_once(lambda values: _densities(likelihood, values, data), columns, cpu=LANES)
+    for start in range(0, flat.shape[0], size):
+        lanes = np.minimum(np.arange(start, start + size), flat.shape[0] - 1)
         values = dict(zip(posterior.names, jnp.asarray(flat[lanes].T), strict=True))
-        table[start : start + _LANES] = np.asarray(_densities(likelihood, values, data))[
-            lanes == start + np.arange(_LANES)
+        table[start : start + size] = np.asarray(_densities(likelihood, values, data))[
+            lanes == start + np.arange(size)
         ][:, present]
     return table.reshape(chains, n, count)
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 
+from seatrial.core.lanes import map_in_step
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
 from seatrial.filters.forms import CovarianceTriangle, Form
@@ -69,8 +69,8 @@ class UnscentedKalmanFilter:
 
 
 def at_points(function: Callable[[Vector], Vector], points: Sequence[Vector]) -> list[Vector]:
-    """Values of a function at the sigma points, in a small loop: the model is compiled once, and computed once."""
-    values = jax.lax.map(function, tuple(jnp.stack(column) for column in zip(*points, strict=True)))
+    """Values of a function at the sigma points, of which the model is compiled once, and computed once."""
+    values = map_in_step(function, tuple(jnp.stack(column) for column in zip(*points, strict=True)))
     return [tuple(column[p] for column in values) for p in range(len(points))]
 
 

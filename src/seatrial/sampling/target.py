@@ -1,12 +1,15 @@
 """What a sampler sees: a density on the real vector space, prior and likelihood kept apart."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+from seatrial.core.lanes import lanes_at_once, map_lanes
 
 Progress = Callable[[int, int], None]
 """Called with the work done and the work in all."""
@@ -49,25 +52,31 @@ def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
     """
     n = z.shape[0]
     filled = jnp.concatenate([z, jnp.broadcast_to(z[:1], (VECTOR - n, z.shape[1]))]) if 1 < n < VECTOR else z
-    return jax.vmap(lambda one: target.log_prior(one) + target.log_likelihood(one))(filled)[:n]
+    return jax.vmap(partial(_log_density, target))(filled)[:n]
 
 
 AT_ONCE = 512
-"""Positions in one call of `evaluate`: the same for every caller, so that each target is compiled once."""
-_LANES = 64
+"""Positions in one call of `evaluate`, at least: the same for every caller, so that each target is compiled once."""
+LANES = 64
+"""Densities computed at once on a processor: enough to fill its vector units, few enough for their data to stay in its cache."""
 
 
 def evaluate(target: Target, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     """Log densities of any number of positions, NaN taken as -inf; few programs to compile, since compiling is what takes time."""
     n = z.shape[0]
-    blocks = np.minimum(np.arange(-(-n // AT_ONCE) * AT_ONCE), n - 1).reshape(-1, AT_ONCE)
+    size = max(AT_ONCE, lanes_at_once(partial(_evaluate, target), z, cpu=LANES))
+    blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
     values = np.concatenate([np.asarray(_evaluate(target, jnp.asarray(z[block]))) for block in blocks])[:n]
     return np.where(np.isnan(values), -np.inf, values)
 
 
 @jax.jit
 def _evaluate(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
-    return jax.lax.map(lambda one: target.log_prior(one) + target.log_likelihood(one), z, batch_size=_LANES)
+    return map_lanes(partial(_log_density, target), z, LANES)
+
+
+def _log_density(target: Target, z: Float[Array, " d"]) -> Float[Array, ""]:
+    return target.log_prior(z) + target.log_likelihood(z)
 
 
 TargetT = TypeVar("TargetT", bound=Target)

@@ -21,7 +21,8 @@ from jaxtyping import Array, Float
 from scipy.interpolate import PchipInterpolator
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.sampling.target import Progress, Target, no_progress
+from seatrial.core.lanes import map_lanes
+from seatrial.sampling.target import LANES, Progress, Target, no_progress
 
 BLOCK = 250
 """Iterations between two looks at the ladder."""
@@ -30,7 +31,6 @@ FIRST = 1e-8
 TARGET_ACCEPTANCE = 0.3
 DEAD = -1e100
 """Stands for log 0: 0 * (-inf) would be NaN."""
-_LANES = 64
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ class _Out(NamedTuple):
 
 def _densities(target: Target, z: Array) -> tuple[Array, Array]:
     """Log prior and log-likelihood of chains of shape (rungs, copies, d)."""
-    prior, likelihood = jax.lax.map(
-        lambda one: (target.log_prior(one), target.log_likelihood(one)), z.reshape(-1, z.shape[-1]), batch_size=_LANES
+    prior, likelihood = map_lanes(
+        lambda one: (target.log_prior(one), target.log_likelihood(one)), z.reshape(-1, z.shape[-1]), LANES
     )
     return prior.reshape(z.shape[:2]), jnp.maximum(jnp.nan_to_num(likelihood, nan=DEAD), DEAD).reshape(z.shape[:2])
 

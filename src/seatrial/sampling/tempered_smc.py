@@ -18,13 +18,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.lanes import lanes_at_once
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
-from seatrial.sampling.target import Progress, Target, no_progress
+from seatrial.sampling.target import LANES, Progress, Target, no_progress
 
 _FLOOR = -1e100
 """Stands for log 0 while tempering: 0 * (-inf) would be NaN."""
-_LANES = 64
-"""Particles simulated at once: enough to fill the vector units, few enough for their data to stay in the cache."""
 _GAIN = 2.0
 """How fast the scale of the moves follows their acceptance."""
 _START = 1e-30
@@ -123,7 +122,6 @@ def sample_tempered_smc(
 
 @lru_cache(maxsize=8)
 def _steps(settings: SMCSettings, dim: int):
-    lanes = _LANES if settings.particles % _LANES == 0 else settings.particles
     walk = blackjax.additive_step_random_walk.build_kernel()
     scale = 2.38 / np.sqrt(dim)
 
@@ -141,6 +139,11 @@ def _steps(settings: SMCSettings, dim: int):
         drawn = blackjax.smc.resampling.systematic(key, state.weights, settings.particles)
         return factor_of(state.particles[drawn])
 
+    def lanes(target: Target) -> int:
+        particles = jax.ShapeDtypeStruct((settings.particles, dim), float)
+        whole = LANES if settings.particles % LANES == 0 else settings.particles
+        return lanes_at_once(jax.vmap(target.log_likelihood), particles, cpu=whole)
+
     def kernel(target: Target) -> Any:
         return blackjax.inner_kernel_tuning(
             blackjax.adaptive_tempered_smc,
@@ -153,14 +156,14 @@ def _steps(settings: SMCSettings, dim: int):
             initial_parameter_value={},
             num_mcmc_steps=settings.moves_for(dim),
             target_ess=settings.target_ess,
-            batch_size=lanes,
+            batch_size=lanes(target),
         )
 
     @jax.jit
     def initial(target: Target, key: Array):
         draw_key, pick_key = jax.random.split(key)
         drawn = target.sample_prior(draw_key, settings.particles)
-        alive = jnp.isfinite(jax.lax.map(target.log_likelihood, drawn, batch_size=lanes))
+        alive = jnp.isfinite(jax.lax.map(target.log_likelihood, drawn, batch_size=lanes(target)))
         share = jnp.mean(alive)
         picked = blackjax.smc.resampling.systematic(
             pick_key, jnp.where(share > 0, alive / jnp.sum(alive), 1.0 / alive.size), alive.size

@@ -19,7 +19,9 @@ from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.lanes import map_lanes
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.target import LANES
 
 MAX_K_HAT = 0.7
 MAX_POINT_VARIANCE = 0.4
@@ -27,8 +29,6 @@ MAX_POINT_VARIANCE = 0.4
 SMALL_DIFFERENCE = 8.0
 """Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020)."""
 _BATCHES = 20
-_LANES = 64
-"""Draws simulated at once."""
 _AT_ONCE = 500
 """Measurements handled at once: their temporary copies stay small."""
 
@@ -192,7 +192,7 @@ def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
 @jax.jit
 def deviances(posterior: Posterior, values: Float[Array, "n d"]) -> Float[Array, " n"]:
     """Deviance of parameters in their own units, shape (n, d), some of them simulated at once."""
-    return jax.lax.map(partial(_deviance, posterior), values, batch_size=_LANES)
+    return map_lanes(partial(_deviance, posterior), values, LANES)
 
 
 def _columns(log_likelihood: np.ndarray) -> Iterator[np.ndarray]:

@@ -13,18 +13,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.lanes import lanes_at_once, map_lanes
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.residuals import White
 from seatrial.estimation.sensors import noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.integrate import rk4_step
+from seatrial.sampling.target import LANES
 
 MARGIN = 60.0
 """Nats below the best likelihood at which a draw cannot change a printed digit."""
 PIECE = 100
 """Samples simulated between the first looks at the bounds; later, an eighth of what is done."""
-_LANES = 64
+PROMISING = 64
+"""Draws simulated to the end at each look, for the best likelihood."""
 _NEVER = -1e100
 """Stands for log 0 in arithmetic."""
 
@@ -41,19 +44,21 @@ def log_likelihoods(
     if not (early_stop and isinstance(likelihood, OutputError) and likelihood.is_plain):
         return np.asarray(_log_likelihoods(posterior, values))
     pieces = _cut(posterior.data)
-    rows, n, lanes = pieces.first.size, values.shape[0], _begin(posterior, values)
+    rows, n = pieces.first.size, values.shape[0]
+    size = lanes_at_once(partial(_log_likelihoods, posterior), values, cpu=LANES)
+    lanes = _begin(posterior, values, size)
     start = np.array(lanes.bound)
     draw, kept, best, done, refreshed = np.arange(n), np.arange(n), -np.inf, 0, 0
     while done < rows:
         row, done = done, min(rows, done + max(1, done // 8))
-        groups = -(-kept.size // _LANES)
-        slots = np.pad(kept.astype(np.int32), (0, -(-n // _LANES) * _LANES - kept.size), mode="edge")
-        lanes = _go_on(posterior, pieces, lanes, slots, groups, row, done)
+        groups = -(-kept.size // size)
+        slots = np.pad(kept.astype(np.int32), (0, -(-n // size) * size - kept.size), mode="edge")
+        lanes = _go_on(posterior, pieces, lanes, slots, groups, row, done, size)
         bound = np.fmax(np.asarray(lanes.bound)[: draw.size], _NEVER)
         if done >= 2 * refreshed:
             refreshed = done
             extrapolated = start[draw] - (start[draw] - bound) * (rows / done)
-            promising = draw[np.argpartition(-extrapolated, min(_LANES, draw.size) - 1)[:_LANES]]
+            promising = draw[np.argpartition(-extrapolated, min(PROMISING, draw.size) - 1)[:PROMISING]]
             best = max(best, float(np.max(_log_likelihoods(posterior, values[promising]))))
         kept = np.flatnonzero(bound >= best - MARGIN)
         draw, bound = draw[kept], bound[kept]
@@ -67,7 +72,7 @@ def _log_likelihoods(posterior: Posterior, values: Array) -> Array:
     def of_one(draw: Array) -> Array:
         return posterior.likelihood(dict(zip(posterior.names, draw, strict=True)), posterior.data)
 
-    return jax.lax.map(of_one, values, batch_size=_LANES)
+    return map_lanes(of_one, values, LANES)
 
 
 class _Pieces(NamedTuple):
@@ -119,9 +124,9 @@ def _bound(posterior: Posterior, values: dict[str, Array], squares: tuple[Array,
     )
 
 
-@jax.jit
-def _begin(posterior: Posterior, draws: Array) -> _Lanes:
-    filled = jnp.pad(draws, ((0, -draws.shape[0] % _LANES), (0, 0)), mode="edge")
+@partial(jax.jit, static_argnames="size")
+def _begin(posterior: Posterior, draws: Array, size: int) -> _Lanes:
+    filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge")
     values = {name: filled[:, i] for i, name in enumerate(posterior.names)}
     zero = jnp.zeros(filled.shape[0])
     squares = (zero,) * len(posterior.likelihood.channels)
@@ -129,11 +134,11 @@ def _begin(posterior: Posterior, draws: Array) -> _Lanes:
     return _Lanes(values, state, squares, jax.vmap(partial(_bound, posterior))(values, squares))
 
 
-@partial(jax.jit, donate_argnums=2)
+@partial(jax.jit, donate_argnums=2, static_argnames="size")
 def _go_on(
-    posterior: Posterior, pieces: _Pieces, lanes: _Lanes, slots: Array, groups: int, begin: int, end: int
+    posterior: Posterior, pieces: _Pieces, lanes: _Lanes, slots: Array, groups: int, begin: int, end: int, size: int
 ) -> _Lanes:
-    """Simulate the lanes in the first groups of slots through some rows, and move them to the front in that order.
+    """Simulate the lanes in the first groups of slots, so many in each, through some rows, and move them to the front in that order.
 
     Slots ascend, so no lane is overwritten before it is read.
     """
@@ -161,8 +166,8 @@ def _go_on(
         return _Lanes(lane.values, state, squares, _bound(posterior, lane.values, squares))
 
     def group_on(g: Array, lanes: _Lanes) -> _Lanes:
-        which = jax.lax.dynamic_slice(slots, (g * _LANES,), (_LANES,))
+        which = jax.lax.dynamic_slice(slots, (g * size,), (size,))
         moved = jax.vmap(lane_on)(jax.tree.map(lambda x: x[which], lanes))
-        return jax.tree.map(lambda x, new: jax.lax.dynamic_update_slice(x, new, (g * _LANES,)), lanes, moved)
+        return jax.tree.map(lambda x, new: jax.lax.dynamic_update_slice(x, new, (g * size,)), lanes, moved)
 
     return jax.lax.fori_loop(0, groups, group_on, lanes)

@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.lanes import lanes_at_once
 from seatrial.numerics.integrate import Integrator, rk4_step
 from seatrial.vehicles.model import Params, VehicleModel
 
 BLOCK = 64
-"""Lanes that advance together: states and coefficients of more no longer fit the processor's first cache."""
+"""Lanes that advance together on a processor: states and coefficients of more no longer fit its first cache."""
 
 
 def simulate(
@@ -49,14 +50,14 @@ def simulate_many(
 
 
 def by_blocks(function: Callable[[Any], Any], lanes: Any) -> Any:
-    """Apply a function to every lane, in blocks of lanes that fit the processor's cache; to be called in compiled code.
+    """Apply a function to every lane, in blocks that fit a processor's cache or an accelerator's memory; to be called in compiled code.
 
     Args:
         function: of one lane; it is batched with `jax.vmap`.
         lanes: arrays, or a tree of them, whose first axis counts lanes.
     """
     count = jax.tree.leaves(lanes)[0].shape[0]
-    blocks = -(-count // BLOCK)
+    blocks = -(-count // lanes_at_once(jax.vmap(function), lanes, cpu=BLOCK))
     width = -(-count // blocks)
     filled = jnp.minimum(jnp.arange(blocks * width), count - 1)
     cut = jax.tree.map(lambda x: jnp.asarray(x)[filled].reshape(blocks, width, *x.shape[1:]), lanes)
