@@ -85,9 +85,17 @@ def _vehicle(
 
 
 def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:
+    from seatrial.core.errors import InputError
     from seatrial.export.trials.trial import read_trial
     from seatrial.export.trials.write import PLAIN, write_trial
 
+    if not folder.exists():
+        raise InputError(
+            "--trial",
+            found=f'"{folder}", which is no folder',
+            expected="the folder of a campaign, whose next trial is to be run",
+            remedy="name it; a vehicle of the catalogue has no trials",
+        )
     trial = read_trial(folder, schedule)
     paths = write_trial(trial, out or folder / "export" / "trial", PLAIN if to is None else (to,))
     typer.echo("\n".join(trial.lines))
