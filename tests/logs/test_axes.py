@@ -1,5 +1,6 @@
 """Axes of logs against SciPy's rotations: signs, quaternions, and velocities over the earth turned into the body's."""
 
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -136,3 +137,41 @@ def test_rows_without_attitude_stay_holes():
     parts["q_x"] = np.where(np.arange(200) < 5, np.nan, parts["q_x"])
     (found,) = to_body([table(**parts)], ALL)
     assert np.isnan(found.columns["psi"]).sum() == 5
+
+
+def turning(per_row, rate=10.0):
+    """A compass and a log of yaw rate and velocities over the earth of a vehicle that turns evenly, 0.3 rad/s."""
+    psi = per_row * np.arange(200)
+    compass = table("compass", rate=0.3 / per_row, psi=(psi + np.pi) % (2 * np.pi) - np.pi)
+    time = np.arange(int(10 * compass.time[-1])) / 10.0
+    nav = table(
+        "nav", count=time.size, r=np.full(time.size, 0.3), v_north=np.cos(0.3 * time), v_east=np.sin(0.3 * time)
+    )
+    return nav, compass
+
+
+def test_a_heading_that_disagrees_with_the_yaw_rate_is_told():
+    nav, compass = turning(0.03)
+    kept = to_body([nav, compass], only("u", "r"))
+    assert [one.cautions for one in kept] == [()]
+    for wrong, told in ((np.radians, "0.0175 times"), (np.negative, "-1 times")):
+        columns = {"psi": wrong(np.unwrap(compass.columns["psi"]))}
+        (found,) = to_body([nav, replace(compass, columns=columns)], only("u", "r"))
+        assert f'channel "psi" of compass: it turns {told} as fast as r of nav says' in found.cautions[0]
+
+
+def test_a_heading_too_slow_to_turn_velocities_by_is_told():
+    nav, compass = turning(0.5)
+    (found,) = to_body([nav, compass], only("u"))
+    assert "it changes by 29 deg from one sample to the next" in found.cautions[0]
+
+
+def test_two_headings_and_other_clocks_are_refused():
+    nav, compass = turning(0.03)
+    with refusal("second", 'channel "psi"', "compass gives too"):
+        to_body([nav, compass, replace(compass, source="second")], only("u"))
+    with refusal("compass", "samples from 5000 s", "same clock"):
+        to_body([nav, replace(compass, epoch=compass.epoch + 5000)], only("u"))
+    lone = replace(compass, columns={"psi": np.where(np.arange(200) == 5, 1.0, np.nan)})
+    with refusal("compass", "1 samples"):
+        to_body([nav, lone], only("u"))

@@ -166,6 +166,8 @@ NAMES = {
     "field.force.x": ("tau_X", "N", 1.0),
     "nav.pitch": ("theta", "rad", 1.0),
     "field.angular_velocity.z": ("r", "rad/s", 1.0),
+    "vel_n": ("v_north", "m/s", 1.0),
+    "orientation.w": ("q_w", "1", 1.0),
 }
 
 

@@ -68,6 +68,6 @@ def write_file(folder: Path, text: str, seen: str) -> None:
             str(folder / CAMPAIGN),
             found="a file that was changed meanwhile",
             expected="the file as it was read",
-            remedy="look at it, and edit again",
+            remedy="look at it anew (in a browser, reload the page), and edit again",
         )
     write_text(folder / CAMPAIGN, text)

@@ -198,8 +198,8 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
             raise InputError(
                 campaign.where(f"import.files[{index}].channels.{name}"),
                 found=f'channel "{name}"',
-                expected="one of " + ", ".join(known),
-                remedy=nearest(name, known),
+                expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
+                remedy=nearest(name, known) if len(name) > 1 else f"leave it out: no term needs {name}",
             )
     channels = {
         name: ColumnMap(

@@ -82,7 +82,8 @@ def align(
             remedy="correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
-    columns, notes, cautions = {}, [], []
+    columns, notes = {}, []
+    cautions = [text for table in tables for text in table.cautions]
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
     for track in tracks:
@@ -127,6 +128,13 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
                     remedy="drop it from one of the maps",
                 )
             known = np.isfinite(table.columns[channel.name])
+            if not known.any():
+                raise InputError(
+                    f'{table.source}, channel "{channel.name}"',
+                    found="no number in any row",
+                    expected="samples",
+                    remedy="map another column; where the channel is made of several files, choose those of one run and one clock",
+                )
             values = table.columns[channel.name][known]
             if channel.name in ANGLES:
                 values = np.unwrap(values)

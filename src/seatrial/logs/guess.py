@@ -48,6 +48,10 @@ _BODY = ("u", "v", "w")
 _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 """What a name may have before the letter of a velocity."""
 _NAMES = (
+    ("v_north", 2, "v_?n(?:orth)?|vel(?:ocity)?[._]?n(?:orth)?|north_?(?:vel|velocity|speed)"),
+    ("v_east", 2, "v_?e(?:ast)?|vel(?:ocity)?[._]?e(?:ast)?|east_?(?:vel|velocity|speed)"),
+    ("v_down", 2, "v_?d(?:own)?|vel(?:ocity)?[._]?d(?:own)?|down_?(?:vel|velocity|speed)"),
+    *((f"q_{part}", 2, rf"(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
     ("u", 2, f"(?:{_OF})?u|surge|surge_?(?:speed|vel|velocity)"),
     ("u", 1, "speed|spd|velocity\\.x|vel_?x|vx|speed_?over_?ground|sog"),
     ("v", 2, f"(?:{_OF})?v|sway|sway_?(?:speed|vel|velocity)"),

@@ -92,6 +92,7 @@ class LogTable:
         sha256: hash of its bytes.
         options: how it was read, as JSON-able values.
         notes: what was found and mended, for the user.
+        cautions: what makes its numbers doubtful, likewise.
     """
 
     time: Float[np.ndarray, " n"]
@@ -102,6 +103,7 @@ class LogTable:
     sha256: str
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
 
 def check_source(source: LogSource) -> None:

@@ -20,6 +20,15 @@ _LONGEST_GAP = 1.0
 """Time between two samples of the attitude over which it is still interpolated, s; twenty usual steps where that is more."""
 
 
+_MUCH = np.radians(15.0)
+"""Change of an angle from sample to sample from which it is too slow to turn velocities by."""
+_ALIKE = 1.5
+"""Ratio of the heading's turns to those of the yaw rate from which one of them is doubted, or its inverse."""
+_TURNED = np.radians(20.0)
+"""Turn from which they are compared."""
+_FEWEST = 10
+
+
 def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTable]:
     """Make angles of quaternions, and velocities along the body of those over the earth.
 
@@ -36,9 +45,14 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
         InputError: components or attitude that are missing, a number that is no unit quaternion, or a channel given twice.
     """
     with_angles = [_with_angles(table) for table in tables]
+    for angle in ANGLES:
+        _once(angle, [table.source for table in with_angles if angle in table.columns])
+    with_angles = [_compared(table, with_angles) for table in with_angles]
     turned = [_with_body_velocities(table, with_angles) for table in with_angles]
     kept = [_only(table, roles) for table in turned]
-    return [table for table in kept if table.channels]
+    left = [table for table in kept if table.channels]
+    gone = tuple(text for table in kept if not table.channels for text in table.cautions)
+    return [replace(left[0], cautions=(*left[0].cautions, *gone)), *left[1:]] if left else []
 
 
 def _with_angles(table: LogTable) -> LogTable:
@@ -58,6 +72,41 @@ def _with_angles(table: LogTable) -> LogTable:
     w, x, y, z = parts
     angles = {name: np.asarray(one) for name, one in zip(ANGLES, angles_of_quaternion((w, x, y, z)), strict=True)}
     return _exchange(table, QUATERNION, angles, "rad", "phi, theta and psi are those of the quaternion")
+
+
+def _once(angle: str, sources: Sequence[str]) -> None:
+    if len(sources) > 1:
+        raise InputError(
+            f'{sources[-1]}, channel "{angle}"',
+            found=f"a channel that {sources[0]} gives too",
+            expected="one source for each channel",
+            remedy="drop it from one of the maps",
+        )
+
+
+def _compared(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
+    """A log whose heading turns otherwise than the yaw rate of the same run says so."""
+    rates = next((one for one in tables if "r" in one.columns), None)
+    if "psi" not in table.columns or rates is None:
+        return table
+    there, known = np.isfinite(table.columns["psi"]), np.isfinite(rates.columns["r"])
+    psi, at = np.unwrap(table.columns["psi"][there]), table.time[there]
+    clock = rates.time[known] + float(rates.epoch - table.epoch)
+    inside = (at >= clock[:1].sum()) & (at <= clock[-1:].sum())
+    if inside.sum() < _FEWEST:
+        return table
+    turned = np.concatenate([[0.0], np.cumsum(np.diff(clock) * rates.columns["r"][known][:-1])])
+    foretold, found = np.diff(np.interp(at[inside], clock, turned)), np.diff(psi[inside])
+    if np.ptp(np.cumsum(foretold)) < _TURNED:
+        return table
+    ratio = float(found @ foretold / (foretold @ foretold))
+    if 1 / _ALIKE < ratio < _ALIKE:
+        return table
+    caution = (
+        f'channel "psi" of {table.source}: it turns {ratio:.3g} times as fast as r of {rates.source} says: check its unit, its sign and '
+        "`axes`, the order of a quaternion, and the clocks"
+    )
+    return replace(table, cautions=(*table.cautions, caution))
 
 
 def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
@@ -81,8 +130,22 @@ def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTab
     rows = matrix_of_angles(*angles)
     body = {name: sum(np.asarray(rows[j][i]) * earth[j] for j in range(3)) for i, name in enumerate(_BODY)}
     body = {name: body[name] for name in _BODY[: len(needed)]}
+    cautions = [text for angle, one in sources.items() if one is not None for text in _slow(one, angle)]
     by = ", ".join(f"{angle} {'= 0' if one is None else f'of {one.source}'}" for angle, one in sources.items())
-    return _exchange(table, OVER_EARTH, body, "m/s", f"{', '.join(body)} are over the earth, turned by {by}")
+    turned = _exchange(table, OVER_EARTH, body, "m/s", f"{', '.join(body)} are over the earth, turned by {by}")
+    return replace(turned, cautions=(*turned.cautions, *cautions))
+
+
+def _slow(source: LogTable, angle: str) -> list[str]:
+    """Say where an angle changes much from one of its samples to the next, so that what lies between is doubtful."""
+    change = np.abs(np.diff(np.unwrap(source.columns[angle][np.isfinite(source.columns[angle])])))
+    most = float(np.quantile(change, 0.99)) if change.size else 0.0
+    if most < _MUCH:
+        return []
+    return [
+        f'channel "{angle}" of {source.source}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
+        "the earth are turned by what lies between: use a faster log of the attitude"
+    ]
 
 
 def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"]:
@@ -90,6 +153,13 @@ def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"
     known = np.isfinite(source.columns[angle])
     time = source.time[known] + float(source.epoch - table.epoch)
     values = np.interp(table.time, time, np.unwrap(source.columns[angle][known]), left=np.nan, right=np.nan)
+    if time.size < 2 or time[0] > table.time[-1] or time[-1] < table.time[0]:
+        raise InputError(
+            f'{source.source}, channel "{angle}"',
+            found=f"{time.size} samples" if time.size < 2 else f"samples from {time[0]:.6g} s to {time[-1]:.6g} s",
+            expected=f"samples around 0 s to {table.time[-1]:.6g} s, where {table.source} has velocities to be turned",
+            remedy="choose files of the same run, and time columns of the same clock and unit",
+        )
     steps = np.diff(time)
     longest = max(_LONGEST_GAP, 20.0 * float(np.median(steps)))
     after = np.clip(np.searchsorted(time, table.time), 1, time.size - 1)

@@ -58,9 +58,9 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
 
 
 def test_errors_pass_between_processes_as_words(tmp_path):
-    answer, words = answered("edits", "read_file", tmp_path)
+    answer, words = answered("drawings", "swept", tmp_path / "missing.nc")
     assert answer is None
-    assert "No such file" in words
+    assert "no such file" in words
     answer, words = answered("gate", "token_for", "0.0.0.0", "short")
     assert "16 plain characters" in words
     assert answered("thinning", "text_of", b"a") == ("a", None)

@@ -69,6 +69,13 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, wa
         raise InputError("--start, --end", found="a simulated vehicle", expected="[import]", remedy="leave them out")
     given = [(option, text) for option, text in (("--start", start), ("--end", end)) if text is not None]
     seconds = [quantity(text, "s", option) for option, text in given]
+    if min(seconds) < 0:
+        raise InputError(
+            "--start, --end",
+            found=f"{min(seconds):g} s",
+            expected="0 s or more",
+            remedy="count from where the files overlap",
+        )
     if len(seconds) == 2 and not seconds[0] < seconds[1]:
         raise InputError(
             "--start, --end", found=f"{start} to {end}", expected="a start before the end", remedy="change them round"

@@ -146,7 +146,7 @@ def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
         raise InputError(
             f"file name {given[:80]!r}",
             found="a path, or characters that file names of logs do not need",
-            expected="letters, digits, dots, hyphens and spaces, 120 at most",
+            expected="letters without accents, digits, dots, hyphens and spaces, 120 at most",
             remedy="rename the file",
         )
     if not given.lower().endswith(suffixes):

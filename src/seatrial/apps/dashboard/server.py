@@ -52,7 +52,7 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) 
     here = _listen(host, port)
     port = here.getsockname()[1]
     app = build(house, Gate(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
-    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    shown = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/{f'?token={quote(token)}' if token else ''}"
     print(f"{house.places.root} is served at {address}", flush=True)
     if not is_loopback(host):

@@ -25,12 +25,14 @@ from seatrial.campaign.weighing import plan_as_run, plan_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.shown import shown_unit
+from seatrial.core.signals import RATES
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
 from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.inputs import control_over_time
 from seatrial.report.figures.style import own_settings
 from seatrial.selection.structures import Structure
+from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -41,6 +43,12 @@ def steps(folder: str) -> tuple[Stage, ...]:
 def ready() -> bool:
     """Nothing, but everything is imported, fonts are found and JAX has found its device then."""
     return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
+
+
+def whole_vehicles() -> tuple[str, ...]:
+    """Published vehicles in six degrees of freedom, from which what a campaign does not model may be taken."""
+    found = {name: load_vehicle(name) for name in vehicle_names()}
+    return tuple(name for name, one in found.items() if set(one.moves) == set(RATES) and one.written is None)
 
 
 def asked(folder: str) -> Asked:

@@ -26,6 +26,7 @@ TARGETS = {
     "trial mcap": "next trial: MCAP",
 }
 """What `seatrial export` can write."""
+NOWHERE = "nowhere: the campaign models all"
 
 
 async def build(house: House, campaign: str, folder: Path) -> None:
@@ -52,17 +53,20 @@ async def build(house: House, campaign: str, folder: Path) -> None:
         "Export",
         "Out to a simulator, under export/ in the campaign's folder. What a target cannot carry is said below and in the file.",
     ):
-        if _can_export():
-            with ui.element("div").classes("line"):
-                look = "outlined options-dense hide-bottom-space"
-                target = ui.select(TARGETS, value="gz", label="Simulator or format").props(look).classes("wide")
-                button(
-                    "Export",
-                    lambda: (begin(house, folder, said, "export", *options_of(str(target.value))), live.look()),
-                    main=True,
-                )
-        else:
-            markup("<p>This version has no command `seatrial export`.</p>")
+        names = await house.desk.think("whole_vehicles")
+        with ui.element("div").classes("line"):
+            look = "outlined options-dense hide-bottom-space"
+            target = ui.select(TARGETS, value="gz", label="Simulator or format").props(look).classes("wide")
+            rest = ui.select(
+                {"": NOWHERE} | {name: name for name in names}, value="", label="Motions not modelled, from"
+            )
+            rest.props(look).classes("wide")
+
+            def export() -> None:
+                begin(house, folder, said, "export", *options_of(str(target.value), str(rest.value)))
+                live.look()
+
+            button("Export", export, main=True)
         _exported(folder, campaign)
     with section("At work"):
         said = ui.element("div")
@@ -80,16 +84,12 @@ async def build(house: House, campaign: str, folder: Path) -> None:
         markup(Markup('<p class="links">{}</p>').format(links))
 
 
-def options_of(target: str) -> list[str]:
-    """Options of the command for one of the targets."""
+def options_of(target: str, rest: str) -> list[str]:
+    """Options of the command for one of the targets; a trial has no rest."""
     trial, _, name = target.rpartition(" ")
-    return [*(["--trial"] if trial else []), "--to", name]
-
-
-def _can_export() -> bool:
-    from seatrial.apps.cli import COMMANDS
-
-    return "export" in COMMANDS
+    if trial:
+        return ["--trial", "--to", name]
+    return ["--to", name, *(["--rest", rest] if rest else [])]
 
 
 def _exported(folder: Path, campaign: str) -> None:
