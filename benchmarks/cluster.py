@@ -52,7 +52,9 @@ def scaling(cores: int, replicates: int = REPLICATES, workers: tuple[int, ...] =
             if count == replicates:
                 ranks.append(found)
 
-        clusters = {n: LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=":0", silence_logs=50) for n in workers}
+        clusters = {
+            n: LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=":0", silence_logs=50) for n in workers
+        }
         runs: dict[str, Callable[[], Any]] = {"threads": partial(calibrated, "local")}
         for n, cluster in clusters.items():
             calibrated(cluster.scheduler_address, 20 * n)

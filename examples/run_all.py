@@ -40,7 +40,8 @@ def held_back(name: str, least: float) -> None:
     print(told, flush=True)
     lines = [line for line in told.splitlines() if "held-back run" in line]
     shares = [float(line.split("%")[0].split()[-1]) / 100 for line in lines]
-    assert len(shares) == 4 and min(shares) > least, f"{name}: {shares}"
+    assert len(shares) == 4, told
+    assert min(shares) > least, f"{name}: {shares}"
 
 
 def six_degrees(name: str) -> None:
