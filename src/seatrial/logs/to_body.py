@@ -9,6 +9,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Role
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION
+from seatrial.logs.attitude_checks import doubts_of_speed, with_doubts
 from seatrial.logs.axes import complete
 from seatrial.logs.source import LogTable
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
@@ -18,15 +19,6 @@ SOURCES = (*OVER_EARTH, *QUATERNION, *ANGLES)
 _BODY = ("u", "v", "w")
 _LONGEST_GAP = 1.0
 """Time between two samples of the attitude over which it is still interpolated, s; twenty usual steps where that is more."""
-
-
-_MUCH = np.radians(15.0)
-"""Change of an angle from sample to sample from which it is too slow to turn velocities by."""
-_ALIKE = 1.5
-"""Ratio of the heading's turns to those of the yaw rate from which one of them is doubted, or its inverse."""
-_TURNED = np.radians(20.0)
-"""Turn from which they are compared."""
-_FEWEST = 10
 
 
 def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTable]:
@@ -47,7 +39,7 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
     with_angles = [_with_angles(table) for table in tables]
     for angle in ANGLES:
         _once(angle, [table.source for table in with_angles if angle in table.columns])
-    with_angles = [_compared(table, with_angles) for table in with_angles]
+    with_angles = [with_doubts(table, with_angles) for table in with_angles]
     turned = [_with_body_velocities(table, with_angles) for table in with_angles]
     kept = [_only(table, roles) for table in turned]
     left = [table for table in kept if table.channels]
@@ -84,31 +76,6 @@ def _once(angle: str, sources: Sequence[str]) -> None:
         )
 
 
-def _compared(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
-    """A log whose heading turns otherwise than the yaw rate of the same run says so."""
-    rates = next((one for one in tables if "r" in one.columns), None)
-    if "psi" not in table.columns or rates is None:
-        return table
-    there, known = np.isfinite(table.columns["psi"]), np.isfinite(rates.columns["r"])
-    psi, at = np.unwrap(table.columns["psi"][there]), table.time[there]
-    clock = rates.time[known] + float(rates.epoch - table.epoch)
-    inside = (at >= clock[:1].sum()) & (at <= clock[-1:].sum())
-    if inside.sum() < _FEWEST:
-        return table
-    turned = np.concatenate([[0.0], np.cumsum(np.diff(clock) * rates.columns["r"][known][:-1])])
-    foretold, found = np.diff(np.interp(at[inside], clock, turned)), np.diff(psi[inside])
-    if np.ptp(np.cumsum(foretold)) < _TURNED:
-        return table
-    ratio = float(found @ foretold / (foretold @ foretold))
-    if 1 / _ALIKE < ratio < _ALIKE:
-        return table
-    caution = (
-        f'channel "psi" of {table.source}: it turns {ratio:.3g} times as fast as r of {rates.source} says: check its unit, its sign and '
-        "`axes`, the order of a quaternion, and the clocks"
-    )
-    return replace(table, cautions=(*table.cautions, caution))
-
-
 def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
     """Replace velocities over the earth by those along the body."""
     found = [name for name in OVER_EARTH if name in table.columns]
@@ -130,29 +97,16 @@ def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTab
     rows = matrix_of_angles(*angles)
     body = {name: sum(np.asarray(rows[j][i]) * earth[j] for j in range(3)) for i, name in enumerate(_BODY)}
     body = {name: body[name] for name in _BODY[: len(needed)]}
-    cautions = [text for angle, one in sources.items() if one is not None for text in _slow(one, angle)]
+    cautions = [text for angle, one in sources.items() if one is not None for text in doubts_of_speed(one, angle)]
     by = ", ".join(f"{angle} {'= 0' if one is None else f'of {one.source}'}" for angle, one in sources.items())
     turned = _exchange(table, OVER_EARTH, body, "m/s", f"{', '.join(body)} are over the earth, turned by {by}")
     return replace(turned, cautions=(*turned.cautions, *cautions))
-
-
-def _slow(source: LogTable, angle: str) -> list[str]:
-    """Say where an angle changes much from one of its samples to the next, so that what lies between is doubtful."""
-    change = np.abs(np.diff(np.unwrap(source.columns[angle][np.isfinite(source.columns[angle])])))
-    most = float(np.quantile(change, 0.99)) if change.size else 0.0
-    if most < _MUCH:
-        return []
-    return [
-        f'channel "{angle}" of {source.source}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
-        "the earth are turned by what lies between: use a faster log of the attitude"
-    ]
 
 
 def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"]:
     """An angle at the instants of another log, NaN outside of what is known and in holes."""
     known = np.isfinite(source.columns[angle])
     time = source.time[known] + float(source.epoch - table.epoch)
-    values = np.interp(table.time, time, np.unwrap(source.columns[angle][known]), left=np.nan, right=np.nan)
     if time.size < 2 or time[0] > table.time[-1] or time[-1] < table.time[0]:
         raise InputError(
             f'{source.source}, channel "{angle}"',
@@ -160,6 +114,7 @@ def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"
             expected=f"samples around 0 s to {table.time[-1]:.6g} s, where {table.source} has velocities to be turned",
             remedy="choose files of the same run, and time columns of the same clock and unit",
         )
+    values = np.interp(table.time, time, np.unwrap(source.columns[angle][known]), left=np.nan, right=np.nan)
     steps = np.diff(time)
     longest = max(_LONGEST_GAP, 20.0 * float(np.median(steps)))
     after = np.clip(np.searchsorted(time, table.time), 1, time.size - 1)
