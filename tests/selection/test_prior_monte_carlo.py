@@ -67,9 +67,9 @@ def test_early_stop_saves_most_of_the_work(monkeypatch):
     """Of the samples that 20 000 whole simulations have, one in twenty is simulated, counted in pieces of 100 by groups of 64 draws."""
     target, n, done = golden_posterior("M-1"), 20_000, []
 
-    def counting(posterior, pieces, lanes, slots, groups, begin, end):
+    def counting(posterior, pieces, lanes, slots, groups, begin, end, size):
         done.append(groups * (end - begin))
-        return go_on(posterior, pieces, lanes, slots, groups, begin, end)
+        return go_on(posterior, pieces, lanes, slots, groups, begin, end, size)
 
     go_on = early_stop._go_on
     monkeypatch.setattr(early_stop, "_go_on", counting)

@@ -47,5 +47,5 @@ def _fuse_time_loops() -> None:
     if _BACKEND_OPTIONS not in flags:
         flags = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
     if _VECTOR_WIDTH not in flags:
-        flags = f"{flags} {_VECTOR_WIDTH}=512"
+        flags = f"{flags} {_VECTOR_WIDTH}=256"
     os.environ["XLA_FLAGS"] = flags
