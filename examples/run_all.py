@@ -23,7 +23,7 @@ def main() -> None:
     select_terms("select_surge")
     design_trials("design_trial")
     six_degrees("six_degrees")
-    held_back("ship_yaw", 0.95)
+    held_back("ship_yaw", 0.9)
     run_campaign("pool_auv", needs_data=True)
 
 

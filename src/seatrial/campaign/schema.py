@@ -267,7 +267,7 @@ class ImportTable(Table):
     """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
 
     Every run is trimmed to between `start` and `end`, counted from where its files overlap, and cut into pieces of about `split`, each
-    a trial with a start of its own: for long records, and for vehicles that run away where nobody steers.
+    a trial with a start of its own: for long records, and for vehicles that leave their course slowly.
     """
 
     fit: list[str] = Field(min_length=1)

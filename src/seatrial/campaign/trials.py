@@ -199,7 +199,7 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
                 campaign.where(f"import.files[{index}].channels.{name}"),
                 found=f'channel "{name}"',
                 expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
-                remedy=nearest(name, known) if len(name) > 1 else f"leave it out: no term needs {name}",
+                remedy=f"leave it out where no term needs it; else {nearest(name, known)}",
             )
     channels = {
         name: ColumnMap(

@@ -40,7 +40,7 @@ class Target(Protocol):
 
 
 VECTOR = 8
-"""Lanes that one vector register of 512 bits holds."""
+"""Lanes of few: as many doubles as the widest vector registers hold."""
 
 
 @jax.jit

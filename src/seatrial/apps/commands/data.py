@@ -84,6 +84,8 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, wa
     text = with_trim(campaign.folder, seen, run, start, end)
     trials = import_trials(check_text(campaign.folder, text), watch)
     write_file(campaign.folder, text, seen)
+    for own in campaign.source.imported.trim if run is None else ():
+        typer.echo(f"caution: run {own} keeps ends of its own; --run {own} changes them", err=True)
     return trials
 
 

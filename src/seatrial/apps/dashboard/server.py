@@ -52,9 +52,9 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) 
     here = _listen(host, port)
     port = here.getsockname()[1]
     app = build(house, Gate(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
-    shown = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
-    address = f"http://{shown}:{port}/{f'?token={quote(token)}' if token else ''}"
-    print(f"{house.places.root} is served at {address}", flush=True)
+    anywhere = host in ("0.0.0.0", "::")
+    shown = _address(socket.gethostname() if anywhere else host, port, token)
+    print(f"{house.places.root} is served at {shown}", flush=True)
     if not is_loopback(host):
         print(
             "the token is all that keeps others out, and travels unencrypted: use a network you trust, or ssh -L",
@@ -62,7 +62,7 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) 
         )
     print("Ctrl-C ends it; commands that were started from the page go on", flush=True)
     if browser:
-        threading.Timer(1.0, _open, [address]).start()
+        threading.Timer(1.0, _open, [_address("127.0.0.1" if anywhere else host, port, token)]).start()
     config = uvicorn.Config(
         app,
         log_level="warning",
@@ -76,6 +76,10 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) 
             uvicorn.Server(config).run(sockets=[here])
     finally:
         house.desk.close()
+
+
+def _address(host: str, port: int, token: str | None) -> str:
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{f'?token={quote(token)}' if token else ''}"
 
 
 def build(house: House, gate: Gate) -> Gated:
