@@ -8,14 +8,13 @@ from jaxtyping import Array
 
 from seatrial.campaign.belief import coefficient_priors
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.own_rows import values_by_rows
 from seatrial.campaign.problem import initial_state, random_key
 from seatrial.campaign.record_checks import record_cautions
 from seatrial.campaign.trials import Trials
-from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.design.plan import TrialPlan
 from seatrial.design.prior_belief import draw_values
+from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
     Finding,
@@ -97,7 +96,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         else:
             unsaid.append(name)
     if unsaid:
-        findings += [not_judged(unsaid), *_excitation_by_rows(campaign, record, plan, priors, control)]
+        findings += [not_judged(unsaid), *_excitation_as_moved(record, plan, priors, control)]
     else:
         findings += _excitation(plan, priors, mean, control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
@@ -113,21 +112,21 @@ def _excitation(
     return check_excitation(plan.names, before, after, about)
 
 
-def _excitation_by_rows(
-    campaign: Campaign, record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
+def _excitation_as_moved(
+    record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
 ) -> list[Finding]:
-    """The same where the vehicle at the prior means does not move as this one did: at a fit of the record's own rows."""
-    try:
-        values = values_by_rows(campaign, record, plan.names, priors)
-    except InputError as error:
-        reason = error.found
-    else:
+    """The same where the vehicle at the prior means does not move as this one did: at a fit of the measured motion."""
+    found = first_guess(plan.model, [record], [tuple(plan.start)], dict(zip(plan.names, priors, strict=True)))
+    if found:
+        values = np.array([found[name] for name in plan.names])
         if np.isfinite(np.asarray(plan.motion(values, control))).all():
-            return _excitation(plan, priors, values, control, "at a fit of the record's own rows")
-        reason = "the vehicle as fitted to the record's own rows runs away"
+            return _excitation(plan, priors, values, control, "at a fit of the measured motion")
+    reason = (
+        "the vehicle fitted to the measured motion runs away" if found else "too few velocities are measured to fit it"
+    )
     value = "not judged; the vehicle at the prior means does not move as this one did"
     remedy = "priors of known sign would say"
-    return [Finding("all", "excitation", "note", value, f"and no fit of the record's own rows: {reason}", remedy)]
+    return [Finding("all", "excitation", "note", value, f"but {reason}", remedy)]
 
 
 @jax.jit
