@@ -1,7 +1,8 @@
 """A calibration on Dask workers against threads: how much two workers gain on one, what a task costs beside its work, and where it ends.
 
 `python benchmarks/run.py cluster`, or with other numbers of replicates and workers `python benchmarks/cluster.py 100 1 2`. Workers are
-processes of one thread on this machine, started and warmed up beforehand. The seconds of n tasks of t seconds on w workers follow
+processes on this machine, each held on one core (left alone, one takes 1.2), started and warmed up beforehand. The seconds of n tasks of
+t seconds on w workers follow
 
     T(w) = s + n max(t / w, c)
 
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
 from timing import Ratio, Row, alternate, row
 
 from seatrial.campaign.calibrate import calibrate
@@ -32,7 +33,7 @@ from seatrial.campaign.templates import init_campaign
 from seatrial.campaign.trials import get_trials
 from seatrial.campaign.watch import SILENT
 
-REPLICATES, WORKERS, REPEATS, IDLE = 400, (1, 2, 4), 3, 2000
+REPLICATES, WORKERS, REPEATS, IDLE = 400, (1, 2, 4), 2, 2000
 METHOD = "independence-metropolis"
 
 
@@ -57,6 +58,7 @@ def scaling(cores: int, replicates: int = REPLICATES, workers: tuple[int, ...] =
         }
         runs: dict[str, Callable[[], Any]] = {"threads": partial(calibrated, "local")}
         for n, cluster in clusters.items():
+            hold(cluster)
             calibrated(cluster.scheduler_address, 20 * n)
             runs[_words(n)] = partial(calibrated, cluster.scheduler_address)
         calibrated("local", 20)
@@ -91,6 +93,19 @@ def scaling(cores: int, replicates: int = REPLICATES, workers: tuple[int, ...] =
         Ratio(group, "two workers against two threads", cores, least["threads"] / two),
         *(Ratio(group, f"{_words(n)} against one", cores, one / least[_words(n)]) for n in workers if n > 2),
     ]
+
+
+def hold(cluster: LocalCluster) -> None:
+    """Hold each worker of a cluster on one core, one after the other; before they import JAX, which asks for their number."""
+    usable = sorted(os.sched_getaffinity(0))
+    with Client(cluster, set_as_default=False) as client:
+        for number, worker in enumerate(client.scheduler_info(n_workers=-1)["workers"]):
+            client.run(_stay, usable[number % len(usable)], workers=[worker])
+
+
+def _stay(core: int) -> None:
+    for thread in os.listdir("/proc/self/task"):
+        os.sched_setaffinity(int(thread), {core})
 
 
 def nothing(shared: Any, item: int, report: Any) -> int:
