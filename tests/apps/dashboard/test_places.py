@@ -89,12 +89,18 @@ def test_logs_are_listed_without_results_and_links(house):
         "bomb.zip",
         "page.html",
         "-rf.csv",
-        "ä.csv",
+        "å" * 110 + ".csv",
+        "a\u202egnp.csv",
+        "a\u2215b.csv",
     ],
 )
 def test_names_of_uploads_are_plain_and_logs_names(name):
     with pytest.raises(InputError):
         upload_name(name, SUFFIXES)
+
+
+def test_accents_are_letters():
+    assert upload_name("Va\u030ager 3.csv", SUFFIXES) == "V\u00e5ger 3.csv"
 
 
 def send(folder, name, *chunks, most=100):

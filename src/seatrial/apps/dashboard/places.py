@@ -2,6 +2,7 @@
 
 import os
 import re
+import unicodedata
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,10 @@ DOWNLOADS = {
 """Files of a campaign that may be fetched, and their types."""
 _EXPORTED = re.compile(r"export/[A-Za-z0-9_-]+/[A-Za-z0-9_][A-Za-z0-9_.-]*")
 """Files that `seatrial export` wrote; they are only ever saved, never shown."""
-_PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._ +()-]{0,119}")
+LONGEST = 200
+"""Bytes of a name; file systems take 255, and a name beside it is longer while it is written."""
+_PLAIN = re.compile(r"\w[\w. +()-]{0,119}")
+"""Letters of any script, digits and little else."""
 
 
 @dataclass(frozen=True)
@@ -137,26 +141,27 @@ def logs_of(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
 
 
 def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
-    """Name under which an uploaded log is kept.
+    """Name under which an uploaded log is kept: as given, accents composed with their letters.
 
     Raises:
         InputError: a path, a hidden file, odd characters, or a suffix no log has.
     """
-    if not _PLAIN.fullmatch(given):
+    name = unicodedata.normalize("NFC", given)
+    if not _PLAIN.fullmatch(name) or len(name.encode()) > LONGEST:
         raise InputError(
             f"file name {given[:80]!r}",
             found="a path, or characters that file names of logs do not need",
-            expected="letters without accents, digits, dots, hyphens and spaces, 120 at most",
+            expected="letters, digits, dots, hyphens and spaces, 120 at most",
             remedy="rename the file",
         )
-    if not given.lower().endswith(suffixes):
+    if not name.lower().endswith(suffixes):
         raise InputError(
-            f'file "{given}"',
+            f'file "{name}"',
             found="a suffix that no log has",
             expected="one of " + ", ".join(sorted(suffixes)),
             remedy="unpack archives first; upload the log itself",
         )
-    return given
+    return name
 
 
 def _folders(folder: Path) -> list[Path]:

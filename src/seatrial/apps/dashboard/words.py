@@ -11,5 +11,7 @@ def words_of(error: BaseException) -> str:
     """Say what went wrong, in words for the page."""
     if isinstance(error, OSError):
         place = error.filename2 or error.filename
+        if isinstance(error, FileNotFoundError):
+            return f"{place}: not there any more. It was moved or deleted meanwhile: put it back, or reload the page."
         return f"{f'{place}: ' if place else ''}{error.strerror or error}. Check the permissions and the space left on the disk."
     return str(error)

@@ -75,6 +75,16 @@ class DaskWorkers:
         """Whether the scheduler still is, as far as is known."""
         return self.client.status == "running"
 
+    @property
+    def none_yet(self) -> str:
+        """What to say while there is no worker."""
+        mend = (
+            "SLURM has yet to start them"
+            if self.name == "slurm"
+            else f"start one with: dask worker {self.name} --nthreads 1"
+        )
+        return f"no worker at {self.name}: waiting ({mend})"
+
     def greet(self, watch: Watch) -> None:
         """Check the scheduler, which reads what the tasks are made of, and the workers that are there; say where they are.
 
@@ -97,9 +107,7 @@ class DaskWorkers:
             if other := differing(self.ours, answer[0]):
                 raise _stranger(f"the worker {address}", other)
         count = len(found)
-        here = (
-            f"{count} worker{'s' * (count != 1)} at {self.name}" if count else f"no worker at {self.name} yet: waiting"
-        )
+        here = f"{count} worker{'s' * (count != 1)} at {self.name}" if count else self.none_yet
         link = self.client.dashboard_link
         watch.say(here + (f"; the scheduler's page is {link}" if link else ""))
         if others := {answer[1] for answer in found.values()} - {processor()}:
@@ -239,7 +247,7 @@ class _Run:
         self.width = max(1, sum(one["nthreads"] for one in workers.values()))
         if self.looked - self.said > SAY:
             self.said = self.looked
-            self.watch.say(f"{self.kept} of {self.total} tasks; {_memory(workers)}")
+            self.watch.say(f"{self.kept} of {self.total} tasks; {_memory(workers) or self.cluster.none_yet}")
 
     def _lost(self) -> InputError:
         return self.cluster._gone(self.kept, self.total)
@@ -260,9 +268,11 @@ class _Run:
 
 def _memory(workers: dict[str, Any]) -> str:
     used = sorted(one["metrics"]["memory"] / 2**20 for one in workers.values())
-    if not used:
-        return "no worker is there: waiting"
-    return f"{len(used)} worker{'s' * (len(used) != 1)}, memory of each {used[0]:.0f} to {used[-1]:.0f} MiB"
+    return (
+        f"{len(used)} worker{'s' * (len(used) != 1)}, memory of each {used[0]:.0f} to {used[-1]:.0f} MiB"
+        if used
+        else ""
+    )
 
 
 def _stranger(who: str, other: dict[str, tuple[str, str]]) -> InputError:
