@@ -13,7 +13,7 @@ from seatrial.apps.commands.paper import paper
 from seatrial.apps.commands.rehearse import rehearse
 from seatrial.apps.commands.serve import serve
 from seatrial.apps.running import Exit
-from seatrial.core.errors import InputError, NumericalError, SeatrialError
+from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
 
 COMMANDS = {
     "vehicle": vehicle,
@@ -77,14 +77,5 @@ def main() -> None:
         fail(str(error))
         sys.exit(Exit.BUG)
     except OSError as error:
-        fail(str(_as_input_error(error)))
+        fail(str(file_error(error)))
         sys.exit(Exit.BAD_INPUT)
-
-
-def _as_input_error(error: OSError) -> InputError:
-    return InputError(
-        str(error.filename2 or error.filename or "file system"),
-        found=error.strerror or str(error),
-        expected="a place where files can be read and written",
-        remedy="check the path, its permissions and the space left",
-    )

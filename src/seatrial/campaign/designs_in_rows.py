@@ -9,7 +9,6 @@ import numpy as np
 from seatrial.campaign.belief import belief_space
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.study import Study
-from seatrial.campaign.compute.workers import words_of
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.utilities import design_filter
 from seatrial.campaign.watch import Watch
@@ -50,12 +49,6 @@ class _Rows(NamedTuple):
     last: int
 
 
-class _Refused(NamedTuple):
-    """Why no design of some rows is inside the limits."""
-
-    error: dict[str, str]
-
-
 def sweep_all(
     campaign: Campaign, believed: Believed, report: Progress, watch: Watch
 ) -> tuple[list[Sweep], dict[str, InputError]]:
@@ -83,12 +76,12 @@ def sweep_all(
     found: dict[_Rows, Sweep] = {}
     refused: dict[_Rows, InputError] = {}
 
-    def done(index: int, result: tuple[_Rows, Sweep | _Refused]) -> _Rows | None:
+    def done(index: int, result: tuple[_Rows, Sweep | InputError]) -> _Rows | None:
         rows, outcome = result
         if isinstance(outcome, Sweep):
             found[rows] = outcome
         else:
-            refused[rows] = InputError(**outcome.error)
+            refused[rows] = outcome
         report(len(found) + len(refused), len(parts))
         of_family = [one for one in parts if one.family == rows.family]
         if len(of_family) > 1 and all(one in refused for one in of_family) and rows in of_family:
@@ -109,8 +102,8 @@ def sweep_all(
     return sweeps, reasons
 
 
-def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Sweep | _Refused]:
-    """Predict and weigh the designs of some rows."""
+def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Sweep | InputError]:
+    """Predict and weigh the designs of some rows; an error where none is inside the limits."""
     campaign, believed = study.campaign, study.extra
     known = study.once("belief", lambda: _prepare(campaign, believed))
     amplitude, period = campaign.grid()
@@ -118,7 +111,7 @@ def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Swe
         sweep = known.predict(campaign.families[rows.family], amplitude[rows.first : rows.last], period)
         return rows, weigh(campaign, known.plan, sweep, believed.draws, known.scales)
     except InputError as error:
-        return rows, _Refused(words_of(error))
+        return rows, error
 
 
 class _Prepared(NamedTuple):

@@ -1,8 +1,10 @@
 """Errors that say where, what was found, what was expected and how to mend it."""
 
 import difflib
-from collections.abc import Iterable, Iterator
+import errno
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 
 class SeatrialError(Exception):
@@ -23,6 +25,10 @@ class InputError(SeatrialError):
         self.where, self.found, self.expected, self.remedy = where, found, expected, remedy
         super().__init__(f"{where}\n  found:    {found}\n  expected: {expected}\n  remedy:   {remedy}")
 
+    def __reduce__(self) -> tuple[Callable[[], "InputError"], tuple[()]]:
+        """How it travels between processes."""
+        return partial(type(self), self.where, found=self.found, expected=self.expected, remedy=self.remedy), ()
+
 
 @contextmanager
 def located(place: str) -> Iterator[None]:
@@ -36,6 +42,28 @@ def located(place: str) -> Iterator[None]:
 
 class NumericalError(SeatrialError):
     """A computation ended in a state that must not be used; the message says which and what to change."""
+
+
+_ELSEWHERE = "run as somebody who may write there, or copy the campaign to a folder of your own"
+_ROOM = "make room, then do the same again: what is finished is kept"
+_REMEDIES = {
+    errno.ENOENT: "it was moved or deleted meanwhile: put it back, or correct the path",
+    errno.EACCES: _ELSEWHERE,
+    errno.EPERM: _ELSEWHERE,
+    errno.EROFS: _ELSEWHERE,
+    errno.ENOSPC: _ROOM,
+    errno.EDQUOT: _ROOM,
+}
+
+
+def file_error(error: OSError) -> InputError:
+    """An error of the file system, with what to do about it."""
+    return InputError(
+        str(error.filename2 or error.filename or "file system"),
+        found=error.strerror or str(error),
+        expected="a place where files can be read and written",
+        remedy=_REMEDIES.get(error.errno or 0, "check the path, its permissions and the space left on the disk"),
+    )
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

@@ -17,7 +17,10 @@ _UNFINISHED: set[Path] = set()
 def atomic_path(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; move it into place when the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    except OSError as cause:  # which names the temporary file
+        raise OSError(cause.errno, cause.strerror, str(path)) from cause
     os.close(handle)
     temporary = Path(name)
     _UNFINISHED.add(temporary)

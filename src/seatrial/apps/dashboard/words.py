@@ -1,6 +1,6 @@
 """Errors as words: for a page, and between processes, where an error itself may not pass."""
 
-from seatrial.core.errors import SeatrialError
+from seatrial.core.errors import SeatrialError, file_error
 
 
 class Worded(SeatrialError):
@@ -9,9 +9,4 @@ class Worded(SeatrialError):
 
 def words_of(error: BaseException) -> str:
     """Say what went wrong, in words for the page."""
-    if isinstance(error, OSError):
-        place = error.filename2 or error.filename
-        if isinstance(error, FileNotFoundError):
-            return f"{place}: not there any more. It was moved or deleted meanwhile: put it back, or reload the page."
-        return f"{f'{place}: ' if place else ''}{error.strerror or error}. Check the permissions and the space left on the disk."
-    return str(error)
+    return str(file_error(error) if isinstance(error, OSError) else error)

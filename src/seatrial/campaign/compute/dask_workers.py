@@ -219,7 +219,7 @@ class _Run:
                 raise self._lost() from cause
             raise
         if isinstance(found, Failed):
-            raise found.error()
+            raise found.error
         if isinstance(found, Stranger):
             raise _stranger(f"the worker {found.address}", found.differing)
         return found

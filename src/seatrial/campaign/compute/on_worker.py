@@ -1,4 +1,4 @@
-"""What a process of the cluster runs: one piece of work, its errors in words as data, and what it reports sent on."""
+"""What a process of the cluster runs: one piece of work, and what it reports sent on."""
 
 import pickle
 import time
@@ -8,8 +8,8 @@ from typing import Any
 from distributed import get_worker
 
 from seatrial.campaign.compute.machine import environment, processor
-from seatrial.campaign.compute.workers import Work, words_of
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.campaign.compute.workers import Work
+from seatrial.core.errors import SeatrialError
 
 EVERY = 0.5
 """Seconds between two reports of one piece."""
@@ -17,14 +17,9 @@ EVERY = 0.5
 
 @dataclass(frozen=True)
 class Failed:
-    """An error that is meant for the user."""
+    """An error that is meant for the user: a result, so that no worker tries again."""
 
-    text: str
-    fields: dict[str, str] | None = None
-
-    def error(self) -> InputError | NumericalError:
-        """The error itself."""
-        return NumericalError(self.text) if self.fields is None else InputError(**self.fields)
+    error: SeatrialError
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,5 @@ def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[
 
     try:
         return work(shared, item, report)
-    except InputError as error:
-        return Failed(str(error), words_of(error))
-    except NumericalError as error:
-        return Failed(str(error))
+    except SeatrialError as error:
+        return Failed(error)

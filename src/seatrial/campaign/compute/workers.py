@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any, Protocol
 
 from seatrial.core.engine import cores
-from seatrial.core.errors import InputError
 
 Work = Callable[[Any, Any, Callable[[int, int], None]], Any]
 """`work(shared, item, report)`; it may report how far it has come, by `report(done, total)`."""
@@ -20,11 +19,6 @@ Done = Callable[[int, Any], Any]
 """`done(index, result)`; the item with which the same piece goes on, or None."""
 Told = Callable[[int, int, int], None]
 """`told(index, done, total)`: how far a piece that still runs has come."""
-
-
-def words_of(error: InputError) -> dict[str, str]:
-    """An input error as data: `InputError(**words_of(error))` is the same. Exceptions with arguments of their own do not travel."""
-    return {name: getattr(error, name) for name in ("where", "found", "expected", "remedy")}
 
 
 def nobody(index: int, done: int, total: int) -> None:

@@ -1,0 +1,49 @@
+"""Errors that travel between processes, and errors of the file system in the user's words."""
+
+import errno
+import os
+import pickle
+
+import pytest
+
+from seatrial.core.errors import InputError, NumericalError, file_error
+from seatrial.core.files import write_text
+
+
+def test_an_input_error_travels_whole():
+    error = InputError("a.toml", found="b", expected="c", remedy="d")
+    there = pickle.loads(pickle.dumps(error))
+    assert type(there) is InputError
+    assert str(there) == str(error)
+    assert (there.where, there.found, there.expected, there.remedy) == ("a.toml", "b", "c", "d")
+    assert str(pickle.loads(pickle.dumps(NumericalError("diverged")))) == "diverged"
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.EROFS, "folder of your own"),
+        (errno.EACCES, "folder of your own"),
+        (errno.ENOSPC, "make room"),
+        (errno.ENOENT, "moved or deleted"),
+        (errno.EIO, "permissions"),
+    ],
+)
+def test_a_remedy_for_each_trouble_of_the_file_system(number, words):
+    error = file_error(OSError(number, os.strerror(number), "/x/design.nc"))
+    assert error.where == "/x/design.nc"
+    assert error.found == os.strerror(number)
+    assert words in error.remedy
+    assert file_error(OSError("odd")).found == "odd"
+
+
+def test_the_file_is_named_and_not_the_temporary_one(tmp_path):
+    (tmp_path / "results").write_text("a file where a folder should be")
+    with pytest.raises(OSError, match="results"):
+        write_text(tmp_path / "results" / "design.json", "x")
+    if os.geteuid() == 0:
+        pytest.skip("root may write anywhere")
+    (tmp_path / "kept").mkdir(mode=0o500)
+    with pytest.raises(PermissionError) as refused:
+        write_text(tmp_path / "kept" / "design.json", "x")
+    assert refused.value.filename == str(tmp_path / "kept" / "design.json")
