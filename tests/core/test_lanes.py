@@ -191,14 +191,15 @@ CASES = {
     "whole vehicle": whole_vehicle,
 }
 SLOW = list(CASES)[3:]
+BLOCKS = "sweep", "sweep, arrays"
+"""Cases that are also cut into blocks of a few; how blocks are cut and joined is that of the tests above."""
 
 
 @pytest.mark.parametrize(
     ("case", "memory"),
     [
-        pytest.param(case, memory, marks=[pytest.mark.thorough] * (case in SLOW or memory < lanes.MEMORY))
-        for case in CASES
-        for memory in (lanes.MEMORY, 1 << 20)
+        *(pytest.param(case, lanes.MEMORY, marks=[pytest.mark.thorough] * (case in SLOW)) for case in CASES),
+        *(pytest.param(case, 1 << 20, marks=pytest.mark.thorough) for case in BLOCKS),
     ],
 )
 def test_numbers_are_those_of_the_processor(accelerator, case, memory):
