@@ -1,6 +1,7 @@
 """Figures of stored results as inline SVG, from the files alone: nothing here knows a vehicle, so nothing heavy is imported."""
 
 import json
+import tempfile
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
+import xarray as xr
 
 from seatrial.apps.dashboard.answers import Plot, Recorded, Swept, Told
 from seatrial.apps.dashboard.thinning import Drawn, Envelope, draw_record, envelopes, rows_of, text_of
-from seatrial.core.dataset_file import open_dataset
+from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.shown import shown_unit
 from seatrial.report.drawing import signal_axis, signal_symbol
 from seatrial.report.figures.fit import Z90
@@ -48,7 +50,11 @@ MOST_LISTED = 12
 
 
 def ready() -> bool:
-    """Nothing, but everything is imported and the fonts are found then."""
+    """Nothing, but everything is imported, also what reading a file imports, and the fonts are found then."""
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "nothing.nc"
+        write_dataset(path, xr.Dataset({"nothing": ("name", np.zeros(1))}, {"name": ["nothing"]}))
+        open_dataset(path)
     with own_settings():
         figure, axes = new_figure(WIDE, [96.0])
         label_axes(axes[0], signal_axis("u"), "time [s]")

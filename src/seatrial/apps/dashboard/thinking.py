@@ -26,6 +26,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.shown import shown_unit
 from seatrial.core.signals import RATES
+from seatrial.core.units import quantity
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
 from seatrial.report.drawing import signal_axis
@@ -41,7 +42,8 @@ def steps(folder: str) -> tuple[Stage, ...]:
 
 
 def ready() -> bool:
-    """Nothing, but everything is imported, fonts are found and JAX has found its device then."""
+    """Nothing, but everything is imported, fonts are found, units known, and JAX has found its device then."""
+    quantity("1 rpm", "rad/s", "nothing")
     return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
 
 
