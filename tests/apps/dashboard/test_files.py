@@ -152,3 +152,9 @@ def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
         with pytest.raises((InputError, Worded)) as refused:
             look_into(str(tmp_path / name), name, ())
         assert "remedy" in str(refused.value)
+
+
+def test_a_name_with_accents_is_kept_in_one_form(ask, tmp_path):
+    answer = ask("POST", "/upload/", params={"campaign": "boat", "name": "Va\u030ager 3.csv"}, content=b"t,u\n0,1\n")
+    assert (answer.status_code, answer.text) == (200, "logs/V\u00e5ger 3.csv")
+    assert "served/boat/logs/V\u00e5ger 3.csv" in files(tmp_path)
