@@ -26,6 +26,7 @@ def test_an_input_error_travels_whole():
         (errno.EACCES, "folder of your own"),
         (errno.ENOSPC, "make room"),
         (errno.ENOENT, "moved or deleted"),
+        (errno.ENOTDIR, "move it away"),
         (errno.EIO, "permissions"),
     ],
 )

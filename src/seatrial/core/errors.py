@@ -46,7 +46,10 @@ class NumericalError(SeatrialError):
 
 _ELSEWHERE = "run as somebody who may write there, or copy the campaign to a folder of your own"
 _ROOM = "make room, then do the same again: what is finished is kept"
+_FILE = "a file stands where a folder should be: move it away"
 _REMEDIES = {
+    errno.EEXIST: _FILE,
+    errno.ENOTDIR: _FILE,
     errno.ENOENT: "it was moved or deleted meanwhile: put it back, or correct the path",
     errno.EACCES: _ELSEWHERE,
     errno.EPERM: _ELSEWHERE,

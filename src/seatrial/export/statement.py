@@ -55,13 +55,13 @@ def _lines(vehicle: ExportedVehicle, statement: Statement) -> list[str]:
         ("caution", provenance.cautions),
     ):
         lines += [f"{title}: {item}" for item in items]
-    lines += [f"cannot carry: {item}" for item in carried.lost] or ["cannot carry: nothing is left out"]
+    lines += [f"cannot carry: {item}" for item in carried.lost] or ["carries everything that is known"]
     lines += [f"carried in another form: {item}" for item in carried.changed]
     lines.append(f"loss in predicted motion ({statement.manoeuvre}): {loss_words(statement.loss)}")
     if statement.growth > _SLOW and loss_words(statement.loss) != "none":
         lines.append(
             "ahead at that speed the vehicle itself is unstable without control: small differences grow "
-            f"{np.exp(statement.growth):.1f} times each second, and make most of a large loss"
+            f"{np.exp(statement.growth):.1f} times each second, and so does whatever is lost"
         )
     return lines
 

@@ -86,5 +86,5 @@ def test_troubles_of_the_file_system_are_said_in_words(tmp_path):
     (tmp_path / "results").write_text("a file where a folder should be")
     with pytest.raises(OSError, match="exists") as refused:
         Jobs().start(tmp_path, "run")
-    assert "permissions" in words_of(refused.value)
+    assert "move it away" in words_of(refused.value)
     assert stamp(tmp_path / "nothing") == (str(tmp_path / "nothing"), 0, 0)

@@ -164,6 +164,7 @@ class _Run:
         self.waiting, self.ended = deque(enumerate(items)), queue.SimpleQueue[Future]()
         self.running: dict[str, tuple[int, Future]] = {}
         self.sent = self.kept = 0
+        self.alone = False
         self.width, self.looked, self.said = 1, 0.0, time.monotonic()
         self.shared = pickle.dumps(shared, protocol=5)
 
@@ -245,7 +246,8 @@ class _Run:
         except (*LOST, RuntimeError) as cause:
             raise self._lost() from cause
         self.width = max(1, sum(one["nthreads"] for one in workers.values()))
-        if self.looked - self.said > SAY:
+        joined, self.alone = self.alone and bool(workers), not workers
+        if joined or self.looked - self.said > SAY:
             self.said = self.looked
             self.watch.say(f"{self.kept} of {self.total} tasks; {_memory(workers) or self.cluster.none_yet}")
 
