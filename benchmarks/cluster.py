@@ -1,7 +1,7 @@
 """A calibration on Dask workers against threads: how much two workers gain on one, what a task costs beside its work, and where it ends.
 
 `python benchmarks/run.py cluster`, or with other numbers of replicates and workers `python benchmarks/cluster.py 100 1 2`. Workers are
-processes on this machine, each held on one core (left alone, one takes 1.2), started and warmed up beforehand. The seconds of n tasks of
+processes on this machine, each held on one core (left alone, one takes more), started and warmed up beforehand. The seconds of n tasks of
 t seconds on w workers follow
 
     T(w) = s + n max(t / w, c)

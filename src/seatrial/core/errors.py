@@ -44,7 +44,7 @@ class NumericalError(SeatrialError):
     """A computation ended in a state that must not be used; the message says which and what to change."""
 
 
-_ELSEWHERE = "run as somebody who may write there, or copy the campaign to a folder of your own"
+_ELSEWHERE = "run as somebody who may read and write there, or copy it to a folder of your own"
 _ROOM = "make room, then do the same again: what is finished is kept"
 _FILE = "a file stands where a folder should be: move it away"
 _REMEDIES = {

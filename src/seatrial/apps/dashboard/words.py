@@ -1,10 +1,10 @@
-"""Errors as words: for a page, and between processes, where an error itself may not pass."""
+"""Errors as words for a page."""
 
 from seatrial.core.errors import SeatrialError, file_error
 
 
 class Worded(SeatrialError):
-    """An error of another process: its words, which is all that may pass between processes."""
+    """An error of another process, in words."""
 
 
 def words_of(error: BaseException) -> str:

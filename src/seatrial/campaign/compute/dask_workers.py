@@ -81,7 +81,7 @@ class DaskWorkers:
         mend = (
             "SLURM has yet to start them"
             if self.name == "slurm"
-            else f"start one with: dask worker {self.name} --nthreads 1"
+            else f"start one with: dask worker {self.name} --nworkers auto --nthreads 1"
         )
         return f"no worker at {self.name}: waiting ({mend})"
 
