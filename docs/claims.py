@@ -1,0 +1,102 @@
+"""Measured figures in README and docs, each with what shows it: `python docs/claims.py` lists those that nothing shows.
+
+`claims.toml` has a table for each page: a phrase of the page, or a heading for all that stands under it, and the command, the test or the
+source that its figures come from. A page that a command writes whole, or from `<!-- results -->` on, is named with that command under "*".
+"""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+GENERATED = ("decisions", "vehicles", "_build")
+"""Folders without claims of their own: choices with their numbers of the day, and pages that `vehicles.py` writes."""
+SHOWN_BY = ("tests/", "src/", "make ", "python ", "seatrial ", "source: ")
+"""How an entry begins: a test, the line of code that sets a limit, a command, or a reference."""
+_NAMES = r"[A-Za-z]\w*_\w*|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1|Python 3\.\d+ to 3\.\d+|code \d+|chapter \d+|M-\d|2B"
+_NOT_A_FIGURE = re.compile(rf"`[^`]*`|^\$\$.*|!?\[[^]]*\]\([^)]*\)|\$[^$]*\$|\((?:19|20)\d\d\)|^\d+\. |{_NAMES}")
+
+
+def main() -> None:
+    """Print what is wrong, and exit with 1 if anything is."""
+    wrong = [*unshown(), *broken()]
+    print("\n".join(wrong) or "every figure has its command, test or source")
+    sys.exit(bool(wrong))
+
+
+def pages() -> list[Path]:
+    """Return README and the pages of the docs that people wrote."""
+    written = (page for page in sorted(DOCS.rglob("*.md")) if not set(page.relative_to(DOCS).parts) & set(GENERATED))
+    return [ROOT / "README.md", *written]
+
+
+def claims() -> dict[str, dict[str, str]]:
+    """Return what is claimed: page -> phrase -> what shows it."""
+    return tomllib.loads((DOCS / "claims.toml").read_text(encoding="utf-8"))
+
+
+def unshown() -> list[str]:
+    """Return the lines with a figure that no entry covers, each as `page:line: text`."""
+    registered, found = claims(), []
+    for page in pages():
+        name = page.relative_to(ROOT).as_posix()
+        entries = registered.get(name, {})
+        for number, heading, line in _prose(page, whole="*" in entries):
+            covered = heading in entries or any(phrase in line for phrase in entries)
+            if re.search(r"\d", _NOT_A_FIGURE.sub("", line)) and not covered:
+                found.append(f"{name}:{number}: {line.strip()}")
+    return found
+
+
+def broken() -> list[str]:
+    """Return the entries that no longer fit: a phrase that its page lacks, a test or a script that is not there."""
+    found = []
+    for name, entries in claims().items():
+        text = (ROOT / name).read_text(encoding="utf-8") if (ROOT / name).is_file() else ""
+        for phrase, shown in entries.items():
+            if phrase != "*" and phrase not in text:
+                found.append(f'{name}: "{phrase}" is not on the page')
+            if not shown.startswith(SHOWN_BY):
+                found.append(f'{name}: "{phrase}": {shown} begins with none of {", ".join(SHOWN_BY)}')
+            found += [f'{name}: "{phrase}": there is no {place}' for place in _missing(shown)]
+    return found
+
+
+def _missing(shown: str) -> list[str]:
+    """Return the files and names that an entry speaks of and that are not there."""
+    missing = []
+    for path, name in re.findall(r"((?:tests|src|docs|examples|benchmarks|release)/[\w./-]+\.\w+)(?:::(\w+))?", shown):
+        file = ROOT / path
+        if not file.is_file():
+            missing.append(path)
+        elif name and not re.search(rf"\b{name}\b", file.read_text(encoding="utf-8")):
+            missing.append(f"{path}::{name}")
+    return missing
+
+
+def _prose(page: Path, whole: bool) -> list[tuple[int, str, str]]:
+    """Return number, heading and text of the lines that people wrote, without code.
+
+    `whole`: a command writes all after `<!-- results -->`, or the page.
+    """
+    lines = page.read_text(encoding="utf-8").splitlines()
+    end = next((i for i, line in enumerate(lines) if line == "<!-- results -->"), 0) if whole else len(lines)
+    found, inside, heading = [], "", ""
+    for number, line in enumerate(lines[:end], 1):
+        if inside:
+            inside = "" if line.strip() == inside else inside
+        elif line.lstrip().startswith("```"):
+            inside = "```"
+        elif line.lstrip().startswith("<!--"):
+            inside = "" if "-->" in line else "-->"
+        elif line.startswith("#"):
+            heading = line
+        else:
+            found.append((number, heading, line))
+    return found
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""Every figure in README and docs has a command, a test or a source that shows it, and each of these is there."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def claims():
+    spec = importlib.util.spec_from_file_location("claims", ROOT / "docs" / "claims.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_no_figure_stands_alone(claims):
+    assert claims.unshown() == []
+
+
+def test_no_entry_is_stale(claims):
+    assert claims.broken() == []
+
+
+def test_what_would_be_found(claims, tmp_path, monkeypatch):
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "README.md").write_text(
+        "# One\nIt takes 3 s.\n## Two\nAll of 5 % and `7`.\n```sh\nsleep 4\n```\nA REMUS 100.\n"
+    )
+    monkeypatch.setattr(claims, "ROOT", tmp_path)
+    monkeypatch.setattr(claims, "DOCS", tmp_path / "docs")
+    registered = {"README.md": {"## Two": "make test", "8 s": "tests/none.py", "3 s": "somebody said so"}}
+    monkeypatch.setattr(claims, "claims", lambda: registered)
+    assert claims.unshown() == []
+    assert [line.split(": ", 1)[1] for line in claims.broken()] == [
+        '"8 s" is not on the page',
+        '"8 s": there is no tests/none.py',
+        '"3 s": somebody said so begins with none of tests/, src/, make , python , seatrial , source: ',
+    ]
+    del registered["README.md"]["## Two"], registered["README.md"]["3 s"]
+    assert claims.unshown() == ["README.md:2: It takes 3 s.", "README.md:4: All of 5 % and `7`."]
