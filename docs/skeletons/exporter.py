@@ -24,7 +24,7 @@ class PlainText:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: the motion in the target, what is lost, and what is carried in another form."""
-        return Carried(motion_of(vehicle))
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`: texts by file name, each of which repeats the statement."""

@@ -118,8 +118,8 @@ def test_the_loss_is_that_of_the_manoeuvre(monkeypatch):
     statement = state(Half(), vehicle, PROVENANCE)
     by_rate = {change.rate: change for change in statement.loss}
     plan = manoeuvre.plan_for(vehicle, motion_of(vehicle))
-    own = manoeuvre.run_manoeuvre(vehicle, motion_of(vehicle), plan)
-    weak = manoeuvre.run_manoeuvre(vehicle, Half().carries(vehicle).motion, plan)
+    own = manoeuvre.run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan)
+    weak = manoeuvre.run_manoeuvre(Half().carries(vehicle).motion, vehicle.actuators, plan)
     assert by_rate["u"].largest == pytest.approx(np.abs(own - weak)[:, 0].max())
     assert by_rate["u"].largest > 0.3
     assert by_rate["u"].range == pytest.approx(np.ptp(own[:, 0]))

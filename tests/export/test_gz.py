@@ -217,7 +217,13 @@ def test_an_explicit_added_mass_that_runs_away_is_refused():
         Gz(engine="bullet").check(published())
 
 
-def test_limits_of_thrust_are_those_of_the_propeller():
+def test_limits_are_those_of_the_command_that_the_thruster_takes():
+    """`OnCmdAngVel` holds a speed, and `OnCmdThrust` a force, between min_thrust_cmd and max_thrust_cmd as they stand."""
     (thruster,) = simulated(rich()).plugin("Thruster")
-    assert float(thruster.findtext("max_thrust_cmd")) == pytest.approx(0.9 * 6.279e-4 * 157**2)
+    assert thruster.findtext("use_angvel_cmd") == "true"
+    assert float(thruster.findtext("max_thrust_cmd")) == 157.0
     assert float(thruster.findtext("min_thrust_cmd")) == 0.0
+    one, *_ = simulated(published("bluerov2_heavy")).plugin("Thruster")
+    assert float(one.findtext("max_thrust_cmd")) == 40.0
+    (unknown,) = simulated(published()).plugin("Thruster")
+    assert float(unknown.findtext("max_thrust_cmd")) > 1e6

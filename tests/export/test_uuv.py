@@ -1,4 +1,8 @@
-"""UUV Simulator: its Fossen model, applied to the written file, gives the forces of our vehicle without what it loses."""
+"""UUV Simulator: its Fossen model, applied to the written file as its code applies it, gives our forces without what it loses.
+
+Velocities are those of the link's origin; the plugin's force acts at the link's centre of gravity, and the centre of buoyancy counts
+from there.
+"""
 
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -41,9 +45,18 @@ def read(vehicle):
     return root, rigid
 
 
-def force(vehicle, nu, phi, theta, controls):
-    """Hydrodynamics in forward, starboard, down; body, weight and buoyancy in forward, port, up, turned back."""
+def link_place(vehicle):
+    """Where the link stands, forward, starboard, down of the coefficients' origin: the hull without propellers of 1 g each."""
+    places = [np.array(one.place) for one in vehicle.thrusters] or [np.zeros(3)]
+    hull = vehicle.hull.mass - 1e-3 * len(places)
+    return (vehicle.hull.mass * np.array(vehicle.hull.centre_of_gravity) - 1e-3 * sum(places)) / hull
+
+
+def acceleration(vehicle, nu, phi, theta, controls):
+    """At our origin; hydrodynamics in forward, starboard, down, the rest in forward, port, up, turned back."""
     root, rigid = read(vehicle)
+    at = link_place(vehicle)[:, None] * np.ones_like(nu[:3])
+    nu = np.concatenate([nu[:3] + cross(nu[3:], at), nu[3:]])
     own = root.find(".//plugin/link")
     model = own.find("hydrodynamic_model")
     size = {
@@ -55,15 +68,17 @@ def force(vehicle, nu, phi, theta, controls):
     value = {key: np.array(model.findtext(key).split(), float).reshape(shape) for key, shape in size.items()}
     damping = value["linear_damping"] @ nu + nu[0] * (value["linear_damping_forward_speed"] @ nu)
     damping += value["quadratic_damping"][:, None] * np.abs(nu) * nu
-    water = damping - rigid_coriolis(value["added_mass"], nu)
+    water = SIGN[:, None] * (damping - rigid_coriolis(value["added_mass"], nu))
     down = SIGN[:3, None] * down_of(phi, theta)
     gravity = vehicle.hull.weight / vehicle.hull.mass
-    buoyancy = float(own.findtext("volume")) * float(root.findtext(".//fluid_density")) * 9.81
+    buoyancy = float(own.findtext("volume")) * float(root.findtext(".//fluid_density")) * gravity
     ones, mass = np.ones_like(down), rigid[0, 0]
     centre = np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / mass
-    at = np.array(own.findtext("center_of_buoyancy").split(), float)
+    base = np.array(root.find("link/inertial/origin").get("xyz").split(), float)
+    cob = base + np.array(own.findtext("center_of_buoyancy").split(), float)
     weight, lift = mass * gravity * down, -buoyancy * down
-    body = np.concatenate([weight + lift, cross(centre[:, None] * ones, weight) + cross(at[:, None] * ones, lift)])
+    body = np.concatenate([weight + lift, cross(centre[:, None] * ones, weight) + cross(cob[:, None] * ones, lift)])
+    body += water + np.concatenate([np.zeros_like(down), cross(base[:, None] * ones, water[:3])])
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for plugin in root.findall(".//plugin")[1:]:
         joint = joints[plugin.findtext("jointName")]
@@ -78,33 +93,60 @@ def force(vehicle, nu, phi, theta, controls):
             ]
             x = np.interp(x, *tables)
         body = body + np.multiply.outer(np.concatenate([axis, np.cross(place, axis)]), x)
-    flipped = SIGN[:, None] * nu
-    return water + SIGN[:, None] * (body - rigid_coriolis(rigid, flipped))
+    found = SIGN[:, None] * (body - rigid_coriolis(rigid, SIGN[:, None] * nu))
+    rates = np.linalg.solve(rigid * np.outer(SIGN, SIGN) + value["added_mass"], found)
+    return np.concatenate([rates[:3] - cross(rates[3:], at), rates[3:]])
+
+
+def own_acceleration(vehicle, nu, phi, theta, controls):
+    return np.linalg.solve(vehicle.rigid_mass + vehicle.added_mass, own_force(vehicle, nu, phi, theta, controls))
+
+
+def centred(vehicle):
+    """The same with its origin in the centre of gravity, where nothing is moved; the propeller weighs nothing there."""
+    x, y, z = vehicle.hull.centre_of_buoyancy
+    hull = replace(vehicle.hull, centre_of_gravity=(0.0, 0.0, 0.0), centre_of_buoyancy=(x, y, z - 0.02))
+    return replace(vehicle, hull=hull)
 
 
 @pytest.mark.parametrize("vehicle", [published(), rich()], ids=["published", "rich"])
+def test_the_motion_is_as_predicted(vehicle):
+    state = states(vehicle)
+    assert_equal(acceleration(vehicle, *state), Uuv().carries(vehicle).motion(*state))
+
+
+@pytest.mark.parametrize("vehicle", [centred(published()), centred(rich())], ids=["published", "rich"])
 def test_forces_are_those_of_the_vehicle_without_what_is_lost(vehicle):
-    nu, phi, theta, controls = states(vehicle)
     kept = without(vehicle, ["K_nabsn", *CROSSED, *FINS])
     kept = with_terms(kept, M_rp=4.88 - 0.0704, N_pq=0.0704 - 4.88)
-    found = force(vehicle, nu, phi, theta, controls)
-    assert_equal(found, own_force(kept, nu, phi, theta, controls))
-    mass = vehicle.rigid_mass + vehicle.added_mass
-    assert_equal(found, mass @ Uuv().carries(vehicle).motion(nu, phi, theta, controls))
+    state = states(vehicle)
+    assert_equal(acceleration(vehicle, *state), own_acceleration(kept, *state))
 
 
 def test_all_forces_of_an_open_frame_are_ours():
     vehicle = published("bluerov2_heavy")
-    nu, phi, theta, controls = states(vehicle)
-    assert_equal(force(vehicle, nu, phi, theta, controls), own_force(vehicle, nu, phi, theta, controls))
+    state = states(vehicle)
+    assert_equal(acceleration(vehicle, *state), own_acceleration(vehicle, *state), 1e-3)  # propellers of 1 g below
+    assert_equal(acceleration(vehicle, *state), Uuv().carries(vehicle).motion(*state))
     assert Uuv().carries(vehicle).lost == ()
+
+
+@pytest.mark.parametrize("vehicle", [published(), rich(), published("bluerov2_heavy")], ids=["one", "rich", "frame"])
+def test_a_tilted_vehicle_rights_itself_as_ours_does(vehicle):
+    """From rest at 10 degrees of roll: weight and buoyancy alone, of the same size as ours."""
+    still = {name: np.zeros(1) for name in vehicle.controls}
+    state = np.zeros((6, 1)), np.radians([10.0]), np.zeros(1), still
+    assert_equal(acceleration(vehicle, *state), own_acceleration(vehicle, *state))
 
 
 def test_what_is_lost_is_named():
     lost = " ".join(Uuv().carries(published()).lost)
     for name in ("K_nabsn", *CROSSED, *FINS, "M_pr"):
         assert name in lost
-    assert "greatest rate" in " ".join(Uuv().carries(rich()).lost)
+    lost = " ".join(Uuv().carries(rich()).lost)
+    assert "greatest rate 60 SI of n" in lost
+    assert "lag 0.5 s" not in lost
+    assert "lag 0.1 s and greatest rate 1 SI and limits -0.2 to 0.25 SI of delta_r" in lost
 
 
 def test_controllers_read_the_same_numbers():
@@ -113,7 +155,8 @@ def test_controllers_read_the_same_numbers():
     lines = dict(line.split(": ", 1) for line in text.splitlines() if ": " in line and line[0] not in "# -")
     assert float(lines["mass"]) == vehicle.hull.mass
     assert lines["quad_damping"] == "[-2.9355, -1310.0, -1310.0, -0.13, -188.0, -94.0]"
-    assert lines["cog"] == "[0.0, 0.0, -0.0196]"
+    cog, cob = (np.array(lines[key].strip("[]").split(","), float) for key in ("cog", "cob"))
+    np.testing.assert_allclose(cob - cog, [0.0, 0.0, 0.0196], atol=1e-9)
 
 
 @pytest.mark.parametrize(("ratio", "stays"), [(0.97 * FILTERED, True), (1.03 * FILTERED, False)])

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from math import isfinite
 
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.export.terms import Pair, all_products, product_name, with_products
+from seatrial.export.terms import Pair, product_name
 from seatrial.export.vehicle import ExportedVehicle
+from seatrial.vehicles.actuators import Actuator
 
 _ROUNDING = 1e-12
 
@@ -19,14 +19,9 @@ def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
     return replace(vehicle, coefficients={name: x for name, x in vehicle.coefficients.items() if name not in gone})
 
 
-def with_only_products(vehicle: ExportedVehicle, products: Mapping[Pair, float]) -> ExportedVehicle:
-    """The vehicle with other products of velocities than its own."""
-    return replace(vehicle, coefficients=with_products(vehicle, products), added_coriolis="named")
-
-
-def product_losses(vehicle: ExportedVehicle, products: Mapping[Pair, float]) -> tuple[str, ...]:
+def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float]) -> tuple[str, ...]:
     """One sentence about the products whose value differs from the vehicle's own; none where all agree."""
-    own, found = all_products(vehicle), []
+    found = []
     for key in sorted({*own, *products}):
         here, there = own.get(key, 0.0), products.get(key, 0.0)
         if abs(here - there) > _ROUNDING * max(abs(here), abs(there)):
@@ -46,16 +41,17 @@ def added_mass_losses(vehicle: ExportedVehicle, kept: Iterable[str] = ()) -> tup
     return tuple("added mass: " + line for line in term_losses(vehicle, names))
 
 
-def actuator_losses(vehicle: ExportedVehicle, limits: bool = False) -> tuple[str, ...]:
-    """Lags and rates, and limits if asked for, in words; they are not counted in the loss of predicted motion."""
+def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> tuple[str, ...]:
+    """Lags, rates and limits that the target's actuators do not have, in words."""
     found = []
-    for name, actuator in vehicle.actuators.items():
-        parts = [f"lag {actuator.time_constant:g} s"] if actuator.time_constant > 0 else []
-        parts += [f"greatest rate {actuator.rate:.4g} SI"] if isfinite(actuator.rate) else []
-        if limits and (isfinite(actuator.lower) or isfinite(actuator.upper)):
-            parts.append(f"limits {actuator.lower:.4g} to {actuator.upper:.4g} SI")
+    for name, own in vehicle.actuators.items():
+        there = kept.get(name, Actuator(0.0))
+        parts = [f"lag {own.time_constant:g} s"] if there.time_constant != own.time_constant else []
+        parts += [f"greatest rate {own.rate:.4g} SI"] if there.rate != own.rate else []
+        if (there.lower, there.upper) != (own.lower, own.upper):
+            parts.append(f"limits {own.lower:.4g} to {own.upper:.4g} SI")
         if parts:
-            found.append(f"{' and '.join(parts)} of {name} (not counted in the loss)")
+            found.append(f"{' and '.join(parts)} of {name}")
     return tuple(found)
 
 

@@ -5,7 +5,7 @@
 The vehicle of an open frame does the same with its forces: surge, yaw and heave.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,11 @@ from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.motion import Motion
 from seatrial.export.target import Change
 from seatrial.export.vehicle import ExportedVehicle
+from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.thrusters import allocation
 
+Controls = Callable[[float], Mapping[str, float]]
+"""Commands by time, SI."""
 DURATION, STEP = 40.0, 0.05
 SPEED = 1.5
 """Speed ahead, m/s, where the vehicle has no trim speed of its own."""
@@ -33,7 +36,7 @@ class Plan(NamedTuple):
     """Where the manoeuvre starts, the controls at each time, and both in words."""
 
     speed: float
-    controls: Callable[[float], dict[str, float]]
+    controls: Controls
     words: str
 
 
@@ -62,28 +65,48 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
     return Plan(speed, controls, ", ".join(parts))
 
 
-def run_manoeuvre(vehicle: ExportedVehicle, motion: Motion, plan: Plan) -> Float[np.ndarray, "n 6"]:
-    """Velocities of a motion through the manoeuvre, by RK4; NaN from where it runs away."""
-    count = round(DURATION / STEP)
-    state = np.zeros(8)
-    state[0] = plan.speed
-    found = np.full((count + 1, 6), np.nan)
-    found[0] = state[:6]
+def run_manoeuvre(motion: Motion, actuators: Mapping[str, Actuator], plan: Plan) -> Float[np.ndarray, "n 6"]:
+    """Velocities of a motion through the manoeuvre; NaN from where it runs away."""
+    start = np.zeros(8)
+    start[0] = plan.speed
+    return simulate(motion, actuators, plan.controls, start, DURATION, STEP)[:, :6]
 
-    def rate(x: np.ndarray, controls: dict[str, float]) -> np.ndarray:
-        return _rates(motion, x, controls)
+
+def simulate(
+    motion: Motion,
+    actuators: Mapping[str, Actuator],
+    controls: Controls,
+    start: Float[np.ndarray, " 8"],
+    duration: float,
+    step: float,
+) -> Float[np.ndarray, "n 8"]:
+    """Velocities, roll and pitch at each step, by RK4 with the commands held over a step; NaN from where the motion runs away.
+
+    Actuators begin at rest in the first commands; controls without one act at once.
+    """
+    count = round(duration / step)
+    lagging = [name for name, actuator in actuators.items() if actuator.time_constant > 0]
+    first = _within(controls(0.0), actuators)
+    state = np.concatenate([start, [first[name] for name in lagging]])
+    found = np.full((count + 1, 8), np.nan)
+    found[0] = start
+
+    def rate(x: np.ndarray, wanted: dict[str, float]) -> np.ndarray:
+        actual = dict(zip(lagging, x[8:], strict=True))
+        speeds = [_follow(actuators[name], wanted[name], actual[name]) for name in lagging]
+        return np.concatenate([_rates(motion, x[:8], {**wanted, **actual}), speeds])
 
     with np.errstate(all="ignore"):
         for i in range(count):
-            held = plan.controls(i * STEP)
+            held = _within(controls(i * step), actuators)
             k1 = rate(state, held)
-            k2 = rate(state + 0.5 * STEP * k1, held)
-            k3 = rate(state + 0.5 * STEP * k2, held)
-            k4 = rate(state + STEP * k3, held)
-            state = state + STEP / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-            if not np.abs(state).max() < _ABSURD:
+            k2 = rate(state + 0.5 * step * k1, held)
+            k3 = rate(state + 0.5 * step * k2, held)
+            k4 = rate(state + step * k3, held)
+            state = state + step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+            if not np.abs(state[:8]).max() < _ABSURD:
                 break
-            found[i + 1] = state[:6]
+            found[i + 1] = state[:8]
     return found
 
 
@@ -116,6 +139,19 @@ def _rates(motion: Motion, x: Float[np.ndarray, " 8"], controls: dict[str, float
     turn = q * np.sin(phi) + r * np.cos(phi)
     angles = (p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi))
     return np.concatenate([motion(x[:6], phi, theta, controls), angles])
+
+
+def _within(wanted: Mapping[str, float], actuators: Mapping[str, Actuator]) -> dict[str, float]:
+    """Commands within the limits of their actuators."""
+    return {
+        name: min(max(value, actuators[name].lower), actuators[name].upper) if name in actuators else value
+        for name, value in wanted.items()
+    }
+
+
+def _follow(actuator: Actuator, wanted: float, actual: float) -> float:
+    """Speed at which an actuator follows its command."""
+    return min(max((wanted - actual) / actuator.time_constant, -actuator.rate), actuator.rate)
 
 
 def _doublet(t: float) -> float:

@@ -4,10 +4,13 @@ An exporter is a frozen dataclass whose other fields are the target's options: d
 `registry.EXPORTERS` puts it into the conformance test.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from seatrial.export.motion import Motion
 from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.vehicles.actuators import Actuator
 
 
 class Carried(NamedTuple):
@@ -17,11 +20,13 @@ class Carried(NamedTuple):
         motion: accelerations in the target, in our axes.
         lost: what it cannot carry, in words; empty where it carries everything.
         changed: what it carries in another form, in words.
+        actuators: lags, rates and limits that it has, by control; a control without one acts at once.
     """
 
     motion: Motion
     lost: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
+    actuators: Mapping[str, Actuator] = MappingProxyType({})
 
 
 class Change(NamedTuple):

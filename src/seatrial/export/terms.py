@@ -8,6 +8,9 @@ Products hold lift and the Coriolis forces of the added mass, which some targets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from jaxtyping import Float
+
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import RATES
 from seatrial.export.vehicle import ExportedVehicle
@@ -60,8 +63,13 @@ def sorted_terms(forces: Mapping[str, float]) -> Sorted:
 
 def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
     """Coriolis forces that follow from the added mass, as products."""
+    return mass_products(vehicle.added_mass)
+
+
+def mass_products(matrix: Float[np.ndarray, "6 6"]) -> dict[Pair, float]:
+    """Coriolis forces of a mass matrix, as products."""
     found = {}
-    for product in matrix_products(vehicle.added_mass):
+    for product in matrix_products(matrix):
         plain, _, _ = _parts(product.name)
         assert plain is not None
         found[AXES.index(product.name.axis), plain[0], plain[1]] = product.factor
@@ -81,14 +89,6 @@ def product_name(key: Pair) -> str:
     """Name of a product, for example `X_wq` or `X_q2`."""
     axis, first, second = key
     return f"{AXES[axis]}_{RATES[first]}{'2' if first == second else RATES[second]}"
-
-
-def with_products(vehicle: ExportedVehicle, products: Mapping[Pair, float]) -> dict[str, float]:
-    """The vehicle's coefficients with its products replaced, for a vehicle whose Coriolis forces are named."""
-    own = {product_name(key) for key in sorted_terms(vehicle.forces).product}
-    names = {CoefficientName.parse(text) for text in own}
-    kept = {name: value for name, value in vehicle.coefficients.items() if CoefficientName.parse(name) not in names}
-    return {**kept, **{product_name(key): value for key, value in products.items() if value != 0.0}}
 
 
 def _parts(name: CoefficientName) -> tuple[list[int] | None, list[int], list[str]]:

@@ -37,7 +37,7 @@ class Fossen:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything, since its code is written out."""
-        return Carried(motion_of(vehicle))
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""

@@ -23,6 +23,7 @@ from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import all_products, automatic_products, sorted_terms
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
+from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES
 
 ENGINES = ("dart", "other")
@@ -30,6 +31,8 @@ DIAMETER = 0.1
 """Of every propeller, m: only its product with the thrust coefficient counts."""
 PART, PART_INERTIA = 1e-3, 1e-6
 """Mass, kg, and moments of inertia, kg m^2, of a propeller or fin; they are taken out of the hull's."""
+_NO_LIMIT = 1e9
+"""Limit of a command where none is known; without one Gazebo takes 1000."""
 _UPPER = [
     "xx",
     "xy",
@@ -94,18 +97,19 @@ class Gz:
         _, thrust = drives_of(vehicle)
         fins, odd = fins_of(terms)
         kept = without(vehicle, [*terms.other, *thrust, *_fin_terms(vehicle)])
+        actuators = {name: Actuator(0.0, one.lower, one.upper) for name, one in vehicle.actuators.items()}
         lost = (
             *term_losses(vehicle, terms.other),
             *term_losses(vehicle, thrust),
             *odd,
-            *actuator_losses(vehicle),
+            *actuator_losses(vehicle, actuators),
         )
         changed = [fin_words(fins)] if fins else []
         if self.engine == "dart" and vehicle.added_coriolis == "named":
             changed.append(
                 "products of velocities: less what DART adds of the added mass's Coriolis forces, together the same"
             )
-        return Carried(motion_with(kept, force_of(kept), fin_force(fins)), lost, tuple(changed))
+        return Carried(motion_with(kept, force_of(kept), fin_force(fins)), lost, tuple(changed), actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
@@ -162,7 +166,7 @@ def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
     fins, _ = fins_of(sorted_terms(vehicle.forces))
     lines += [f"{fin.control}: rad to /model/{name}/joint/{fin.control}_joint/0/cmd_pos" for fin in fins]
     if any(not isfinite(drive.upper) for drive in drives):
-        lines.append("the limits of the drive are not known: Gazebo's own, 1000 N either way")
+        lines.append("the limits of the drive are not known: none are set")
     if options.engine == "dart":
         lines.append("engine: DART only; others ignore the added mass here: export again with --engine other")
     else:
@@ -231,12 +235,11 @@ def _part(name: str, place: np.ndarray, axis: np.ndarray, limit: str) -> str:
 
 
 def _drive(options: Gz, drive: Drive, name: str) -> str:
-    limits = [
-        f"      <{key}>{number(drive.thrust(bound))}</{key}>"
-        for key, bound in (("max_thrust_cmd", drive.upper), ("min_thrust_cmd", drive.lower))
-        if isfinite(bound)
-    ]
     by_speed = drive.factor is not None
+    limits = [
+        f"      <{key}>{number(np.clip(bound, -_NO_LIMIT, _NO_LIMIT))}</{key}>"
+        for key, bound in (("max_thrust_cmd", drive.upper), ("min_thrust_cmd", drive.lower))
+    ]
     factor = (1.0 if drive.factor is None else drive.factor) / (options.density * DIAMETER**4)
     part = drive_name(drive)
     return "\n".join(

@@ -21,6 +21,7 @@ from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import sorted_terms
 from seatrial.export.torpedo import Torpedo, lamb_factors, slenderness, torpedo_motion
 from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.vehicles.actuators import Actuator
 
 _NEVER = 1e6
 """Time constant, s, of damping that the vehicle does not have."""
@@ -76,7 +77,7 @@ class HoloOcean:
             *term_losses(
                 vehicle, [name for name in vehicle.forces if name not in used and not sorted_terms({name: 1.0}).fin]
             ),
-            *actuator_losses(vehicle, limits=False),
+            *actuator_losses(vehicle, _actuators(vehicle)),
         ]
         length, thickness = 2 * torpedo.half_length, 2 * torpedo.radius
         changed = [
@@ -92,7 +93,7 @@ class HoloOcean:
             changed.append(
                 "fins of equal area in both planes, with drag; their lift is the mean of rudder and stern plane"
             )
-        return Carried(torpedo_motion(torpedo), tuple(lost), tuple(changed))
+        return Carried(torpedo_motion(torpedo), tuple(lost), tuple(changed), _actuators(vehicle))
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
@@ -210,7 +211,7 @@ def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
         "w": 0.0,
         "Ja_max": 1.0,
     }
-    fin = vehicle.actuators.get("delta_s") or vehicle.actuators.get("delta_r")
+    fin = _fin(vehicle)
     if fin is not None and isfinite(fin.upper):
         found |= {"deltaMax_fin_deg": degrees(fin.upper)}
     if fin is not None and fin.time_constant > 0:
@@ -221,3 +222,14 @@ def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
     if propeller is not None and propeller.time_constant > 0:
         found |= {"T_n": propeller.time_constant}
     return found
+
+
+def _fin(vehicle: ExportedVehicle) -> Actuator | None:
+    """The actuator that all fins get."""
+    return vehicle.actuators.get("delta_s") or vehicle.actuators.get("delta_r")
+
+
+def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
+    """Those of the agent: limits that are the same both ways, lags, no rates."""
+    given = {"n": vehicle.actuators.get("n"), "delta_r": _fin(vehicle), "delta_s": _fin(vehicle)}
+    return {name: Actuator(one.time_constant, -one.upper, one.upper) for name, one in given.items() if one is not None}

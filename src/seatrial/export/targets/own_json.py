@@ -38,7 +38,7 @@ class OwnJson:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything."""
-        return Carried(motion_of(vehicle))
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""

@@ -22,6 +22,7 @@ from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import sorted_terms
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import HEAD, comment, identifier, number, numbers, text
+from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES, GRAVITY
 
 _SPAN = 2.0
@@ -70,7 +71,7 @@ class Stonefish:
         lost = [
             *added_mass_losses(vehicle),
             *term_losses(vehicle, rest),
-            *actuator_losses(vehicle),
+            *actuator_losses(vehicle, _actuators(vehicle)),
         ]
         if np.abs(body.inertia - np.diag(np.diag(body.inertia))).max() > 1e-9:
             lost.append("products of inertia")
@@ -78,7 +79,7 @@ class Stonefish:
             f"added mass by the box: {added:.3g} kg in every direction, {turned[1]:.3g} kg m^2 in pitch and {turned[2]:.3g} in yaw",
             f"drag of rotation by the box's faces: {', '.join(f'{name} = {value:.3g}' for name, value in rotation.items())}",
         ]
-        return Carried(motion_of(other), tuple(lost), tuple(changed))
+        return Carried(motion_of(other), tuple(lost), tuple(changed), _actuators(vehicle))
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
@@ -137,6 +138,17 @@ def drag_multipliers(
         quadratic[i] = max(0.0, -2 * terms.modulus.get((i, i, i), 0.0) / (density * front))
         viscous[i] = max(0.0, -terms.linear.get((i, i), 0.0) / (density * side))
     return quadratic, viscous
+
+
+def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
+    """Those of the thrusters: their lags, and limits that are the same both ways."""
+    drives = {drive.control for drive in drives_of(vehicle)[0]}
+    found = {}
+    for name, one in vehicle.actuators.items():
+        top = max(abs(one.lower), abs(one.upper))
+        if name in drives:
+            found[name] = Actuator(one.time_constant, -top, top)
+    return found
 
 
 def _products_without_axes(vehicle: ExportedVehicle) -> tuple[float, float, float]:

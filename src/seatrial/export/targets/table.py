@@ -27,7 +27,7 @@ class Table:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: every number of the body and every coefficient has its row."""
-        return Carried(motion_of(vehicle))
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""

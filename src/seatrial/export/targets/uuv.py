@@ -2,26 +2,33 @@
 
 The plugin's force is (D_lin + u D_forward + diag(d_j |nu_j|)) nu - C_A(nu) nu, negative where it dissipates, in forward-starboard-down
 axes; added mass acts on the acceleration of the step before, through a filter of 0.3. Its products are those of the added mass's
-Coriolis forces and, by D_forward, every product with u.
-Sources: uuv_simulator `uuv_gazebo_plugins/src/{HydrodynamicModel,ThrusterConversionFcn}.cc`, `uuv_trajectory_control/config/models`.
+Coriolis forces and, by D_forward, every product with u. nu is of the link's origin, but the force acts at the link's centre of gravity,
+and the centre of buoyancy counts from there: so the link stands in the centre of gravity here, and the matrices are taken there,
+
+    nu = H nu_g,  tau_g = H^T tau,  H = (1, S(r_g); 0, 1):   D_g = H^T D H,  M_g = H^T M H
+
+Sources: uuv_simulator `uuv_gazebo_plugins/src/{HydrodynamicModel,BuoyantObject,UnderwaterObjectPlugin,ThrusterConversionFcn}.cc`,
+Gazebo Classic `physics/ode/ODELink.cc`, `uuv_trajectory_control/config/models`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import isfinite
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from seatrial.export.drives import Drive, drive_name, drives_of
-from seatrial.export.exact import DENSITY, Body, body_of, flip, flu, gravity_of, point_mass
-from seatrial.export.kept import actuator_losses, product_losses, term_losses, with_only_products, without
-from seatrial.export.motion import motion_of
+from seatrial.export.exact import DENSITY, Body, body_of, flip, flu, gravity_of, point_mass, volume_of
+from seatrial.export.kept import actuator_losses, product_losses, term_losses
+from seatrial.export.motion import Motion, coriolis_force, force_of, motion_with
 from seatrial.export.stability import check_explicit_added_mass, check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.terms import Pair, all_products, automatic_products, sorted_terms
+from seatrial.export.terms import Pair, all_products, mass_products, sorted_terms
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import HEAD, comment, identifier, matrix, number, numbers
-from seatrial.vehicles.hull import GRAVITY
+from seatrial.vehicles.actuators import Actuator
 
 FILTERED = 1.7 / 0.3
 """Added mass over the vehicle's own at which the simulator's filtered acceleration runs away."""
@@ -49,8 +56,14 @@ class Uuv:
         _, thrust = drives_of(vehicle)
         crossed = [name for name in vehicle.forces if _is_crossed(name)]
         fins = [name for name in vehicle.forces if sorted_terms({name: 1.0}).fin]
-        products = _products(vehicle)
-        kept = with_only_products(without(vehicle, [*terms.other, *thrust, *crossed, *fins]), products)
+        plugin, actuators = plugin_of(vehicle), _actuators(vehicle)
+        masses = [name for name in vehicle.coefficients if name not in vehicle.forces]
+        driving = [name for name in terms.thrust if name not in thrust]
+        rest = replace(
+            vehicle,
+            coefficients={name: vehicle.coefficients[name] for name in (*masses, *driving)},
+            added_coriolis="named",
+        )
         lost = (
             *term_losses(vehicle, terms.other),
             *term_losses(vehicle, thrust),
@@ -58,17 +71,24 @@ class Uuv:
             *term_losses(
                 vehicle, fins, ": its fins lift by the local angle of attack too, which Y_uv and Z_uw hold here"
             ),
-            *product_losses(vehicle, products),
-            *_lag_losses(vehicle),
+            *product_losses(plugin.own, plugin.products),
+            *actuator_losses(vehicle, actuators),
         )
-        return Carried(motion_of(kept), lost)
+        shifted = plugin.quadratic.any() and plugin.centre.any()
+        distance = float(np.linalg.norm(plugin.centre))
+        changed = (f"quadratic damping: at the centre of gravity of the hull, {distance:.2g} m from the origin",)
+        return Carried(
+            motion_with(rest, force_of(rest), _plugin_force(plugin)), lost, changed if shifted else (), actuators
+        )
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
         name = identifier(vehicle.name)
         notes = [
             "axes: forward, port, up of the link; the hydrodynamic matrices forward, starboard, down, as the plugin reads them",
-            f"set the world's gravity to {gravity_of(vehicle):.9g} m/s^2; the plugin's buoyancy takes {GRAVITY} m/s^2",
+            f"the link stands in the hull's centre of gravity, ({', '.join(f'{x:.6g}' for x in plugin_of(vehicle).centre)}) m "
+            "forward, starboard and down of the coefficients' origin: the plugin's forces act there",
+            f"set the world's gravity to {gravity_of(vehicle):.9g} m/s^2, by which buoyancy and weight come out",
             "the box is of the displaced volume, not of the hull's shape",
         ]
         yaml = "".join(f"# {line}\n" for line in [*statement.lines, *notes]) + _parameters(self, vehicle)
@@ -78,42 +98,92 @@ class Uuv:
         }
 
 
-def damping_matrices(
-    vehicle: ExportedVehicle,
-) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 6"], Float[np.ndarray, " 6"]]:
-    """D_lin, D_forward and the diagonal of quadratic damping, negative where they dissipate, in our axes."""
-    terms = sorted_terms(vehicle.forces)
-    linear, forward, quadratic = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+class Plugin(NamedTuple):
+    """What the plugin gets, about the hull's centre of gravity, in forward-starboard-down axes; damping is negative where it dissipates.
+
+    Attributes:
+        centre: of gravity of the hull without its propellers, m from the coefficients' origin.
+        added: added mass, positive.
+        linear: D_lin.
+        forward: D_forward.
+        quadratic: diagonal of quadratic damping.
+        own: the vehicle's products of velocities, taken there.
+        products: those of the target.
+    """
+
+    centre: Float[np.ndarray, " 3"]
+    added: Float[np.ndarray, "6 6"]
+    linear: Float[np.ndarray, "6 6"]
+    forward: Float[np.ndarray, "6 6"]
+    quadratic: Float[np.ndarray, " 6"]
+    own: Mapping[Pair, float]
+    products: Mapping[Pair, float]
+
+
+def plugin_of(vehicle: ExportedVehicle) -> Plugin:
+    """The plugin's parameters."""
+    terms, centre = sorted_terms(vehicle.forces), flu(_hull(vehicle).centre)
+    shift = _shift(centre)
+    linear, quadratic, tensor = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6, 6))
     for (i, j), value in terms.linear.items():
         linear[i, j] += value
     for (i, j, k), value in terms.modulus.items():
         if i == j == k:
             quadratic[i] += value
-    own, made = all_products(vehicle), automatic_products(vehicle)
-    for i, j, k in {*own, *made}:
+    for key, value in all_products(vehicle).items():
+        tensor[key] += value
+    tensor = np.einsum("ai,abc,bj,ck->ijk", shift, tensor, shift, shift)
+    added = shift.T @ vehicle.added_mass @ shift
+    own, made = _products_of(tensor), mass_products(added)
+    products = {key: own.get(key, 0.0) if key[1] == 0 else made.get(key, 0.0) for key in {*own, *made}}
+    forward = np.zeros((6, 6))
+    for i, j, k in products:
         if j == 0:
             forward[i, k] = own.get((i, j, k), 0.0) - made.get((i, j, k), 0.0)
-    return linear, forward, quadratic
+    return Plugin(centre, added, shift.T @ linear @ shift, forward, quadratic, own, products)
 
 
-def _products(vehicle: ExportedVehicle) -> dict[Pair, float]:
-    """Products of the target: every one with u is the vehicle's own, the others are those of the added mass."""
-    own, made = all_products(vehicle), automatic_products(vehicle)
-    return {key: own.get(key, 0.0) if key[1] == 0 else made.get(key, 0.0) for key in {*own, *made}}
+def _shift(centre: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
+    """H: velocities at the origin from those at the centre."""
+    x, y, z = centre
+    found = np.eye(6)
+    found[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    return found
+
+
+def _products_of(tensor: Float[np.ndarray, "6 6 6"]) -> dict[Pair, float]:
+    """Products with ascending velocities; what is rounding beside the largest of its axis is left out."""
+    found = {}
+    for i in range(6):
+        for j in range(6):
+            for k in range(j, 6):
+                value = tensor[i, j, k] + (tensor[i, k, j] if k > j else 0.0)
+                if abs(value) > 1e-12 * np.abs(tensor[i]).max():
+                    found[i, j, k] = float(value)
+    return found
+
+
+def _plugin_force(plugin: Plugin) -> Motion:
+    """The plugin's force, about our origin."""
+    back = np.linalg.inv(_shift(plugin.centre))
+
+    def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
+        there = np.tensordot(back, np.asarray(nu, float), 1)
+        found = np.tensordot(plugin.linear, there, 1) + there[0] * np.tensordot(plugin.forward, there, 1)
+        found = found + (plugin.quadratic * (np.abs(there) * there).T).T - coriolis_force(plugin.added, there)
+        return np.tensordot(back.T, found, 1)
+
+    return force
 
 
 def _is_crossed(name: str) -> bool:
     return any(not i == j == k for i, j, k in sorted_terms({name: 1.0}).modulus)
 
 
-def _lag_losses(vehicle: ExportedVehicle) -> tuple[str, ...]:
-    """The lag of a thruster is carried; its rate is not, nor is anything of a fin's."""
+def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
+    """Those of the thrusters without their rates; there are no fins."""
     drives = {drive.control for drive in drives_of(vehicle)[0]}
-    return tuple(
-        line
-        for line in actuator_losses(vehicle)
-        if line.split(" of ")[-1].split(" ")[0] not in drives or "rate" in line
-    )
+    return {name: replace(one, rate=np.inf) for name, one in vehicle.actuators.items() if name in drives}
 
 
 def _hull(vehicle: ExportedVehicle) -> Body:
@@ -125,16 +195,16 @@ def _hull(vehicle: ExportedVehicle) -> Body:
 def _robot(options: Uuv, vehicle: ExportedVehicle, name: str) -> str:
     body, base = _hull(vehicle), f"{name}/base_link"
     drives, _ = drives_of(vehicle)
-    linear, forward, quadratic = damping_matrices(vehicle)
-    volume = vehicle.hull.buoyancy / (options.density * GRAVITY)
+    plugin = plugin_of(vehicle)
+    volume = volume_of(vehicle, options.density)
     side = volume ** (1 / 3)
     sizes = "".join(f"<{key}>{number(side)}</{key}>" for key in ("width", "length", "height"))
     lines = [
         f'<robot name="{name}">',
         f'  <link name="{base}">',
-        _inertial(body.mass, body.centre, body.inertia),
+        _inertial(body.mass, np.zeros(3), body.inertia),
         "  </link>",
-        *(_thruster_link(base, name, drive) for drive in drives),
+        *(_thruster_link(base, name, drive, plugin.centre) for drive in drives),
         "  <gazebo>",
         '    <plugin filename="libuuv_underwater_object_ros_plugin.so" name="hydrodynamics">',
         f"      <fluid_density>{number(options.density)}</fluid_density>",
@@ -143,13 +213,13 @@ def _robot(options: Uuv, vehicle: ExportedVehicle, name: str) -> str:
         "        <neutrally_buoyant>0</neutrally_buoyant>",
         f"        <volume>{number(volume)}</volume>",
         f"        <box>{sizes}</box>",
-        f"        <center_of_buoyancy>{numbers(flu(vehicle.hull.centre_of_buoyancy))}</center_of_buoyancy>",
+        f"        <center_of_buoyancy>{numbers(_buoyancy_at(vehicle, plugin))}</center_of_buoyancy>",
         "        <hydrodynamic_model>",
         "          <type>fossen</type>",
-        f"          <added_mass>{matrix(vehicle.added_mass)}</added_mass>",
-        f"          <linear_damping>{matrix(linear)}</linear_damping>",
-        f"          <linear_damping_forward_speed>{matrix(forward)}</linear_damping_forward_speed>",
-        f"          <quadratic_damping>{numbers(quadratic)}</quadratic_damping>",
+        f"          <added_mass>{matrix(plugin.added)}</added_mass>",
+        f"          <linear_damping>{matrix(plugin.linear)}</linear_damping>",
+        f"          <linear_damping_forward_speed>{matrix(plugin.forward)}</linear_damping_forward_speed>",
+        f"          <quadratic_damping>{numbers(plugin.quadratic)}</quadratic_damping>",
         "        </hydrodynamic_model>",
         "      </link>",
         "    </plugin>",
@@ -158,6 +228,11 @@ def _robot(options: Uuv, vehicle: ExportedVehicle, name: str) -> str:
         "</robot>",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _buoyancy_at(vehicle: ExportedVehicle, plugin: Plugin) -> Float[np.ndarray, " 3"]:
+    """Centre of buoyancy from the centre of gravity, forward, port, up."""
+    return flu(np.array(vehicle.hull.centre_of_buoyancy) - plugin.centre)
 
 
 def _inertial(mass: float, centre: np.ndarray, inertia: np.ndarray) -> str:
@@ -169,12 +244,12 @@ def _inertial(mass: float, centre: np.ndarray, inertia: np.ndarray) -> str:
     )
 
 
-def _thruster_link(base: str, name: str, drive: Drive) -> str:
+def _thruster_link(base: str, name: str, drive: Drive, centre: np.ndarray) -> str:
     part = f"{name}/{drive_name(drive)}"
     return (
         f'  <link name="{part}">\n{_inertial(PART, np.zeros(3), PART_INERTIA * np.eye(3))}\n  </link>\n'
         f'  <joint name="{part}_joint" type="continuous">\n'
-        f'    <origin xyz="{numbers(flu(drive.place))}" rpy="0 0 0"/>\n    <axis xyz="{numbers(flu(drive.direction))}"/>\n'
+        f'    <origin xyz="{numbers(flu(drive.place - centre))}" rpy="0 0 0"/>\n    <axis xyz="{numbers(flu(drive.direction))}"/>\n'
         f'    <parent link="{base}"/>\n    <child link="{part}"/>\n  </joint>'
     )
 
@@ -208,9 +283,8 @@ def _thruster_plugin(vehicle: ExportedVehicle, name: str, index: int, drive: Dri
 
 def _parameters(options: Uuv, vehicle: ExportedVehicle) -> str:
     """What the simulator's controllers read: the same numbers, their damping without products."""
-    body = body_of(flip(vehicle.rigid_mass))
-    linear, forward, quadratic = damping_matrices(vehicle)
-    volume = vehicle.hull.buoyancy / (options.density * GRAVITY)
+    body, plugin = body_of(flip(vehicle.rigid_mass)), plugin_of(vehicle)
+    volume = volume_of(vehicle, options.density)
     side = number(volume ** (1 / 3))
     pairs = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
@@ -223,9 +297,9 @@ def _parameters(options: Uuv, vehicle: ExportedVehicle) -> str:
     return (
         f"mass: {number(body.mass)}\ninertial:\n"
         + "".join(f"  {key}: {number(body.inertia[at])}\n" for key, at in pairs.items())
-        + f"cog: {listed(body.centre)}\ncob: {listed(flu(vehicle.hull.centre_of_buoyancy))}\n"
+        + f"cog: {listed(body.centre - flu(plugin.centre))}\ncob: {listed(_buoyancy_at(vehicle, plugin))}\n"
         + f"volume: {number(volume)}\nlength: {side}\nwidth: {side}\nheight: {side}\n"
-        + f"density: {number(options.density)}\nbase_link: base_link\nMa:{rows(vehicle.added_mass)}\n"
-        + f"linear_damping:{rows(linear)}\nlinear_damping_forward_speed: {listed(np.diag(forward))}\n"
-        + f"quad_damping: {listed(quadratic)}\n"
+        + f"density: {number(options.density)}\nbase_link: base_link\nMa:{rows(plugin.added)}\n"
+        + f"linear_damping:{rows(plugin.linear)}\nlinear_damping_forward_speed: {listed(np.diag(plugin.forward))}\n"
+        + f"quad_damping: {listed(plugin.quadratic)}\n"
     )
