@@ -133,9 +133,9 @@ def test_fossens_vehicle_in_one_point_by_hand():
         * np.array([[-np.cos(angle), np.sin(angle)], [-np.sin(angle), -np.cos(angle)]])
         @ [drag, lift]
     )
-    x = (np.arange(20) + 0.5) * 0.08 - 0.8
+    x = np.arange(21) * 0.08 - 0.8  # 21 sections of a whole strip each, as in the simulator's crossFlowDrag
     local = nu[1] + x * nu[5]
-    strip = -0.5 * rho * 0.19 * 1.1977 * 0.08 * local * abs(local)
+    strip = -0.5 * rho * 0.19 * np.interp(0.5, [0.4933, 0.5585], [1.2108, 1.0836]) * 0.08 * local * abs(local)
     tau[[1, 5]] += strip.sum(), (x * strip).sum()
     expected = np.linalg.solve(mass, tau - (coriolis(rigid) + added) @ nu - damping * nu)
     found = remus100_fossen().derivative({}, (*nu, 1.0, 0.0, 0.0, 0.0), (n, rudder, plane))
