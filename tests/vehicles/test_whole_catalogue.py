@@ -133,9 +133,9 @@ def test_fossens_vehicle_in_one_point_by_hand():
         * np.array([[-np.cos(angle), np.sin(angle)], [-np.sin(angle), -np.cos(angle)]])
         @ [drag, lift]
     )
-    x = (np.arange(20) + 0.5) * 0.08 - 0.8
+    x = np.arange(21) * 0.08 - 0.8  # 21 sections of a whole strip each, as in the simulator's crossFlowDrag
     local = nu[1] + x * nu[5]
-    strip = -0.5 * rho * 0.19 * 1.1977 * 0.08 * local * abs(local)
+    strip = -0.5 * rho * 0.19 * np.interp(0.5, [0.4933, 0.5585], [1.2108, 1.0836]) * 0.08 * local * abs(local)
     tau[[1, 5]] += strip.sum(), (x * strip).sum()
     expected = np.linalg.solve(mass, tau - (coriolis(rigid) + added) @ nu - damping * nu)
     found = remus100_fossen().derivative({}, (*nu, 1.0, 0.0, 0.0, 0.0), (n, rudder, plane))
@@ -163,12 +163,27 @@ def test_mariner_is_a_ship_of_its_displacement():
     assert "differ" in added_mass_findings(vehicle.hull.fixed)[0]
 
 
+def turned(angle, vector):
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ vector
+
+
 def test_bluerov_is_driven_on_every_axis():
     vehicle = load_vehicle("bluerov2_heavy")
     check_laws(vehicle.hull, vehicle.coefficients)
     matrix = allocation(vehicle.thrusters)
     assert np.linalg.matrix_rank(matrix) == 6
     assert np.abs(matrix[5, :4]) == pytest.approx(np.full(4, 0.1888), abs=1e-4)
+    # The source's table: places and directions are one vector each, turned about the vertical; vertical thrusters push up.
+    turns = (0.0, 5.05, 1.91, np.pi), (0.0, np.pi / 2, 3 * np.pi / 2, np.pi), (0.0, 4.15, 1.01, np.pi)
+    place, direction, vertical = (
+        np.array([turned(angle, vector) for angle in angles])
+        for angles, vector in zip(turns, ([0.156, 0.111, 0.085], [1, -1, 0], [0.12, 0.218, 0.0]), strict=True)
+    )
+    places = np.concatenate([place, vertical])
+    directions = np.concatenate([direction / np.sqrt(2), np.tile([0.0, 0.0, -1.0], (4, 1))])
+    columns = np.concatenate([directions, np.cross(places, directions)], axis=1)
+    np.testing.assert_allclose(matrix.T, columns, atol=2e-3)
     model = vehicle.build(actuators=True)
     assert model.controls == tuple(f"f_{i}" for i in range(1, 9))
     rest = np.array([*np.zeros(6), 1.0, 0.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""The page of a published vehicle, as Markdown, from the catalogue's own numbers."""
+"""The page of a published vehicle, as Markdown, from the catalogue's own numbers and its own motion."""
 
 import numpy as np
 
@@ -6,12 +6,13 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.shown import shown_unit
 from seatrial.vehicles.catalogue.whole import PublishedVehicle
 from seatrial.vehicles.hull import AXES, Hull
+from seatrial.vehicles.senses import SPEED, control_senses, sense_words
 
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw", "T": "thrust"}
 
 
 def vehicle_page(name: str, vehicle: PublishedVehicle) -> str:
-    """Body, coefficients by axis with SI units, actuators, sources and errata.
+    """Body, coefficients by axis with SI units, senses of the controls, actuators, sources and errata.
 
     Args:
         name: in the catalogue.
@@ -45,6 +46,12 @@ def vehicle_page(name: str, vehicle: PublishedVehicle) -> str:
             for number, thruster in enumerate(vehicle.thrusters, 1)
         ]
         parts += ["## Thrusters", _table(("", "place, m", "direction"), rows)]
+    speed = 0.0 if vehicle.thrusters else hull.trim.get("u", SPEED)
+    where = f"{speed:.4g} m/s straight ahead" if speed else "rest"
+    senses = control_senses(model, vehicle.coefficients, speed)
+    rows = [(name, sense_words(sense)) for name, sense in senses.items()]
+    said = f"Signs are the source's. What a positive change does was found by simulation, from {where}:"
+    parts += ["## Controls", said, _table(("control", "a positive change"), rows)]
     if vehicle.actuators:
         parts += ["## Actuators", _table(("control", "lag, s", "limits", "rate"), _actuators(vehicle))]
     return "\n\n".join(parts) + "\n"

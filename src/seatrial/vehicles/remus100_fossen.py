@@ -25,8 +25,9 @@ from seatrial.vehicles.model import Params, VehicleModel
 
 NOTES = """REMUS 100 of T. I. Fossen's Python Vehicle Simulator (MIT licence), by lift, drag and cross-flow of shapes.
 The simulator's text gives 31.9 kg, its spheroid 31.03 kg. Its integrator is Euler's; its speed of advance is that over ground,
-here that through the water. The Munk moments are left out there and here. The variant in the Marine Systems Simulator differs:
-a mass of 31.9 kg from another density, cross-flow in heave and pitch too, with a sign of pitch at odds with the rigid body."""
+here that through the water. The Munk moments are left out there and here. Cross-flow drag is summed as there, over 21 sections of
+1/20 of the length each. The variant in the Marine Systems Simulator differs: 31.9 kg from a larger spheroid, drag of a cylinder in
+place of Hoerner's, cross-flow in heave and pitch too, with a sign of pitch at odds with the rigid body, and planes to 20 degrees."""
 DENSITY, LENGTH, DIAMETER = 1026.0, 1.6, 0.19
 ACTUATORS = {
     "n": Actuator(1.0, -1525 * pi / 30, 1525 * pi / 30),
@@ -36,9 +37,11 @@ ACTUATORS = {
 """The simulator's lags and limits: 1525 rpm and 15 degrees."""
 _LOW = 0.02
 """Centre of gravity below the origin, m."""
-_STRIPS = 20
-_CROSS_FLOW = 1.1977
-"""Two-dimensional drag coefficient of a section as broad as deep, Hoerner's curve at B / 2T = 0.5."""
+STRIPS = 20
+"""Lengths into which the hull is divided; the simulator sums over the 21 ends of these, each by a whole length: 5 % more than the hull."""
+CROSS_FLOW = 1.2108 - 0.1272 * 0.0067 / 0.0652
+"""Two-dimensional drag coefficient of a section as broad as deep: Hoerner's curve at B / 2T = 0.5, between its points as the simulator
+interpolates it, 1.19773."""
 _MUNK = {("M", 0), ("X", 4), ("M", 2), ("Z", 4), ("N", 0), ("X", 5), ("N", 1), ("Y", 5)}
 """Entries of C_A, by axis and column, that the simulator sets to zero."""
 
@@ -157,13 +160,13 @@ def _lift_and_drag(nu: tuple) -> list[Any]:
 
 
 def _cross_flow(nu: tuple) -> list[Any]:
-    """Drag of strips across the hull, each by its own sway velocity."""
-    width = LENGTH / _STRIPS
+    """Drag of strips across the hull, each by its own sway velocity, as the simulator's `crossFlowDrag` sums them."""
+    width = LENGTH / STRIPS
     side, turn = 0.0, 0.0
-    for i in range(_STRIPS):
-        x = (i + 0.5) * width - LENGTH / 2
+    for i in range(STRIPS + 1):
+        x = i * width - LENGTH / 2
         local = nu[1] + x * nu[5]
-        drag = -0.5 * DENSITY * DIAMETER * _CROSS_FLOW * width * local * abs(local)
+        drag = -0.5 * DENSITY * DIAMETER * CROSS_FLOW * width * local * abs(local)
         side, turn = side + drag, turn + x * drag
     return [0.0, side, 0.0, 0.0, 0.0, turn]
 
