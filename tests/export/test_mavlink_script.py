@@ -55,7 +55,8 @@ def load(tmp_path):
     def loaded(trial, **times):
         (path,) = write_trial(trial, tmp_path / "out", ("mavlink",))
         spec = importlib.util.spec_from_file_location("trial", path)
-        assert spec is not None and spec.loader is not None
+        assert spec is not None
+        assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         for name, value in {**QUICK, **times}.items():
