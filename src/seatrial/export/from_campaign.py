@@ -48,17 +48,17 @@ def of_campaign(
             or a published vehicle of another mass.
     """
     campaign = load_campaign(folder)
-    estimate = _stored(campaign, structure)
+    estimate = stored_estimate(campaign, structure)
     alone, provenance = _alone(campaign, estimate)
     return (alone, provenance) if rest is None else _with_rest(campaign, alone, provenance, rest)
 
 
-def stored_labels(folder: Path | str) -> tuple[str, ...]:
-    """Labels of the structures of which a campaign has a posterior."""
-    return tuple(sorted(path.stem for path in Store(Path(folder)).posterior("x").parent.glob("*.nc")))
+def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
+    """Return the stored posterior of a structure, the chosen one where none is named.
 
-
-def _stored(campaign: Campaign, label: str | None) -> Estimate:
+    Raises:
+        InputError: results missing or made from another configuration, or an unknown structure.
+    """
     store, remedy = Store(campaign.folder), f"run `seatrial run {campaign.folder}` first"
     summary = read_json(store.summary, f"seatrial run {campaign.folder}")
     if summary["seatrial_version"] != __version__:
@@ -79,6 +79,11 @@ def _stored(campaign: Campaign, label: str | None) -> Estimate:
     if stamp_of(path) != key:
         raise _stale(campaign, "another configuration, or none", remedy)
     return Estimate(labels[chosen], open_dataset(path))
+
+
+def stored_labels(folder: Path | str) -> tuple[str, ...]:
+    """Labels of the structures of which a campaign has a posterior."""
+    return tuple(sorted(path.stem for path in Store(Path(folder)).posterior("x").parent.glob("*.nc")))
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Provenance]:

@@ -87,7 +87,7 @@ def _vehicle(
 def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:
     from seatrial.core.errors import InputError
     from seatrial.export.trials.trial import read_trial
-    from seatrial.export.trials.write import PLAIN, write_trial
+    from seatrial.export.trials.write import write_plain, write_trial
 
     if not folder.exists():
         raise InputError(
@@ -97,10 +97,13 @@ def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None)
             remedy="name it; a vehicle of the catalogue has no trials",
         )
     trial = read_trial(folder, schedule)
-    paths = write_trial(trial, out or folder / "export" / "trial", PLAIN if to is None else (to,))
+    place = out or folder / "export" / "trial"
+    paths, without = write_plain(trial, place) if to is None else (write_trial(trial, place, (to,)), "")
     typer.echo("\n".join(trial.lines))
     for path in paths:
         typer.echo(f"wrote: {path}")
+    if without:
+        typer.echo(f"no script for MAVLink: {without}")
     return Exit.OK
 
 

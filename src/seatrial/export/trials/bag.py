@@ -1,6 +1,7 @@
 """A trial as a ROS 2 bag of commands, in MCAP or SQLite: std_msgs/Float64 in SI on one topic, and what it is on another.
 
-`/seatrial/command/n` holds a message every 50 ms, `/seatrial/about` one std_msgs/String of JSON with unit, limits and schedule.
+`/seatrial/command/n` holds a message every 50 ms, those of the last second neutral, and `/seatrial/about` one std_msgs/String of JSON with
+unit, limits and schedule.
 """
 
 import importlib
@@ -14,10 +15,12 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.export.trials.plain import trial_json
-from seatrial.export.trials.trial import Trial, value_at
+from seatrial.export.trials.trial import NEUTRAL, Trial, value_at
 
 STEP = 0.05
 """Time between messages, s."""
+REST = 20
+"""Messages of neutral at the end."""
 STORAGES = {"mcap": "MCAP", "ros2": "SQLITE3"}
 """The library's name of each storage."""
 
@@ -48,7 +51,8 @@ def _fill(bag: Any, store: Any, trial: Trial) -> None:
     command = bag.add_connection(f"/seatrial/command/{trial.control}", number.__msgtype__, typestore=store)
     bag.write(about, 0, store.serialize_cdr(text(data=trial_json(trial)), text.__msgtype__))
     time = np.arange(0.0, trial.time[-1] + 0.5 * STEP, STEP)
-    for t, value in zip(time, value_at(trial, time), strict=True):
+    values = np.append(value_at(trial, time), np.full(REST, NEUTRAL))
+    for t, value in zip(STEP * np.arange(values.size), values, strict=True):
         bag.write(command, round(t * 1e9), store.serialize_cdr(number(data=float(value)), number.__msgtype__))
 
 

@@ -1,6 +1,8 @@
-"""A trial on its way out: one control over time, in SI and in the operator's unit, with the limits of its campaign."""
+"""A trial on its way out: one control over time, in SI and in the operator's unit, with the limits of its campaign; neutral at its end."""
 
 import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +15,10 @@ from seatrial.campaign.store import Store
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.shown import shown_unit
 from seatrial.core.signals import signal_unit
+from seatrial.export.trials.stick import Stick, campaign_stick
 
+NEUTRAL = 0.0
+"""Control with which every export ends, whatever the trim and the lower limit of the trial are."""
 _ROUNDING = 1e-6
 
 
@@ -32,6 +37,7 @@ class Trial(NamedTuple):
         rate: greatest speed of change, SI; a step between two rows is the operator's, and not limited.
         motion: other limits of the campaign, in words.
         rule: what a closed-loop trial does; its schedule only foresees it.
+        find_stick: finds the stick of a remote control that stands for the control; raises InputError where none does.
     """
 
     campaign: str
@@ -45,6 +51,7 @@ class Trial(NamedTuple):
     rate: float | None
     motion: tuple[str, ...]
     rule: str
+    find_stick: Callable[[], Stick]
 
     @property
     def unit(self) -> str:
@@ -57,6 +64,13 @@ class Trial(NamedTuple):
         return shown_unit(self.control)
 
     @property
+    def ending_neutral(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+        """Time and value, SI, of every bend and of the way to neutral, at once at the end."""
+        if self.value[-1] == NEUTRAL:
+            return self.time, self.value
+        return np.append(self.time, self.time[-1]), np.append(self.value, NEUTRAL)
+
+    @property
     def lines(self) -> tuple[str, ...]:
         """What every file says at its head."""
         factor, unit = self.shown
@@ -65,6 +79,7 @@ class Trial(NamedTuple):
         return (
             f"trial of {self.campaign}: {self.manoeuvre} in {self.control}, {self.time[-1]:.6g} s, from {self.source}",
             f"limits of {self.control}: lower {ends[0]}, upper {ends[1]}, rate {rate}",
+            f"at its end {self.control} goes to neutral, {NEUTRAL:g} {unit}",
             *(f"limit of the motion: {text}" for text in self.motion),
             *([f"closed loop, of which this is a forecast: {self.rule}"] if self.rule else []),
         )
@@ -103,7 +118,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
     try:
         content = json.loads(beside.read_text(encoding="utf-8"))
         trial = _trial(campaign, path, content)
-    except (OSError, ValueError, KeyError, TypeError) as cause:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as cause:
         raise InputError(
             str(beside),
             found=f"{type(cause).__name__}: {cause}",
@@ -115,7 +130,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
 
 
 def value_at(trial: Trial, time: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """The control at any time, SI, within its limits."""
+    """The control at any time of the trial, SI, within its limits."""
     value = np.interp(time, trial.time, trial.value)
     return np.clip(
         value, -np.inf if trial.lower is None else trial.lower, np.inf if trial.upper is None else trial.upper
@@ -134,13 +149,16 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
         if name != control
     ]
     time, value = np.array(content["time_s"], float), np.array(content["value"], float) / factor
-    if time.ndim != 1 or time.shape != value.shape or time.size < 2 or not (np.diff(time) >= 0).all():
+    whole = time.ndim == 1 and time.shape == value.shape and time.size > 1 and np.isfinite([*time, *value]).all()
+    if not (whole and (np.diff(time) >= 0).all()):
         raise ValueError("times and values that are no schedule")
     own = control == campaign.source.design.control
     lower, upper, rate = (getattr(limits, key) if own else None for key in ("lower", "upper", "rate"))
     name = campaign.source.campaign.name
     rule = content.get("rule", "")
-    return Trial(name, path.name, content["manoeuvre"], control, time, value, lower, upper, rate, tuple(motion), rule)
+    find_stick = partial(campaign_stick, campaign, control, value)
+    manoeuvre = content["manoeuvre"]
+    return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, tuple(motion), rule, find_stick)
 
 
 def _check(trial: Trial, path: Path) -> None:

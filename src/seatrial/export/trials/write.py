@@ -21,11 +21,22 @@ PLAIN = tuple(_TEXTS)
 """Those that need nothing."""
 
 
+def write_plain(trial: Trial, folder: Path) -> tuple[list[Path], str]:
+    """Write what needs no library; returns the paths, and why there is no script, empty where there is one."""
+    try:
+        trial.find_stick()
+    except InputError as error:
+        script, _ = _TEXTS["mavlink"]
+        (folder / script).unlink(missing_ok=True)  # an earlier trial's would be taken for this one's
+        return write_trial(trial, folder, tuple(name for name in PLAIN if name != "mavlink")), str(error)
+    return write_trial(trial, folder, PLAIN), ""
+
+
 def write_trial(trial: Trial, folder: Path, formats: Sequence[str] = PLAIN) -> list[Path]:
     """Write a trial into a folder; returns the paths.
 
     Raises:
-        InputError: an unknown format, or one whose library is not installed.
+        InputError: an unknown format, one whose library is not installed, or a script for a control that no stick stands for.
     """
     for name in formats:
         if name not in FORMATS:
