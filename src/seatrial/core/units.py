@@ -107,7 +107,7 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
     if isinstance(text, int | float) and not isinstance(text, bool):
         if expected_unit == "1" and isfinite(text):
             return float(text)
-        raise _without_unit(f"{text!r}", expected_unit, where)
+        raise _without_unit(repr(text).removesuffix(".0"), expected_unit, where)
     match = _QUANTITY.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST else None
     if match is None or not isfinite(float(match[1])):
         raise InputError(
