@@ -7,6 +7,7 @@ import pytest
 
 from seatrial.apps.cli import Exit, main
 from seatrial.apps.console import ConsoleWatch
+from seatrial.apps.running import with_campaign
 from tests.campaign.small import write_small
 
 
@@ -138,3 +139,12 @@ def test_piped_progress_is_one_line_for_each_piece_of_work(monkeypatch):
         report(done, 1000)
     assert said.getvalue().count("\n") == 1
     assert said.getvalue().startswith("estimate M-1: done in 0.0 s")
+
+
+def test_work_on_a_campaign_begins_by_removing_what_a_killed_one_left(tmp_path):
+    left = write_small(tmp_path) / "results" / "posterior" / ".M.nc.0a_z9xyz.part"
+    left.parent.mkdir(parents=True)
+    left.write_text("half")
+    there = []
+    with_campaign(tmp_path, True, lambda campaign, watch: there.append(left.exists()) or Exit.OK)
+    assert there == [False]

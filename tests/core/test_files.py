@@ -1,9 +1,11 @@
 import hashlib
 import json
+import subprocess
+import sys
 
 import pytest
 
-from seatrial.core.files import atomic_path, sha256_of, sha256_of_json, write_json, write_text
+from seatrial.core.files import atomic_path, remove_orphans, sha256_of, sha256_of_json, write_json, write_text
 
 
 def test_writes_the_whole_file_and_nothing_else(tmp_path):
@@ -57,3 +59,36 @@ def test_hashes(tmp_path):
     assert sha256_of(path) == hashlib.sha256(path.read_bytes()).hexdigest()
     assert sha256_of_json({"a": 1, "b": [2, 3]}) == sha256_of_json({"b": [2, 3], "a": 1})
     assert sha256_of_json({"a": 1}) != sha256_of_json({"a": 2})
+
+
+WRITES = """
+import sys, time
+from pathlib import Path
+from seatrial.core.files import atomic_path
+with atomic_path(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half")
+    print(temporary.name, flush=True)
+    time.sleep(60)
+"""
+
+
+def test_what_a_killed_process_left_is_removed_and_what_another_writes_is_not(tmp_path):
+    deep = tmp_path / "results" / "records"
+    kept = [tmp_path / ".mine.part", tmp_path / "results" / "a.abcdefgh.part"]  # no temporary files of ours
+    process = subprocess.Popen([sys.executable, "-c", WRITES, str(deep / "a.nc")], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    left = deep / process.stdout.readline().strip()
+    for path in kept:
+        path.write_text("mine")
+    remove_orphans(tmp_path)
+    assert left.exists()
+    process.kill()
+    process.wait()
+    with atomic_path(deep / "b.nc") as ours:
+        remove_orphans(tmp_path)
+        assert ours.exists()
+        assert left.exists()
+    remove_orphans(tmp_path)
+    assert not left.exists()
+    assert all(path.exists() for path in kept)
+    assert (deep / "b.nc").exists()

@@ -33,11 +33,14 @@ def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -
     """
     from seatrial.apps.occupied import occupying
     from seatrial.campaign.load import load_campaign
+    from seatrial.core.files import remove_orphans
 
     def alone(watch: Any) -> Exit:
         campaign = load_campaign(folder)
         with occupying(campaign.folder) as held:
-            watch.also = None if held is None else held.progress
+            if held is not None:
+                watch.also = held.progress
+                remove_orphans(campaign.folder)
             return work(campaign, watch)
 
     watched(quiet, alone)

@@ -88,6 +88,7 @@ def _check(campaign: Campaign) -> None:
         campaign.power()
     check_utility(campaign)
     _check_ranges(campaign)
+    _check_late_quantities(campaign)
     _check_source(campaign, names | beyond_structures(campaign))
 
 
@@ -105,6 +106,30 @@ def _check_ranges(campaign: Campaign) -> None:
                 expected="2 points or more, or `from` and `to` the same",
                 remedy="ask for more points",
             )
+
+
+def _check_late_quantities(campaign: Campaign) -> None:
+    """Quantities that are first needed when much has been done."""
+    campaign.process_noise()
+    if campaign.source.power is not None:
+        campaign.power()
+    for channel, sensor in campaign.source.sensors.items():
+        if sensor.rate is not None and not campaign.si(sensor.rate, "1/s", f"sensors.{channel}.rate") > 0:
+            raise InputError(
+                campaign.where(f"sensors.{channel}.rate"),
+                found=f"{sensor.rate}",
+                expected="more than 0 Hz",
+                remedy="leave it out where the sensor gives every sample",
+            )
+    table = campaign.source.imported
+    if table is not None:
+        times = {f"import.{name}": getattr(table, name) for name in ("step", "split", "start", "end")}
+        times |= {
+            f"import.trim.{run}.{end}": getattr(table.trim[run], end) for run in table.trim for end in ("start", "end")
+        }
+        for key, text in times.items():
+            if text is not None:
+                campaign.si(text, "s", key)
 
 
 def _check_source(campaign: Campaign, names: set[str]) -> None:

@@ -6,7 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from seatrial.sampling.names import DEFAULT, SamplerName
 
-Quantity = str
+Quantity = str | float
+"""A number and its unit in quotes; a number alone is let through to where its unit is known, so that the error can name it."""
 
 
 class Table(BaseModel):

@@ -1,14 +1,25 @@
-"""Files that are either whole or absent: every result is written beside its place and then moved there."""
+"""Files that are either whole or absent: every result is written beside its place and then moved there.
+
+Whoever writes in a folder holds a shared lock on the folder, which the system drops with the process: a temporary file in a folder that
+nobody holds was left by a process that was killed.
+"""
 
 import hashlib
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+try:
+    import fcntl
+except ImportError:
+    fcntl = None
+
+_TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 _UNFINISHED: set[Path] = set()
 """Temporary files being written in this process."""
 
@@ -17,21 +28,37 @@ _UNFINISHED: set[Path] = set()
 def atomic_path(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; move it into place when the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    except OSError as cause:  # which names the temporary file
-        raise OSError(cause.errno, cause.strerror, str(path)) from cause
-    os.close(handle)
-    temporary = Path(name)
-    _UNFINISHED.add(temporary)
-    try:
-        yield temporary
-        os.chmod(temporary, 0o644)
-        _flush(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-        _UNFINISHED.discard(temporary)
+    with _locked(path.parent, alone=False):
+        try:
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        except OSError as cause:  # which names the temporary file
+            raise OSError(cause.errno, cause.strerror, str(path)) from cause
+        os.close(handle)
+        temporary = Path(name)
+        _UNFINISHED.add(temporary)
+        try:
+            yield temporary
+            os.chmod(temporary, 0o644)
+            _flush(temporary)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+            _UNFINISHED.discard(temporary)
+
+
+def remove_orphans(folder: Path) -> None:
+    """Remove temporary files that killed processes left in a folder and below it, wherever nobody writes just now.
+
+    On a system or a disk without locks nobody can tell, and they stay.
+    """
+    for base, _, names in os.walk(folder):
+        orphans = [Path(base, name) for name in names if _TEMPORARY.fullmatch(name)]
+        if not orphans:
+            continue
+        with _locked(Path(base), alone=True) as held:
+            for path in orphans if held else ():
+                with suppress(OSError):
+                    path.unlink()
 
 
 def discard_unfinished() -> None:
@@ -65,3 +92,27 @@ def sha256_of_json(content: Any) -> str:
 def _flush(path: Path) -> None:
     with path.open("rb") as stream:
         os.fsync(stream.fileno())
+
+
+@contextmanager
+def _locked(folder: Path, alone: bool) -> Iterator[bool]:
+    """Share a lock on a folder while the block runs, waiting for whoever has it alone; or have it alone if nobody shares it."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    except (OSError, AttributeError):
+        yield False
+        return
+    try:
+        yield _lock(handle, alone)
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int, alone: bool) -> bool:
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
+    except OSError:
+        return False
+    return True

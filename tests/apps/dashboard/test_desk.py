@@ -5,24 +5,33 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from seatrial.apps.dashboard.desk import Desk, answered, stamp
+from seatrial.apps.dashboard.isolated import end_all, isolated
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.words import Worded, words_of
 from seatrial.core.errors import InputError, NumericalError
 
-DESK = """
-import asyncio, sys
+COMPUTES = """
+import asyncio, os, sys, threading
 from seatrial.apps.dashboard.desk import Desk
-async def main():
-    desk = Desk()
-    await desk._ask("thinning", "text_of", (1,), ())
-    print(next(iter(desk.pools["thinning"]._processes)), flush=True)
+from seatrial.apps.dashboard.isolated import isolated
+
+def hold():
+    os.write(1, f"{os.getpid()}\\n".encode())
+    return 3 ** 3 ** 19  # one instruction, which never lets another thread run
+
+async def desk():
+    here = Desk()
+    await here._ask("thinning", "text_of", (1,), ())
+    here.pools["thinning"].submit(hold)
     await asyncio.sleep(60)
+
 if __name__ == "__main__":
-    asyncio.run(main())
+    asyncio.run(desk()) if sys.argv[1] == "desk" else isolated("a log", hold)
 """
 
 
@@ -66,18 +75,32 @@ def test_errors_pass_between_processes_as_words(tmp_path):
     assert answered("thinning", "text_of", b"a") == ("a", None)
 
 
-def test_the_process_ends_with_the_one_that_asked(tmp_path):
+@pytest.mark.parametrize("kind", ["desk", "isolated"])
+def test_a_process_that_computes_ends_with_the_one_that_asked(tmp_path, kind):
     script = tmp_path / "asks.py"
-    script.write_text(DESK)
-    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    script.write_text(COMPUTES)
+    parent = subprocess.Popen([sys.executable, str(script), kind], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
     parent.kill()
     parent.wait()
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 20
     while os.path.exists(f"/proc/{child}") and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert not os.path.exists(f"/proc/{child}")
+    ended = not os.path.exists(f"/proc/{child}")
+    if not ended:
+        os.kill(child, 9)
+    assert ended
+
+
+def test_a_server_that_stops_does_not_wait_for_a_log():
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(isolated, "a log", time.sleep, 250.0)
+        while not reading.done():
+            end_all()
+            time.sleep(0.05)
+    with pytest.raises(InputError, match="breaks its reader"):
+        reading.result()
 
 
 def test_troubles_of_the_file_system_are_said_in_words(tmp_path):

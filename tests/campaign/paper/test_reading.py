@@ -84,7 +84,7 @@ MISTAKES = {
     "missing key": (('mass = "30.47 kg"\n', ""), "key mass", "nothing"),
     "missing table": (('[trim]\nn = "750 rpm"\n', ""), "key trim", "nothing"),
     "missing coefficient": (("X_u = -1.21\n", ""), "key coefficients.X_u", "nothing"),
-    "number without unit": (('"30.47 kg"', "30.47"), "key mass", "text in quotes"),
+    "number without unit": (('"30.47 kg"', "30.47"), "key mass", '"30.47 kg"'),
     "word for a number": (("X_u = -1.21", "X_u = true"), "key coefficients.X_u", "True"),
     "text in a list of numbers": (("[0.1, 1.0]", '["a", 1.0]'), "key doubted.values.0", "'a'"),
     "one value too few": (("[0.1, 1.0]", "[0.1]"), "key doubted.values", "at least 2"),

@@ -6,19 +6,18 @@ were made from.
 
 import asyncio
 import multiprocessing
-import os
-import threading
+import signal
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
 from seatrial.apps.dashboard.words import Worded, words_of
 from seatrial.core.errors import NumericalError, SeatrialError
+from seatrial.core.processes import end_with_parent
 
 KEPT = 400
 """Answers that are kept."""
@@ -80,7 +79,7 @@ class Desk:
     def _submit(self, pool: str, question: str, about: tuple) -> Future:
         if pool not in self.pools:
             context = multiprocessing.get_context("spawn")
-            self.pools[pool] = ProcessPoolExecutor(1, mp_context=context, initializer=end_with_parent)
+            self.pools[pool] = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
         try:
             return self.pools[pool].submit(answered, pool, question, *about)
         except BrokenProcessPool:
@@ -108,16 +107,7 @@ def answered(module: str, question: str, *about: Any) -> tuple[Any, str | None]:
         return None, words_of(error)
 
 
-def end_with_parent() -> None:
-    """End this process when the one that started it does, also when that was killed; and let it answer Ctrl-C alone."""
-    import signal
-
+def _begin() -> None:
+    """First thing that a process does: it leaves Ctrl-C to the server, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        wait([parent.sentinel])
-        os._exit(0)
-
-    threading.Thread(target=watch, daemon=True).start()
+    end_with_parent()

@@ -9,6 +9,7 @@ from typing import Any
 
 from seatrial.apps.dashboard.words import Worded, words_of
 from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.processes import end_with_parent
 
 MEMORY = 6 << 30
 """Bytes of address space."""
@@ -36,6 +37,7 @@ def isolated(
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_answer, args=(theirs, memory, question, about), daemon=True)
     process.start()
+    _AT_WORK.add(process)
     theirs.close()
     try:
         if not ours.poll(seconds):
@@ -44,6 +46,7 @@ def isolated(
     except EOFError as cause:
         raise _too_much(what, "a file that cannot be read in the memory allowed, or that breaks its reader") from cause
     finally:
+        _AT_WORK.discard(process)
         process.kill()
         process.join()
         ours.close()
@@ -52,8 +55,18 @@ def isolated(
     return answer
 
 
+def end_all() -> None:
+    """End every such process, so that a server which stops does not wait for them."""
+    for process in list(_AT_WORK):
+        process.kill()
+
+
+_AT_WORK: set[Any] = set()
+
+
 def _answer(out: Any, memory: int, question: Callable[..., Any], about: tuple) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
     with suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     try:

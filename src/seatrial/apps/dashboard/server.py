@@ -19,6 +19,7 @@ from starlette.requests import ClientDisconnect
 from seatrial.apps.dashboard.frame import frame
 from seatrial.apps.dashboard.gate import Gate, Gated, is_loopback
 from seatrial.apps.dashboard.house import House, say
+from seatrial.apps.dashboard.isolated import end_all
 from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
 from seatrial.apps.dashboard.places import Places
 from seatrial.apps.dashboard.uploads import receive
@@ -100,6 +101,7 @@ def build(house: House, gate: Gate) -> Gated:
     )
     logging.getLogger("nicegui").setLevel(logging.ERROR)
     app.router.on_startup.append(house.desk.warm)
+    app.router.on_shutdown.append(end_all)
     return Gated(app, gate)
 
 
