@@ -60,7 +60,7 @@ def test_ends_are_written_for_one_run_or_all(folder):
     ("words", "told"),
     [
         (["--run", "3", "--start", "1 s"], ("import.trim.3", 'run "3"', "one of 1, 2")),
-        (["--run", "2", "--start", "30 s"], ("0 samples", "between 0 s and 19.9 s")),
+        (["--run", "2", "--start", "30 s"], ("key import.end", "18 s, with a start at 30 s")),
         (["--start", "5 s", "--end", "4 s"], ("5 s to 4 s", "a start before the end")),
         (["--start", "5 m"], ("--start", 'a unit like "s"')),
         (["--run", "2"], ("--run", "--start or --end with it")),

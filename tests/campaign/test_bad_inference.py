@@ -42,7 +42,7 @@ def test_a_prior_that_cannot_be_computed_with_is_refused(tmp_path, numbers):
     loaded = load_campaign(write_small(tmp_path, (XU, f'[prior.X_u]\ndistribution = "uniform"\n{numbers}')))
     with pytest.raises(InputError) as caught:
         build_posterior(loaded, loaded.structures[0], records())
-    assert caught.value.where.endswith("campaign.toml, key prior.X_u")
+    assert caught.value.where.endswith("campaign.toml:13, key prior.X_u")
     assert UNUSABLE[numbers] in caught.value.found
 
 
@@ -102,21 +102,21 @@ def cautions(target, mode):
 def test_data_on_the_other_side_of_a_bound(prior):
     """A coefficient may be negative, whatever its prior says."""
     with pytest.raises(InputError, match="the data push X_u against its bound 0"):
-        check_prior_contains_data(*fitted(prior, -1.0), "trial.toml")
+        check_prior_contains_data(*fitted(prior, -1.0), "trial.toml, key {}".format)
 
 
 def test_a_size_may_be_next_to_nothing_but_not_negative():
-    check_prior_contains_data(*fitted(Uniform(0.0, 1.0), -1.0, name="sigma_u"), "trial.toml")
+    check_prior_contains_data(*fitted(Uniform(0.0, 1.0), -1.0, name="sigma_u"), "trial.toml, key {}".format)
 
 
 def test_noise_against_its_upper_bound_points_to_the_channel():
     with pytest.raises(InputError, match=r'the model misses u by more.*residuals = "heavy"'):
-        check_prior_contains_data(*fitted(Uniform(0.0, 1.0), 2.0, name="sigma_u"), "trial.toml")
+        check_prior_contains_data(*fitted(Uniform(0.0, 1.0), 2.0, name="sigma_u"), "trial.toml, key {}".format)
 
 
 def test_a_lag_against_its_lower_bound_is_none():
     with pytest.raises(InputError, match=r"set sensors\.u\.lag = false and remove this prior"):
-        check_prior_contains_data(*fitted(Uniform(1.0, 2.0), 0.2, sd=0.05, name="lag_u"), "trial.toml")
+        check_prior_contains_data(*fitted(Uniform(1.0, 2.0), 0.2, sd=0.05, name="lag_u"), "trial.toml, key {}".format)
 
 
 def test_prior_and_data_that_contradict_each_other():

@@ -25,7 +25,7 @@ def problem(priors, centre, precision):
 
 
 def checked(prior, centre, sd):
-    check_prior_contains_data(*problem({"a": prior}, [centre], [[sd**-2]]), "trial.toml")
+    check_prior_contains_data(*problem({"a": prior}, [centre], [[sd**-2]]), "trial.toml, key {}".format)
 
 
 @pytest.mark.parametrize(

@@ -15,18 +15,11 @@ def read_file(folder: Path) -> str:
     """Text of a campaign file.
 
     Raises:
-        InputError: not UTF-8.
+        InputError: too large, or not UTF-8.
     """
-    path = folder / CAMPAIGN
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise InputError(
-            str(path),
-            found="bytes that are not UTF-8",
-            expected="a TOML file in UTF-8",
-            remedy="save the file as UTF-8",
-        ) from cause
+    from seatrial.campaign.toml_file import read_text
+
+    return read_text(folder / CAMPAIGN)
 
 
 def with_trim(folder: Path, text: str, run: str | None, start: str | None, end: str | None) -> str:

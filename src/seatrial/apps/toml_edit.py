@@ -7,10 +7,10 @@ understand (a table written inline over several lines, say) is refused rather th
 import copy
 import json
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from seatrial.campaign.toml_file import toml_content
 from seatrial.core.errors import InputError
 
 _HEADER = re.compile(r"^\s*\[(?!\[)\s*([^\]]+?)\s*\]\s*(#.*)?$")
@@ -32,7 +32,7 @@ def set_key(text: str, table: str, key: str, value: str | float | bool | None, w
     Raises:
         InputError: text that is not TOML, or that writes the key in a way that cannot be edited line by line.
     """
-    before = _parsed(text, where)
+    before = toml_content(where, text)
     wanted = copy.deepcopy(before)
     there = _put(wanted, table.split("."), key, value)
     if there and _exact(wanted) == _exact(before):
@@ -110,13 +110,6 @@ def _inline(text: str, table: str, key: str, value: str | float | bool | None) -
     return None
 
 
-def _parsed(text: str, where: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as cause:
-        raise InputError(where, found=f"malformed TOML: {cause}", expected="TOML", remedy="mend the line") from cause
-
-
 def _put(content: dict[str, Any], path: Sequence[str], key: str, value: Any) -> bool:
     """Put a value into parsed content; False where something else than a table is in its way."""
     place: Any = content
@@ -137,8 +130,8 @@ def _put(content: dict[str, Any], path: Sequence[str], key: str, value: Any) -> 
 
 def _same(text: str, wanted: Mapping[str, Any]) -> bool:
     try:
-        found = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+        found = toml_content("", text)
+    except InputError:
         return False
     return _exact(found) == _exact(wanted)
 

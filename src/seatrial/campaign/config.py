@@ -15,6 +15,7 @@ from seatrial.campaign.prior_tables import read_prior
 from seatrial.campaign.read_vehicle import read_vehicle
 from seatrial.campaign.schema import CampaignFile, RangeTable
 from seatrial.campaign.starts import level_start
+from seatrial.campaign.toml_lines import key_place
 from seatrial.campaign.vehicle import CampaignVehicle
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
@@ -34,18 +35,22 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
 
 FILE_NAME = "campaign.toml"
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Sizes of a quantity, SI, whose products and quotients double precision still holds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
     """A campaign's configuration. `source` holds the file as written, in its own units; properties give SI objects.
 
-    Where there are too many structures to simulate each, `shortlist` is what a screening has left of them.
+    `text` is the file itself, which says on what line a key stands; it is no part of what is computed. Where there are too many
+    structures to simulate each, `shortlist` is what a screening has left of them.
     """
 
     folder: Path
     source: CampaignFile
     shortlist: tuple[Structure, ...] = ()
+    text: str = ""
 
     @property
     def path(self) -> Path:
@@ -53,12 +58,24 @@ class Campaign:
         return self.folder / FILE_NAME
 
     def where(self, key: str) -> str:
-        """Name a key, for errors."""
-        return f"{self.path}, key {key}"
+        """Name a key and its line, for errors."""
+        return key_place(self.path, self.text, key)
 
     def si(self, text: str | float, unit: str, key: str) -> float:
-        """Read a quantity of this file."""
-        return quantity(text, unit, self.where(key))
+        """Read a quantity of this file.
+
+        Raises:
+            InputError: no quantity of this dimension, or one of a size that nothing has.
+        """
+        value = quantity(text, unit, self.where(key))
+        if value == 0 or SMALLEST <= abs(value) <= LARGEST:
+            return value
+        raise InputError(
+            self.where(key),
+            found=f'"{text}", which is {value:.3g} {unit}',
+            expected=f"0, or a size from {SMALLEST:g} to {LARGEST:g} in SI",
+            remedy="correct the number or its unit",
+        )
 
     @cached_property
     def rules(self) -> CompiledRules:
@@ -161,6 +178,19 @@ class Campaign:
             )
         return value
 
+    def rate(self, channel: str) -> float:
+        """Samples a second of a sensor, infinitely many where it gives one whenever there is one."""
+        text = self.source.sensors[channel].rate
+        rate = inf if text is None else self.si(text, "1/s", f"sensors.{channel}.rate")
+        if not rate > 0:
+            raise InputError(
+                self.where(f"sensors.{channel}.rate"),
+                found=f'"{text}"',
+                expected="more than 0",
+                remedy='for example "5 Hz", or leave the key out for a sample in each step',
+            )
+        return rate
+
     def process_noise(self) -> np.ndarray:
         """Standard deviation that each state and coefficient of the full structure gains in one second, SI; 0 if not given."""
         table, model = self.source.filter.process_noise, self.model(self.full)
@@ -187,10 +217,7 @@ class Campaign:
         """1 where each sensor gives a sample, 0 between, shape (n, m)."""
         columns = []
         for channel in self.channels:
-            rate = self.source.sensors[channel].rate
-            every = 1
-            if rate is not None:
-                every = round(1.0 / (self.si(rate, "1/s", f"sensors.{channel}.rate") * (time[1] - time[0])))
+            every = round(1.0 / (self.rate(channel) * (time[1] - time[0])))
             columns.append((np.arange(time.size) % max(every, 1) == 0).astype(float))
         return np.column_stack(columns)
 

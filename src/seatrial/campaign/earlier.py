@@ -5,6 +5,8 @@ again, and fixed where it is not. Their correlations are left behind. Records th
 fitted again with its result as prior: they would count twice.
 """
 
+from dataclasses import replace
+
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.schema import PriorTable
 from seatrial.campaign.store import Store, read_json
@@ -28,14 +30,22 @@ def with_earlier(campaign: Campaign) -> Campaign:
         elif text not in priors:
             priors[text] = PriorTable(distribution="normal", mean=mean, sd=sd)
     if vehicle.published_to is not None:
+        before = len(priors)
         for name, value in campaign.vehicle.published.items():
             text = sought.get(CoefficientName.parse(name))
             if text is not None and text not in priors:
                 priors[text] = _about(campaign, vehicle.published_to, text, value)
+        if len(priors) == before:
+            raise InputError(
+                campaign.where("vehicle.published_to"),
+                found="a key without effect: no coefficient that is sought is both published and without a prior of its own",
+                expected="keys that something reads",
+                remedy="remove it, or the priors that it is to stand for",
+            )
     if priors == campaign.source.prior and not fixed:
         return campaign
-    known = vehicle.model_copy(update={"fixed": {**fixed, **vehicle.fixed}})
-    return Campaign(campaign.folder, campaign.source.model_copy(update={"prior": priors, "vehicle": known}))
+    known = vehicle.model_copy(update={"fixed": {**fixed, **vehicle.fixed}}) if fixed else vehicle
+    return replace(campaign, source=campaign.source.model_copy(update={"prior": priors, "vehicle": known}))
 
 
 def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:

@@ -183,7 +183,7 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Targe
     """Posterior and mode of a structure, and both in the coordinates in which it is sampled."""
     campaign, posterior = study.campaign, study.posterior(structure)
     mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
-    check_prior_contains_data(posterior, mode, str(campaign.path), is_whole(campaign, structure))
+    check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     return posterior, mode, *uncouple(posterior, mode)
 
 

@@ -38,6 +38,14 @@ def read_family(campaign: "Campaign") -> Family:
         key: campaign.si(getattr(table, key), "s", f"design.{key}")
         for key in ("duration", "active", "sample_time", "start", "ramp")
     }
+    for key in ("active", "start", "ramp"):
+        if seconds[key] < 0 or (key == "active" and seconds[key] == 0):
+            raise InputError(
+                campaign.where(f"design.{key}"),
+                found=getattr(table, key),
+                expected="more than 0 s" if key == "active" else "0 s or more",
+                remedy='for example "40 s"' if key == "active" else "correct it, or leave the key out",
+            )
     family = Family(table.control, trim, **seconds)
     if not family.duration > 0:
         raise InputError(

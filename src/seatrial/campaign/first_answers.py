@@ -139,7 +139,7 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
         progress(1, 1)
-    check_prior_contains_data(posterior, mode, str(campaign.path), is_whole(campaign, structure))
+    check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
         for parameter, value, sd in zip(posterior.parameters, mode.values, mode.sd, strict=True)

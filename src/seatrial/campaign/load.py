@@ -4,12 +4,13 @@ from pathlib import Path
 
 from seatrial.campaign.config import FILE_NAME, Campaign
 from seatrial.campaign.earlier import with_earlier
+from seatrial.campaign.idle_keys import check_idle_keys
 from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
 from seatrial.campaign.simulated import actuator_lag, beyond_structures
-from seatrial.campaign.toml_file import parse_toml, read_toml
+from seatrial.campaign.toml_file import parse_toml, read_text
+from seatrial.campaign.trials import check_import
 from seatrial.campaign.utilities import check_utility
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.priors import Uniform
 from seatrial.estimation.sensors import correlation_name
@@ -19,7 +20,7 @@ def load_campaign(folder: Path | str) -> Campaign:
     """Read and check the campaign of a folder, or of the campaign file itself.
 
     Raises:
-        InputError: no such file, malformed TOML, unknown or missing key, wrong type, unit or name.
+        InputError: no such file, one that is too large or not UTF-8, malformed TOML, unknown or missing key, wrong type, unit or name.
     """
     folder = Path(folder)
     folder = folder.parent if folder.name == FILE_NAME and folder.is_file() else folder
@@ -31,19 +32,19 @@ def load_campaign(folder: Path | str) -> Campaign:
             expected=f"a campaign folder with {FILE_NAME}",
             remedy=f"create one with `seatrial init {folder}`",
         )
-    campaign = with_earlier(Campaign(folder, read_toml(path, CampaignFile)))
-    _check(campaign)
-    return campaign
+    return check_text(folder, read_text(path))
 
 
 def check_text(folder: Path, text: str) -> Campaign:
-    """Check what is to become the campaign file of a folder, before it is written there.
+    """Check a campaign file by its text, which may be what is to be written there.
 
     Raises:
         InputError: as `load_campaign`.
     """
-    campaign = with_earlier(Campaign(folder, parse_toml(folder / FILE_NAME, text, CampaignFile)))
+    written = Campaign(folder, parse_toml(folder / FILE_NAME, text, CampaignFile), text=text)
+    campaign = with_earlier(written)
     _check(campaign)
+    check_idle_keys(campaign, written.source.vehicle.fixed)
     return campaign
 
 
@@ -52,8 +53,8 @@ def _check(campaign: Campaign) -> None:
     full = campaign.full
     model = campaign.model(full)
     names = {term.text for term in model.coefficients}
-    for name in names:
-        campaign.prior(name, model.unit_of(CoefficientName.parse(name)))
+    for term in model.coefficients:
+        campaign.prior(term.text, model.unit_of(term))
     unknown = nuisances(campaign, model)
     allowed = names | set(campaign.rules.never) | {nuisance.name for nuisance in unknown} | {"delay"}
     for name in campaign.source.prior:
@@ -74,7 +75,8 @@ def _check(campaign: Campaign) -> None:
             remedy="give lower and upper",
         )
     for channel in campaign.channels:
-        campaign.noise(channel)
+        _ = campaign.noise(channel), campaign.rate(channel)
+    _ = campaign.process_noise()
     for nuisance in unknown:
         if not nuisance.signed and nuisance.prior.bounds[0] < 0:
             raise InputError(
@@ -141,6 +143,7 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
             expected="one of them: a simulated vehicle or a real log",
             remedy="give [truth] with coefficients, or [import] with files",
         )
+    check_import(campaign)
     if source.imported is not None:
         runs = (*source.imported.fit, *source.imported.predict)
         for run in source.imported.trim:

@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from seatrial.campaign.vehicle import AxesVehicle, CampaignVehicle
+from seatrial.campaign.vehicle import AxesVehicle, CampaignVehicle, check_alone
 from seatrial.campaign.whole_vehicle import read_whole_vehicle
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.vehicles.catalogue import catalogue_names, catalogue_vehicle
@@ -23,6 +24,9 @@ def read_vehicle(campaign: "Campaign") -> CampaignVehicle:
         InputError: keys that contradict each other, or numbers that no vehicle has.
     """
     table = campaign.source.vehicle
+    for name in table.fixed:
+        with located(campaign.where(f"vehicle.fixed.{name}")):
+            CoefficientName.parse(name)
     for name in table.trim:
         if name not in SIGNALS:
             raise InputError(
@@ -42,13 +46,7 @@ def read_vehicle(campaign: "Campaign") -> CampaignVehicle:
             remedy='add moves = ["u", "w", "q"], or remove it',
         )
     if table.catalogue is not None:
-        if table.mass is not None or table.fixed or table.trim or table.name:
-            raise InputError(
-                campaign.where("vehicle"),
-                found="catalogue together with other keys",
-                expected="catalogue alone, or all by hand",
-                remedy="remove the other keys, or remove catalogue and give them all",
-            )
+        check_alone(campaign, tuple(set(BY_AXES) - {"catalogue", "published_to", "known_from"}))
         with located(campaign.where("vehicle.catalogue")):
             entry = catalogue_vehicle(table.catalogue)
         return AxesVehicle(campaign, entry.hull, entry.coefficients)

@@ -13,7 +13,7 @@ Quantity = str | float
 class Table(BaseModel):
     """A TOML table: unknown keys are refused, and nothing is converted silently."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class CampaignTable(Table):
@@ -60,8 +60,8 @@ class VehicleTable(Table):
     actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
     published_to: Quantity | None = None
     known_from: list[str] = []
-    thrust_deduction: float = 0.0
-    wake: float = 0.0
+    thrust_deduction: float = Field(default=0.0, ge=0.0, lt=1.0)
+    wake: float = Field(default=0.0, lt=1.0)
     fixed: dict[str, float] = {}
     trim: dict[str, Quantity] = {}
 
@@ -79,7 +79,7 @@ class StructureTable(Table):
     optional: list[str] = []
     rules: list[str] = []
     shortlist: int = Field(default=6, ge=2, le=64)
-    g: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | Literal["rows"] | None = None
+    g: Annotated[float, Field(gt=0.0)] | Literal["rows"] | None = None
 
 
 class PriorTable(Table):
@@ -96,6 +96,8 @@ class PriorTable(Table):
     `physical = true` cuts the prior to the side that physics allows: damping dissipates (`X_u` and `X_uabsu` below 0) and mass
     plus added mass is positive (`X_udot` below the mass).
     """
+
+    model_config = ConfigDict(allow_inf_nan=True)  # `read_prior` says what to write instead
 
     distribution: Literal["uniform", "log-uniform", "normal", "half-normal", "log-normal", "truncated-normal"]
     lower: float | None = None
@@ -252,8 +254,8 @@ class FileTable(Table):
     axes: Literal["NED", "ENU"] = "NED"
     delimiter: str | None = None
     encoding: str = "utf-8"
-    skip_rows: int = Field(default=0, ge=0)
-    header_rows: int = Field(default=1, ge=1)
+    skip_rows: int = Field(default=0, ge=0, le=1_000_000)
+    header_rows: int = Field(default=1, ge=1, le=1000)
     names: list[str] | None = Field(default=None, min_length=1)
 
 
@@ -302,16 +304,16 @@ class EstimationTable(Table):
     varying: list[str] = []
     sampler: SamplerName = DEFAULT
     chains: int = Field(default=32, ge=2, le=1024)
-    warmup: int = Field(default=500, ge=100, multiple_of=100)
-    draws: int = Field(default=1500, ge=100, multiple_of=100)
+    warmup: int = Field(default=500, ge=100, le=1_000_000, multiple_of=100)
+    draws: int = Field(default=1500, ge=100, le=1_000_000, multiple_of=100)
     thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = 1
 
 
 class SelectionTable(Table):
     """`[selection]`: particles and independent repeats of the tempered SMC behind each evidence."""
 
-    particles: int = Field(default=1024, ge=64)
-    repeats: int = Field(default=4, ge=2)
+    particles: int = Field(default=1024, ge=64, le=1_000_000)
+    repeats: int = Field(default=4, ge=2, le=1000)
 
 
 class SlurmTable(Table):
@@ -319,8 +321,8 @@ class SlurmTable(Table):
 
     memory: str = Field(pattern=r"^[0-9.]+ ?[kMGT]i?B$")
     walltime: str = Field(pattern=r"^[0-9:-]+$")
-    cores: int = Field(default=1, ge=1)
-    jobs: int = Field(default=1, ge=1)
+    cores: int = Field(default=1, ge=1, le=4096)
+    jobs: int = Field(default=1, ge=1, le=10_000)
     queue: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.,-]+$")
     account: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$")
     interface: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$")

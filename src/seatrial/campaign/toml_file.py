@@ -1,95 +1,223 @@
 """A TOML file against its schema: whatever is wrong is said with the file, the key, what was found and what was expected."""
 
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from seatrial.campaign.toml_lines import key_place
 from seatrial.core.errors import InputError, nearest
 
 Schema = TypeVar("Schema", bound=BaseModel)
+Place = tuple[str | int, ...]
 
-ALTERNATIVES = ("float", "str", "constrained-float", "literal['rows']")
-"""What the path of an error has after a key whose value may be of several types."""
 CAMPAIGN = "the README and `seatrial init` show an example with every table"
+MOST_BYTES = 1 << 20
+"""Of a file that people write; reading a larger one takes minutes."""
+DEEPEST = 12
+"""Tables within tables; a channel of an imported file is at six."""
+
+_CHAIN = re.compile(r"""(?<![\w-])(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){50}""")
+"""A key of so many parts; `tomllib` takes a time that grows with their cube."""
+_LINE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+_TWICE = re.compile("Cannot (?:overwrite|declare|redefine|mutate)")
 
 
-def read_toml(path: Path, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
-    """Read a file and validate it; `example` says, after a missing key, where one may be seen.
+def read_text(path: Path) -> str:
+    """Return the text of a file that people write, without the mark that some editors put before it.
 
     Raises:
-        InputError: not UTF-8, malformed TOML, unknown or missing key, or a value of the wrong type.
+        InputError: too large, or not UTF-8.
     """
+    with path.open("rb") as stream:
+        content = stream.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise InputError(
+            str(path),
+            found=f"{path.stat().st_size / 2**20:.1f} MB",
+            expected=f"a TOML file of at most {MOST_BYTES >> 20} MB",
+            remedy="check the path: logs are named in [import], not copied into the file",
+        )
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as cause:
         raise InputError(
-            f"{path}, line {cause.object[: cause.start].count(10) + 1}",
-            found=f"the byte 0x{cause.object[cause.start]:02x}, which is not UTF-8",
+            f"{path}:{content[: cause.start].count(10) + 1}",
+            found=f"the byte 0x{content[cause.start]:02x}, which is not UTF-8",
             expected="a TOML file in UTF-8",
             remedy="save the file as UTF-8",
         ) from cause
-    return parse_toml(path, text, schema, example)
 
 
 def parse_toml(path: Path, text: str, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
-    """Text of a file, as it is or as it is to be written, against its schema; errors as `read_toml`."""
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as cause:
-        raise InputError(
-            str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
-        ) from cause
-    return validated(path, content, schema, example)
+    """Check the text of a file, as it is or as it is to be written, against its schema.
 
+    Args:
+        path: names the file in errors.
+        text: of the file.
+        schema: its tables.
+        example: says, after a missing key, where one may be seen.
 
-def validated(path: Path, content: Mapping[str, Any], schema: type[Schema], example: str = CAMPAIGN) -> Schema:
-    """Content of a file against its schema; errors as `read_toml`."""
+    Raises:
+        InputError: malformed TOML, unknown or missing key, or a value of the wrong type.
+    """
+    content = toml_content(path, text)
     try:
         return schema.model_validate(content)
     except ValidationError as cause:
-        raise _as_input_error(path, schema, cause, example) from None
+        raise _as_input_error(path, text, content, schema, cause, example) from None
 
 
-def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError, example: str) -> InputError:
-    first = min(cause.errors(), key=lambda error: error["type"] != "extra_forbidden")
-    location = [part for part in first["loc"] if part not in ALTERNATIVES]
-    where = f"{path}, key {'.'.join(map(str, location))}"
-    if first["type"] == "extra_forbidden":
-        allowed = _keys_at(schema, location[:-1])
-        return InputError(
-            where,
-            found=f'unknown key "{location[-1]}"',
-            expected="one of " + ", ".join(allowed),
-            remedy=nearest(str(location[-1]), allowed),
-        )
-    if first["type"] == "missing":
-        return InputError(
-            where,
-            found="nothing",
-            expected=f'the key "{location[-1]}"',
-            remedy=f"add it; {example}",
-        )
+def toml_content(path: Path | str, text: str) -> dict[str, Any]:
+    """Read TOML that anybody may have written.
+
+    Raises:
+        InputError: malformed, nested without end, or an integer of thousands of digits.
+    """
+    too_deep = _CHAIN.search(text)
+    if too_deep:
+        raise _nested(path, text.count("\n", 0, too_deep.start()) + 1)
+    try:
+        content = tomllib.loads(text)
+    except RecursionError:
+        raise _nested(path, _deep_line(text)) from None
+    except tomllib.TOMLDecodeError as cause:
+        place = _LINE.search(str(cause))
+        twice = _TWICE.match(str(cause)) is not None
+        raise InputError(
+            f"{path}:{(place and place[1]) or text.count(chr(10), 0, len(text.rstrip())) + 1}",
+            found=f"malformed TOML: {cause}",
+            expected="every key and table once" if twice else "a TOML file in UTF-8",
+            remedy="remove or rename the second one" if twice else "mend the line named",
+        ) from cause
+    except ValueError:  # Python refuses to read an integer of so many digits
+        digits = re.search(r"[0-9_]{4000,}", text)
+        raise InputError(
+            f"{path}:{text.count(chr(10), 0, digits.start() if digits else 0) + 1}",
+            found="an integer of thousands of digits",
+            expected="a number",
+            remedy="correct the value",
+        ) from None
+    if any(len(place) > DEEPEST for place in _places(content)):
+        raise _nested(path, _deep_line(text))
+    return content
+
+
+def _nested(path: Path | str, line: int) -> InputError:
     return InputError(
-        where,
-        found=repr(first.get("input"))[:80],
-        expected="text in quotes" if first["type"] == "string_type" else first["msg"].removeprefix("Input should be "),
-        remedy='quantities are strings such as "200 rpm"' if first["type"] == "string_type" else "correct the value",
+        f"{path}:{line}",
+        found="tables or lists within each other without end",
+        expected=f"at most {DEEPEST} levels",
+        remedy="mend the brackets, or the dots of the key",
     )
 
 
-def _keys_at(schema: type[BaseModel], location: list[str | int]) -> list[str]:
-    """Keys the schema allows at a place, following tables, lists and named sub-tables."""
-    table: Any = schema
+def _deep_line(text: str) -> int:
+    """First line on which too many brackets are open or a key has too many parts, as far as can be told without reading values."""
+    depth = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        depth += line.count("[") + line.count("{")
+        if depth > DEEPEST or re.search(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST}}}", line):
+            return number
+        depth -= line.count("]") + line.count("}")
+    return 1
+
+
+def _places(content: Any) -> Iterator[Place]:
+    """Path of every value, those too deep as far as needed to tell."""
+    waiting: list[tuple[Place, Any]] = [((), content)]
+    while waiting:
+        place, value = waiting.pop()
+        yield place
+        if len(place) <= DEEPEST and isinstance(value, dict | list):
+            waiting += [((*place, key), one) for key, one in _items(value)]
+
+
+def _items(value: Any) -> Iterator[tuple[str | int, Any]]:
+    return iter(value.items() if isinstance(value, Mapping) else enumerate(value))
+
+
+def _as_input_error(
+    path: Path, text: str, content: Any, schema: type[BaseModel], cause: ValidationError, example: str
+) -> InputError:
+    errors = [(_place(error["loc"], content, error["type"]), error) for error in cause.errors()]
+    place, first = min(errors, key=lambda error: error[1]["type"] != "extra_forbidden")
+    for other, error in errors:  # of alternatives, that which goes furthest is the one that was meant
+        if len(other) > len(place) and other[: len(place)] == place:
+            place, first = other, error
+    where = key_place(path, text, ".".join(map(str, place)))
+    if first["type"] == "extra_forbidden":
+        allowed = _keys_at(schema, place[:-1])
+        return InputError(
+            where,
+            found=f'unknown key "{place[-1]}"',
+            expected="one of " + ", ".join(allowed),
+            remedy=nearest(str(place[-1]), allowed),
+        )
+    if first["type"] == "missing":
+        return InputError(where, found="nothing", expected=f'the key "{place[-1]}"', remedy=f"add it; {example}")
+    alike = [error for other, error in errors if other == place]
+    return InputError(
+        where,
+        found=_shown(first.get("input")),
+        expected=" or ".join(dict.fromkeys(map(_expected, alike))),
+        remedy='quantities are strings such as "200 rpm"'
+        if any(error["type"] == "string_type" for error in alike)
+        else "correct the value",
+    )
+
+
+def _place(location: Place, content: Any, kind: str) -> Place:
+    """Path of an error without the names that pydantic has for the alternatives of a type, which the file has not."""
+    found: list[str | int] = []
+    here = content
     for part in location:
-        if isinstance(table, type) and issubclass(table, BaseModel):
-            fields = {field.alias or name: field.annotation for name, field in table.model_fields.items()}
-            table = fields[str(part)]
-        else:
-            table = get_args(table)[-1] if get_args(table) else table
-        options = [option for option in get_args(table) if isinstance(option, type) and issubclass(option, BaseModel)]
-        if len(options) == 1 and "|" in str(table):
-            table = options[0]
-    return [field.alias or name for name, field in table.model_fields.items()]
+        keys = dict(_items(here)) if isinstance(here, dict | list) else {}
+        if part in keys:
+            found.append(part)
+            here = keys[part]
+    return (*found, location[-1]) if kind == "missing" else tuple(found)
+
+
+def _expected(error: Any) -> str:
+    return "text in quotes" if error["type"] == "string_type" else error["msg"].removeprefix("Input should be ")
+
+
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)[:80]
+    except ValueError:  # Python refuses to write an integer of so many digits
+        return f"a whole number of {value.bit_length()} bits"
+
+
+def _keys_at(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:
+    """Keys the schema allows at a place, following tables, lists and named sub-tables."""
+    kinds: list[Any] = [schema]
+    for part in place:
+        kinds = [inner for kind in kinds for inner in _inside(kind, part)]
+    return [key for kind in kinds if _is_table(kind) for key in _fields(kind)]
+
+
+def _inside(kind: Any, part: str | int) -> list[Any]:
+    """Types of what may stand under a key of a table or in a list, alternatives one by one."""
+    if _is_table(kind):
+        return _alternatives(_fields(kind).get(str(part)))
+    return _alternatives(get_args(kind)[-1]) if get_origin(kind) in (dict, list) else []
+
+
+def _alternatives(kind: Any) -> list[Any]:
+    if get_origin(kind) is Annotated:
+        return _alternatives(get_args(kind)[0])
+    is_one = get_origin(kind) in (dict, list, None)
+    return [kind] if is_one else [one for option in get_args(kind) for one in _alternatives(option)]
+
+
+def _is_table(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _fields(table: type[BaseModel]) -> dict[str, Any]:
+    return {field.alias or name: field.annotation for name, field in table.model_fields.items()}

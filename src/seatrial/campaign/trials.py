@@ -13,13 +13,18 @@ from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record, Role
 from seatrial.core.record_file import read_record, record_dataset
+from seatrial.core.signals import signal_unit
+from seatrial.core.units import to_si
 from seatrial.logs.align import align
 from seatrial.logs.curve import read_curve
-from seatrial.logs.formats.registry import hash_of_log
+from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.pieces import cut
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.logs.to_body import SOURCES, to_body
+
+LAYOUT = {"delimiter", "encoding", "skip_rows", "header_rows", "names"}
+"""Keys of `[[import.files]]` for text alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +83,53 @@ def import_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     return Trials(fit, predict, trials_key(campaign, keys))
 
 
+def check_import(campaign: Campaign) -> None:
+    """Check everything about an import that can be checked without opening a log; nothing where there is none.
+
+    Raises:
+        InputError: a channel or unit that is none, a scale of zero, times that are not positive, or a key without effect.
+    """
+    table = campaign.source.imported
+    if table is None:
+        return
+    for key, text in (("step", table.step), ("split", table.split)):
+        if text is not None and not campaign.si(text, "s", f"import.{key}") > 0:
+            raise InputError(
+                campaign.where(f"import.{key}"),
+                found=text,
+                expected="more than 0 s",
+                remedy="correct it, or leave the key out",
+            )
+    for run in (*table.fit, *table.predict):
+        _ends(campaign, run)
+    known = tuple(_roles(campaign))
+    for index, file in enumerate(table.files):
+        key = f"import.files[{index}]"
+        if file.time is not None and file.time.unit is not None:
+            to_si(1.0, file.time.unit, "s", campaign.where(f"{key}.time.unit"))
+        if file.names is not None and "header_rows" in file.model_fields_set:
+            raise InputError(
+                campaign.where(f"{key}.header_rows"),
+                found="a key without effect: `names` says that the file has no header",
+                expected="one of the two",
+                remedy="remove it, or remove names",
+            )
+        for name, column in file.channels.items():
+            where = f"{key}.channels.{name}"
+            if name not in (*known, *SOURCES):
+                raise InputError(
+                    campaign.where(where),
+                    found=f'channel "{name}"',
+                    expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
+                    remedy=f"leave it out where no term needs it; else {nearest(name, known)}",
+                )
+            to_si(1.0, column.unit, signal_unit(name), campaign.where(f"{where}.unit"))
+            if column.scale == 0:
+                raise InputError(
+                    campaign.where(f"{where}.scale"), found="0", expected="a number other than 0", remedy="correct it"
+                )
+
+
 def trials_key(campaign: Campaign, records: list[str]) -> str:
     """Key of all imported trials from those of their records."""
     table = campaign.source.imported
@@ -113,7 +165,11 @@ def _import_run(campaign: Campaign, run: str) -> tuple[Record, str]:
 
 
 def _ends(campaign: Campaign, run: str) -> dict[str, float]:
-    """Where a run begins and ends, s, as far as anything is said of it."""
+    """Where a run begins and ends, s, as far as anything is said of it.
+
+    Raises:
+        InputError: before where its files overlap, or an end that is not after the start.
+    """
     table = campaign.source.imported
     assert table is not None
     found = {}
@@ -122,6 +178,14 @@ def _ends(campaign: Campaign, run: str) -> dict[str, float]:
         text, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
         if text is not None:
             found[name] = campaign.si(text, "s", key)
+            if found[name] < 0 or (name == "end" and found[name] <= found.get("start", 0.0)):
+                raise InputError(
+                    campaign.where(key),
+                    found=text
+                    + (f", with a start at {found['start']:g} s" if name == "end" and "start" in found else ""),
+                    expected="0 s or more, and an end after the start",
+                    remedy="count from where the files of the run overlap",
+                )
     return found
 
 
@@ -192,15 +256,14 @@ def _roles(campaign: Campaign) -> dict[str, Role]:
 
 def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogSource:
     roles = _roles(campaign)
-    known = tuple(roles)
-    for name in file.channels:
-        if name not in (*known, *SOURCES):
-            raise InputError(
-                campaign.where(f"import.files[{index}].channels.{name}"),
-                found=f'channel "{name}"',
-                expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
-                remedy=f"leave it out where no term needs it; else {nearest(name, known)}",
-            )
+    idle = sorted(LAYOUT & file.model_fields_set)
+    if idle and not format_of(path).is_text:
+        raise InputError(
+            campaign.where(f"import.files[{index}].{idle[0]}"),
+            found=f"a key without effect: {path.name} is {format_of(path).name}",
+            expected="keys that something reads",
+            remedy=f"remove {', '.join(idle)}: they say how text is laid out",
+        )
     channels = {
         name: ColumnMap(
             column.column,

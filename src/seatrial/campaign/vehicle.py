@@ -5,7 +5,7 @@ everything no equation governs given as measured. As a whole: a rigid body in up
 by hand, of which `moves` says what is modelled; published coefficients that no structure names stay as published.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -48,6 +48,26 @@ class CampaignVehicle(Protocol):
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
         """Equations of motion of one candidate, one for each axis, linear in the coefficients; none of a coupled body."""
         ...
+
+
+def check_alone(campaign: "Campaign", keys: Sequence[str]) -> None:
+    """Check that a vehicle of the catalogue is given nothing that the catalogue says.
+
+    Args:
+        campaign: whose vehicle has a catalogue name.
+        keys: of `[vehicle]` that must not stand beside it.
+
+    Raises:
+        InputError: one that does.
+    """
+    twice = [key for key in campaign.source.vehicle.model_fields_set if key in keys]
+    if twice:
+        raise InputError(
+            campaign.where(f"vehicle.{twice[0]}"),
+            found=f"catalogue together with {', '.join(sorted(twice))}",
+            expected="a vehicle of the catalogue, or one by hand",
+            remedy=f"remove {', '.join(sorted(twice))}, or remove catalogue and give all of it",
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from seatrial.campaign.vehicle import check_alone
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import ANGLES, signal_unit
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
     from seatrial.campaign.config import Campaign
     from seatrial.campaign.schema import VehicleTable
 
-BODY = ("mass", "inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy")
+BODY = (
+    *("name", "mass", "inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy"),
+    *("thrust_deduction", "wake"),
+)
 """Keys of a body that a catalogue entry already says."""
 
 
@@ -79,14 +83,7 @@ def read_whole_vehicle(campaign: "Campaign") -> WholeVehicle:
     else:
         with located(campaign.where("vehicle.catalogue")):
             body = load_vehicle(table.catalogue)
-        twice = [key for key in (*BODY, "name") if getattr(table, key) is not None]
-        if twice:
-            raise InputError(
-                campaign.where("vehicle"),
-                found=f"catalogue together with {', '.join(twice)}",
-                expected="a body of the catalogue, or one by hand",
-                remedy=f"remove {', '.join(twice)}, or remove catalogue and give all of it",
-            )
+        check_alone(campaign, BODY)
         if body.written is not None:
             raise InputError(
                 campaign.where("vehicle.catalogue"),

@@ -29,7 +29,9 @@ APART = 0.25
 """Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart."""
 
 
-def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str, whole: bool = True) -> None:
+def check_prior_contains_data(
+    posterior: Posterior, mode: Mode, where: Callable[[str], str], whole: bool = True
+) -> None:
     """Refuse a prior against whose bound the data push.
 
     A mode within 2 % of a bound is suspect, in shares of the width, or where one side is open of that of a uniform of the same
@@ -39,7 +41,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str, whol
     Args:
         posterior: posterior.
         mode: its mode.
-        where: configuration file, for the error.
+        where: names a key of the configuration file, for the error.
         whole: whether the model has every term in question. One that lacks a real term has to call it noise, and is judged by its
             evidence: its noise may push against the bound.
 
@@ -53,7 +55,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: str, whol
             gain = _gain_beyond(posterior, mode.values, index, beyond)
             if gain > GAIN:
                 raise InputError(
-                    f"{where}, key prior.{parameter.name}",
+                    where(f"prior.{parameter.name}"),
                     found=f"the data push {parameter.name} against its bound {bound:.4g} {parameter.unit}; beyond it, "
                     f"at {beyond:.4g}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
                     expected="a prior that contains what the data say",

@@ -147,5 +147,5 @@ def test_no_such_file(tmp_path, path):
 def test_a_file_that_is_not_text(tmp_path):
     path = tmp_path / "own.toml"
     path.write_bytes(b"name = \xff")
-    with pytest.raises(InputError, match=r"own.toml, line 1"):
+    with pytest.raises(InputError, match=r"own.toml:1"):
         read_vehicle(path)

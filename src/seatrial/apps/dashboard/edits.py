@@ -1,11 +1,11 @@
 """Edits of a campaign file by the page: limits, and the map of a log that lies inside the folder."""
 
 import re
-import tomllib
 from pathlib import Path
 
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.toml_edit import comment_out, set_key, written
+from seatrial.campaign.toml_file import toml_content
 from seatrial.core.errors import InputError
 
 BOUNDS = ("lower", "upper", "rate")
@@ -49,11 +49,11 @@ def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
 def _check_map(folder: Path, run: str, channel_map: str) -> None:
     where = "the channel map"
     try:
-        content = tomllib.loads(channel_map)
+        content = toml_content(where, channel_map)
         files = content["import"]["files"]
         paths = [str(one["path"]) for one in files]
         alone = set(content) == {"import"} and set(content["import"]) == {"files"}
-    except (tomllib.TOMLDecodeError, KeyError, TypeError) as cause:
+    except (KeyError, TypeError) as cause:
         raise InputError(
             where, found=f"{cause}", expected="[[import.files]] tables, each with a path", remedy="mend it"
         ) from cause

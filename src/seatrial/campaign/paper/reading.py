@@ -14,7 +14,8 @@ from pathlib import Path
 from pydantic import Field
 
 from seatrial.campaign.schema import Quantity, Table
-from seatrial.campaign.toml_file import read_toml
+from seatrial.campaign.toml_file import parse_toml, read_text
+from seatrial.campaign.toml_lines import key_place
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import signal_unit
@@ -102,12 +103,14 @@ class Reading:
         path: file, for messages.
         source: its content, in its own units.
         is_paper: whether this is the paper's vehicle, so that its printed numbers apply.
+        text: of the file, which says on what line a key stands.
     """
 
     name: str
     path: Path
     source: VehicleFile
     is_paper: bool
+    text: str = ""
 
     @cached_property
     def truth(self) -> dict[str, float]:
@@ -221,7 +224,7 @@ class Reading:
         return share * abs(self.trim) if text is None else self._si(text, signal_unit("n"), f"inputs.{key}")
 
     def _si(self, text: str, unit: str, key: str) -> float:
-        return quantity(text, unit, f"{self.path}, key {key}")
+        return quantity(text, unit, key_place(self.path, self.text, key))
 
 
 def read_vehicle(path: Path) -> Reading:
@@ -237,13 +240,16 @@ def read_vehicle(path: Path) -> Reading:
             expected="a TOML file of a surge vehicle",
             remedy=f"begin with {EXAMPLE}, or leave --vehicle out for the paper's REMUS 100",
         )
-    return _checked(Reading(path.stem, path, read_toml(path, VehicleFile, f"{EXAMPLE} shows every table"), False))
+    text = read_text(path)
+    source = parse_toml(path, text, VehicleFile, f"{EXAMPLE} shows every table")
+    return _checked(Reading(path.stem, path, source, False, text))
 
 
 def paper_reading(name: str) -> Reading:
     """The paper's vehicle as read one way, `A` or `B`."""
     place = Path(str(files(__package__).joinpath(f"reading_{name.lower()}.toml")))
-    return Reading(name, place, read_toml(place, VehicleFile), True)
+    text = read_text(place)
+    return Reading(name, place, parse_toml(place, text, VehicleFile), True, text)
 
 
 def _checked(reading: Reading) -> Reading:
@@ -328,7 +334,7 @@ def _check_sizes(reading: Reading) -> None:
 
 
 def _mistake(reading: Reading, key: str, found: str, expected: str, remedy: str) -> InputError:
-    return InputError(f"{reading.path}, key {key}", found=found, expected=expected, remedy=remedy)
+    return InputError(key_place(reading.path, reading.text, key), found=found, expected=expected, remedy=remedy)
 
 
 READINGS = {name: paper_reading(name) for name in ("A", "B")}

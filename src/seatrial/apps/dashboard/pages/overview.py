@@ -1,17 +1,18 @@
 """All campaigns of the folder: what each is, which of its steps are current, and what is at work."""
 
 import asyncio
-import tomllib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.campaign_text import CAMPAIGN
+from seatrial.apps.campaign_text import CAMPAIGN, read_file
 from seatrial.apps.dashboard.answers import Stage
 from seatrial.apps.dashboard.frame import VIEWS, frame, link
 from seatrial.apps.dashboard.house import PATIENCE, House, fill, markup
+from seatrial.campaign.toml_file import toml_content
+from seatrial.core.errors import SeatrialError
 
 EVERY = 2.0
 """Seconds between looks at what is running."""
@@ -80,9 +81,9 @@ def steps_html(steps: tuple[Stage, ...]) -> Markup:
 def title_of(folder: Path) -> str:
     """Name of a campaign as its file says, without reading more; empty where it cannot be read."""
     try:
-        content = tomllib.loads((folder / CAMPAIGN).read_text(encoding="utf-8-sig"))
+        content = toml_content(folder / CAMPAIGN, read_file(folder))
         return str(content["campaign"]["name"])[:120]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (SeatrialError, OSError, KeyError, TypeError):
         return ""
 
 

@@ -173,12 +173,11 @@ async def _posteriors(house: House, path: Path, truth: tuple[tuple[str, float], 
 
 async def _truth(house: House, folder: Path) -> tuple[tuple[str, float], ...]:
     """True values of a simulated vehicle, as the campaign file has them."""
-    import tomllib
-
     from seatrial.apps.campaign_text import read_file
+    from seatrial.campaign.toml_file import toml_content
 
     try:
-        content = tomllib.loads(read_file(folder))
+        content = toml_content(folder, read_file(folder))
         return tuple((str(k), float(v)) for k, v in content.get("truth", {}).items()) if "import" not in content else ()
     except (SeatrialError, OSError, ValueError, TypeError, AttributeError):
         return ()

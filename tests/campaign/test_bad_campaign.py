@@ -1,0 +1,144 @@
+"""Campaign files that nobody should write: each ends in an error that names the file, the line and the key, and in no traceback."""
+
+import re
+
+import pytest
+
+from seatrial.apps.toml_edit import set_key
+from seatrial.campaign import toml_file
+from seatrial.campaign.load import load_campaign
+from seatrial.core.errors import InputError
+from tests.campaign.small import SMALL, write_small
+from tests.campaign.test_whole_vehicle import pitch
+from tests.campaign.yaw_campaign import write_yaw
+
+SEED, DURATION, NOISE = "seed = 3", 'duration = "30 s"', 'noise = "0.05 m/s"'
+VALUES = {
+    "a time beyond double precision": ((DURATION, 'duration = "1e308 s"'), "design.duration", "1e+30"),
+    "a rate beyond double precision": ((NOISE, f'{NOISE}\nrate = "1e-308 Hz"'), "sensors.u.rate", "1e-30"),
+    "a rate of nothing": ((NOISE, f'{NOISE}\nrate = "0 Hz"'), "sensors.u.rate", "more than 0"),
+    "an active time below zero": (('active = "20 s"', 'active = "-20 s"'), "design.active", "more than 0 s"),
+    "a start below zero": (('active = "20 s"', 'active = "20 s"\nstart = "-1 s"'), "design.start", "0 s or more"),
+    "an edge below zero": (('active = "20 s"', 'active = "20 s"\nramp = "-1 s"'), "design.ramp", "0 s or more"),
+    "a huge integer": ((SEED, f"seed = {10**400}"), "campaign.seed", "less than"),
+    "a huge integer for a number": (("X_u = -1.21", f"X_u = {10**400}"), "truth.X_u", ""),
+    "a huge hexadecimal integer": ((SEED, f"seed = 0x{'f' * 5000}"), "campaign.seed", "20000 bits"),
+    "not a number": (("X_u = -1.21", "X_u = nan"), "truth.X_u", "finite"),
+    "infinite": (("X_u = -1.21", "X_u = -inf"), "truth.X_u", "finite"),
+    "an empty list": (("chains = 16", "chains = []"), "estimation.chains", "integer"),
+    "a list for a name": ((DURATION, f"{DURATION}\nfilter = []"), "design.filter", "'extended'"),
+    "no family": (('control = "n"', 'control = "n"\nfamilies = []'), "design.families", "at least 1"),
+    "a number in a list of names": (('optional = ["X_u"]', 'optional = ["X_u", 3]'), "structure.optional.1", "text"),
+    "two kinds of value, and neither": ((SEED, f"{SEED}\n[goal]\nsd = {{ X_u = [] }}"), "goal.sd.X_u", " or "),
+    "a unit that is none, in quotes of three": ((NOISE, 'noise = """0.05\nm/x"""'), "sensors.u.noise", "unit"),
+}
+UNREADABLE = {
+    "an integer of thousands of digits": (SMALL.replace(SEED, f"seed = {'9' * 5000}"), 4, "thousands of digits"),
+    "lists within lists": (SMALL.replace(SEED, f"seed = {'[' * 2000}"), 4, "at most 12 levels"),
+    "tables within tables": (SMALL.replace(SEED, f"{'.'.join('abcdefghijklmnop')} = 1"), 4, "at most 12 levels"),
+    "a key without end": (SMALL.replace(SEED, "a." * 400_000 + "a = 1"), 4, "at most 12 levels"),
+    "a key that stands twice": (SMALL.replace(SEED, f"{SEED}\n{SEED}"), 5, "remove or rename the second"),
+    "a table that stands twice": (f"{SMALL}\n[power]\n[truth]\n", SMALL.count("\n") + 3, "remove or rename the second"),
+    "a byte of nothing": (SMALL.replace(SEED, "seed = 3 # \0"), 4, "malformed TOML"),
+    "a string without end": (f'{SMALL}name = """', SMALL.count("\n") + 1, "malformed TOML"),
+}
+
+
+def refused(folder, text=None):
+    if text is not None:
+        (folder / "campaign.toml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError) as caught:
+        load_campaign(folder)
+    return caught.value
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_value_that_nothing_has_is_named_with_its_key_and_line(tmp_path, name):
+    change, key, word = VALUES[name]
+    folder = write_small(tmp_path, change)
+    error = refused(folder)
+    written = (folder / "campaign.toml").read_text().splitlines()
+    line = next(n for n, text in enumerate(written, 1) if text not in SMALL and text != "[goal]")
+    assert re.search(rf"campaign\.toml:{line}, key {re.escape(key)}", error.where), error.where
+    assert word in f"{error.found} {error.expected}"
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, name):
+    text, line, word = UNREADABLE[name]
+    error = refused(tmp_path, text)
+    assert error.where.endswith(f"campaign.toml:{line}")
+    assert word in f"{error.found} {error.expected} {error.remedy}"
+    with pytest.raises(InputError):  # as the editor of single keys reads it
+        set_key(text, "campaign", "seed", 4)
+
+
+def test_a_file_too_large_is_not_read_to_its_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(toml_file, "MOST_BYTES", len(SMALL) + 10)
+    error = refused(tmp_path, SMALL + "#" * 100_000)
+    assert "0.1 MB" in error.found
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_a_file_in_another_encoding(tmp_path, encoding):
+    text = SMALL.replace('"small"', '"Gerät"').encode(encoding)
+    if encoding == "utf-8-sig":
+        (tmp_path / "campaign.toml").write_bytes(text)
+        assert load_campaign(tmp_path).source.campaign.name == "Gerät"
+    else:
+        error = refused(tmp_path, text)
+        assert error.where.endswith(f"campaign.toml:{1 if encoding == 'utf-16' else 3}")
+        assert error.remedy == "save the file as UTF-8"
+
+
+ACTUATORS = {
+    "lagg = 1": ("lagg", "one of lag, lower, upper, rate", 'did you mean "lag"?'),
+    "lag = 1": ("lag", "text in quotes", 'quantities are strings such as "200 rpm"'),
+}
+
+
+@pytest.mark.parametrize("line", ACTUATORS)
+def test_a_mistake_in_the_table_of_an_actuator(tmp_path, line):
+    key, expected, remedy = ACTUATORS[line]
+    with pytest.raises(InputError) as caught:
+        pitch(tmp_path, ("[structure]", f"[vehicle.actuators.delta_s]\n{line}\n[structure]"))
+    assert re.search(rf"campaign\.toml:\d+, key vehicle\.actuators\.delta_s\.{key}$", caught.value.where)
+    assert (caught.value.expected, caught.value.remedy) == (expected, remedy)
+
+
+IMPORTS = {
+    "unit of another dimension": (('column = "r", unit = "deg/s"', 'column = "r", unit = "deg"'), "channels.r.unit"),
+    "unknown unit": (('column = "t", unit = "s"', 'column = "t", unit = "sex"'), "time.unit"),
+    "unknown channel": (("channels.r =", "channels.rr ="), "channels.rr"),
+    "scale of nothing": (('unit = "deg/s"', 'unit = "deg/s", scale = 0'), "channels.r.scale"),
+    "scale that is infinite": (('unit = "deg/s"', 'unit = "deg/s", scale = inf'), "channels.r.scale"),
+    "offset that is no number": (('unit = "deg/s"', 'unit = "deg/s", offset = nan'), "channels.r.offset"),
+    "step of nothing": (("[import]", '[import]\nstep = "0 s"'), "import.step"),
+    "split below zero": (("[import]", '[import]\nsplit = "-5 s"'), "import.split"),
+    "start below zero": (("[import]", '[import]\nstart = "-5 s"'), "import.start"),
+    "end before the start": (("[import]", '[import]\nstart = "9 s"\nend = "5 s"'), "import.end"),
+    "own end below zero": (
+        ("[[import.files]]", '[import.trim.1]\nend = "-1 s"\n[[import.files]]'),
+        "import.trim.1.end",
+    ),
+    "a header of a file without one": (('{ column = "t"', '{ column = "t"'), "header_rows"),
+}
+
+
+@pytest.mark.parametrize("name", IMPORTS)
+def test_an_import_is_checked_before_any_log_is_opened(tmp_path, name):
+    (old, new), key = IMPORTS[name]
+    folder = write_yaw(tmp_path)
+    text = (folder / "campaign.toml").read_text()
+    assert old in text
+    changed = text.replace(old, new)
+    if key == "header_rows":
+        changed = text.replace("channels.u =", 'header_rows = 2\nnames = ["t"]\nchannels.u =')
+    error = refused(folder, changed)
+    line = next(
+        n for n, one in enumerate(changed.splitlines(), 1) if one not in text and not one.startswith('start = "9')
+    )
+    line += 1 if key == "import.trim.1.end" else 0
+    assert re.search(rf"campaign\.toml:{line}, key import\..*{re.escape(key.removeprefix('import.'))}$", error.where), (
+        error.where
+    )
