@@ -1,6 +1,6 @@
 """Repeat every estimator of evidence where the evidence is known: `python docs/evidence.py`.
 
-Some 20 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes
+Some 25 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes
 docs/evidence.svg and the tables in docs/evidence.md; exits with 3 where errors are stated too small, or where agreement is wrong in
 silence. With a number, `python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written.
 """
@@ -26,12 +26,18 @@ from seatrial.core.files import write_json, write_text
 from seatrial.estimation.posterior import Posterior
 from seatrial.report.figures.style import own_settings
 from seatrial.report.svg import draw_svg
+from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
-from seatrial.sampling.target import no_progress
-from seatrial.sampling.tempered_ladder import sample_ladder
-from seatrial.selection.agreement import agreed_evidence
-from seatrial.selection.methods import RUN, AgreementSettings
+from seatrial.sampling.target import evaluate
+from seatrial.sampling.tempered_ladder import LadderSettings, sample_ladder
+from seatrial.selection.agreement import Keys, agreed_evidence
+from seatrial.selection.bridge import bridge_evidence
+from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
+from seatrial.selection.importance import ImportanceSettings, importance_evidence
+from seatrial.selection.laplace import laplace_evidence
+from seatrial.selection.nested import nested_evidence
+from seatrial.selection.prior_monte_carlo import prior_evidence
 from seatrial.selection.savage_dickey import savage_dickey
 from seatrial.selection.thermodynamic import stepping_stone, thermodynamic
 
@@ -60,6 +66,8 @@ SLOW = ("normal, 10", "normal, 20", "phase transition, 10")
 CHEAP = {"importance": 100, "laplace": 10, "prior": 100, "savage-dickey": 100}
 USUAL, FEW = 40, 20
 TERM_CHAINS = ChainSettings(warmup=2000, draws=2000, thin=4)
+BRIDGE_CHAINS = ChainSettings(chains=32, warmup=3000, draws=12000, thin=4)
+PRIOR_DRAWS = 100_000
 LEAST = {
     ("smc", "normal, 20"): 12,
     ("ladder", "normal, 20"): 8,
@@ -102,7 +110,7 @@ def methods_for(target: str) -> Sequence[str]:
     """Estimators that are run on a target."""
     if target == TERM:
         return ("savage-dickey",)
-    return (*METHODS, DEFAULT) if target in HARD else METHODS
+    return (*METHODS, DEFAULT)
 
 
 def repeats_of(method: str, target: str) -> int:
@@ -142,21 +150,31 @@ def estimate(method: str, posterior: Posterior, key: jax.Array) -> dict[str, Ans
     """Answers by name; a refusal is one too."""
     names = ("stepping-stone", "thermodynamic") if method == "ladder" else (method,)
     try:
-        if method == "ladder":
-            ladder = sample_ladder(posterior, key)
-            found = [stepping_stone(ladder), thermodynamic(ladder)]
-        elif method == "savage-dickey":
-            found = [bayes_factor(posterior, key)]
-        elif method == DEFAULT:
-            found = [agreed_evidence(posterior, key)]
-        else:
-            found = [RUN[method](posterior, key, AgreementSettings(), no_progress).evidence]
+        found = ESTIMATE[method](posterior, key)
     except NumericalError as error:
         return {name: Answer(np.nan, np.nan, str(error), {}) for name in names}
     return {
         name: Answer(one.log_value, one.std_error, one.status, one.diagnostics)
-        for name, one in zip(names, found, strict=True)
+        for name, one in zip(names, found if isinstance(found, tuple) else (found,), strict=True)
     }
+
+
+def both_of_a_ladder(posterior: Posterior, key: jax.Array) -> tuple[Evidence, Evidence]:
+    """Stepping-stone and thermodynamic integration."""
+    ladder = sample_ladder(posterior, key)
+    return stepping_stone(ladder), thermodynamic(ladder)
+
+
+def bridge(posterior: Posterior, key: jax.Array) -> Evidence:
+    """Bridge sampling from chains that start at the best of many prior draws: nothing is known of the mode."""
+    start_key, chain_key, key = jax.random.split(key, 3)
+    chains = BRIDGE_CHAINS.chains
+    drawn = np.asarray(posterior.sample_prior(start_key, 16 * chains))
+    starts = jnp.asarray(drawn[np.argsort(-evaluate(posterior, drawn))[:chains]])
+    draws = sample(SAMPLERS["adaptive-metropolis"], posterior, starts, jnp.eye(posterior.dim), chain_key, BRIDGE_CHAINS)
+    found = bridge_evidence(posterior, draws.z, key)
+    said = [*complaints(posterior.names, diagnose(draws.z))[:1], *filter(None, [found.status])]
+    return replace(found, status="; ".join(said))
 
 
 def bayes_factor(posterior: Posterior, key: jax.Array) -> Any:
@@ -169,23 +187,36 @@ def bayes_factor(posterior: Posterior, key: jax.Array) -> Any:
 
 def evaluations(method: str, d: int, answers: dict[str, Answer]) -> int | None:
     """Densities that a run evaluates, those of the search for the mode aside; None for nested sampling, which is counted."""
-    usual, answer = AgreementSettings(), next(iter(answers.values()))
-    size, smc, ladder = usual.importance, usual.smc.smc, usual.ladder
+    answer, size, smc, ladder = next(iter(answers.values())), ImportanceSettings(), EvidenceSettings(), LadderSettings()
     match method:
         case "importance" if answer.diagnostics:
             return size.draws + size.pilot * (1 + answer.diagnostics["refits"])
         case "smc" if answer.diagnostics:
             steps = sum(answer.diagnostics["temperatures"])
-            return smc.particles * (steps * smc.moves_for(d) + usual.smc.repeats)
+            return smc.smc.particles * (steps * smc.smc.moves_for(d) + smc.repeats)
         case "ladder":
             return (ladder.warmup + ladder.draws) * ladder.rungs * ladder.copies * max(2, d // 2)
         case "bridge":
-            return usual.metropolis.chains * (usual.metropolis.warmup + usual.metropolis.draws + 16) + 20_000
+            return BRIDGE_CHAINS.chains * (BRIDGE_CHAINS.warmup + BRIDGE_CHAINS.draws + 16) + 20_000
         case "savage-dickey":
             return TERM_CHAINS.chains * (TERM_CHAINS.warmup + TERM_CHAINS.draws)
         case "prior":
-            return usual.prior_draws
+            return PRIOR_DRAWS
     return None
+
+
+ESTIMATE: dict[str, Callable[[Posterior, jax.Array], Evidence | tuple[Evidence, ...]]] = {
+    "importance": importance_evidence,
+    "smc": smc_evidence,
+    "ladder": both_of_a_ladder,
+    "bridge": bridge,
+    "nested": nested_evidence,
+    "prior": partial(prior_evidence, draws=PRIOR_DRAWS),
+    "laplace": laplace_evidence,
+    "savage-dickey": bayes_factor,
+    DEFAULT: lambda posterior, key: agreed_evidence(posterior, Keys(*jax.random.split(key))),
+}
+"""What is run, by name; the last is what `seatrial select` does for a structure, its pieces in order."""
 
 
 class Counted:

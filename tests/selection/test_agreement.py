@@ -1,22 +1,18 @@
-from dataclasses import dataclass
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.trees import compiled_tree
-from seatrial.sampling.tempered_ladder import LadderSettings
-from seatrial.sampling.tempered_smc import SMCSettings
-from seatrial.selection.agreement import AgreementSettings, agreed_evidence, judge
+from seatrial.core.errors import NumericalError
+from seatrial.sampling.target import evaluate
+from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
+from seatrial.selection import agreement
+from seatrial.selection.agreement import Gathering, Keys, Piece, Run, Weighed, agreed_evidence, do, judge
 from seatrial.selection.evidence import Evidence, EvidenceSettings
-from seatrial.selection.importance import ImportanceSettings
-from tests.selection.targets import far_peaks, linear, one_peak, spike_on_slab
-from tests.selection.test_evidence import short_surge
+from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
+from tests.selection.test_evidence import runs, short_surge
 
-KEY = jax.random.key(1)
-SMALL = AgreementSettings(smc=EvidenceSettings(repeats=4, smc=SMCSettings(particles=512)))
+KEYS = Keys(*jax.random.split(jax.random.key(1)))
+SMALL = EvidenceSettings(repeats=4, smc=SMCSettings(particles=512))
 
 
 def evidences(**given):
@@ -25,85 +21,99 @@ def evidences(**given):
 
 def test_agreement_on_a_known_evidence():
     target, exact = one_peak()
-    found = agreed_evidence(target, KEY, settings=SMALL)
+    found = agreed_evidence(target, KEYS, SMALL)
     assert found.status == ""
-    assert found.diagnostics["checks"] == 1
+    assert (found.diagnostics["checks"], found.diagnostics["modes"]) == (1, 1)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
 
 
-def test_second_peak_that_importance_sampling_misses_alarms():
-    """Half of Z lies in each peak: the error of importance sampling is log 2 and its own diagnostics are silent."""
+def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():
+    """Half of Z lies in each peak, 66 standard deviations apart: the particles of tempered SMC are in both."""
     target, exact = far_peaks()
-    found = agreed_evidence(target, KEY, settings=SMALL)
-    assert found.log_value == pytest.approx(exact - np.log(2), abs=0.05)
-    assert "joint errors" in found.status
-    assert abs(found.diagnostics["methods"]["smc"]["log_value"] - exact) < 0.5
+    found = agreed_evidence(target, KEYS, SMALL)
+    assert (found.status, found.diagnostics["modes"]) == ("", 2)
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
 
 
 @pytest.mark.thorough
-def test_phase_transition_alarms():
-    """All methods agree on the slab, a hundredth of Z: only the cold search meets the spike."""
+@pytest.mark.parametrize("seed", range(3))
+def test_phase_transition_is_weighed_and_alarms(seed):
+    """All particles and the search for the mode are on the slab, a hundredth of Z: only cold ones meet the spike."""
     target, exact = spike_on_slab()
-    found = agreed_evidence(target, KEY, settings=SMALL)
-    assert abs(found.log_value - exact) < 4 * found.std_error or "highest peak" in found.status
+    found = agreed_evidence(target, Keys(*jax.random.split(jax.random.key(seed))), SMALL)
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
+    assert "adaptive tempered SMC finds -4." in found.status
+    assert "one of them misses part of the posterior" in found.status
+
+
+def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch):
+    """Cold particles at a peak whose mode cannot be climbed to."""
+    target, _ = peaks((-0.2, 1.0))
+    high = np.array([[1.0, 0.0]])
+    low = np.array([[-0.2, 1.5]])
+    monkeypatch.setattr(agreement, "further_modes", lambda *_: ())
+
+    def lost(*_):
+        raise NumericalError("no mode")
+
+    monkeypatch.setattr(agreement, "find_mode", lost)
+    smc = SMCResult(0.0, low, np.ones(1), np.ones(1), 1.0, 0.0)
+    found = do(target, Piece(None, Run(0, smc, high)), KEYS, SMALL)
+    above = float(np.diff(evaluate(target, np.concatenate([low, high])))[0])
+    assert found.failure == "no mode"
+    assert f"a point {above - 0.5 * 0.002001:.1f} nats above the highest peak" in found.alarms[0]
+    same = do(target, Piece(None, Run(0, smc._replace(particles=high), high)), KEYS, SMALL)
+    assert same.alarms == ()
+    (said,) = do(target, Piece(None, Run(0, smc, high[:0])), KEYS, SMALL).alarms
+    assert "could not be cooled" in said
 
 
 @pytest.mark.thorough
 def test_value_is_the_other_methods_where_importance_sampling_complains():
     target, exact = short_surge()
-    found = agreed_evidence(target, KEY)
+    found = agreed_evidence(target, KEYS)
     assert found.method == "adaptive tempered SMC"
     assert "Pareto k" in found.status
     assert "the value is that of adaptive tempered SMC" in found.status
     assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@compiled_tree()
-@dataclass(frozen=True)
-class Bare:
-    """A target that is no posterior: standard normal prior in two dimensions, log L = -x.x / 2, so Z = 1/2."""
-
-    scale: jax.Array
-    dim = 2
-
-    def log_prior(self, z):
-        return -0.5 * jnp.sum(z * z) - jnp.log(2 * jnp.pi)
-
-    def log_likelihood(self, z):
-        return -0.5 * self.scale * jnp.sum(z * z)
-
-    def sample_prior(self, key, n):
-        return jax.random.normal(key, (n, 2))
+def numbered(*logs, expected_variance=0.0):
+    return [Run(i, run, np.empty((0, 1))) for i, run in enumerate(runs(*logs, expected_variance=expected_variance))]
 
 
-@pytest.mark.thorough
-def test_plain_target():
-    settings = AgreementSettings(smc=SMALL.smc, ladder=LadderSettings(rungs=9))
-    found = agreed_evidence(Bare(jnp.ones(())), KEY, settings=settings)
-    assert found.status == ""
-    assert set(found.diagnostics["methods"]) == {"smc", "stepping-stone"}
-    assert abs(found.log_value - np.log(0.5)) < 4 * found.std_error
+def test_pieces_follow_what_is_known():
+    """Importance sampling waits for the first repeat; repeats that check too bluntly are followed by more, four times as many at most."""
+    gathering = Gathering(2)
+    assert [piece.repeat for piece in gathering.begin()] == [0, 1]
+    one, other, third, fourth = numbered(0.0, 1.5, 0.7, 0.7, expected_variance=0.3)
+    assert gathering.add(other) is None
+    first = gathering.add(one)
+    assert (first.repeat, first.first) == (None, one)
+    assert gathering.add(Weighed(Evidence(0.7, 0.01, "importance"), None, ())).repeat == 2
+    assert gathering.add(third).repeat == 3
+    numbers = [gathering.add(fourth._replace(repeat=number)) for number in range(3, 8)]
+    assert [piece.repeat for piece in numbers if piece] == list(range(4, 4 + len([p for p in numbers if p])))
+    assert len(gathering.runs) <= gathering.most == 8
 
 
-@pytest.mark.thorough
-def test_bridge_and_laplace_confirm():
-    target, exact = linear(2)
-    found = agreed_evidence(target, KEY, ("bridge", "laplace", "importance"), AgreementSettings(lookout=False))
-    assert found.status == ""
-    assert found.diagnostics["checks"] == 2
-    assert abs(found.log_value - exact) < 4 * found.std_error
+def test_what_is_there_is_not_done_again():
+    """In whatever order it came: the evidence is that of the repeats in order."""
+    found = numbered(0.0, 0.1, 0.05)
+    gathering = Gathering(2)
+    gathering.runs = {0: found[0], 2: found[2]}
+    assert [piece.repeat for piece in gathering.begin()] == [1, None]
+    assert gathering.add(Weighed(None, "no mode", ("a higher peak",))) is None
+    assert gathering.add(found[1]) is None
+    evidence = gathering.evidence()
+    assert evidence.diagnostics["log_values"] == [0.0, 0.1]
+    assert evidence.status.startswith("a higher peak; importance failed: no mode; the value is that of")
 
 
-def test_a_method_that_complains_is_reported_and_progress_ends():
-    target, _ = linear(2)
+def test_progress_ends():
+    target, _ = one_peak()
     seen = []
-    settings = AgreementSettings(ImportanceSettings(2048, 1024), prior_draws=100, lookout=False)
-    found = agreed_evidence(
-        target, KEY, ("importance", "prior"), settings, lambda done, total: seen.append(done / total)
-    )
-    assert "Listing 1" in found.status
-    assert "no healthy independent method" in found.status
-    assert seen == sorted(seen)
+    agreed_evidence(target, KEYS, SMALL, lambda done, total: seen.append(done / total))
     assert seen[-1] == 1
 
 
@@ -117,7 +127,7 @@ def test_a_method_that_complains_is_reported_and_progress_ends():
         ({"a": (0.0, 0.01, "bad"), "b": (0.05, 0.01, "worse")}, "a", "b complains: worse"),
         ({"a": (0.0, 0.01, ""), "b": (0.5, 0.6, "")}, "a", "checks to 0.60 nats only"),
         ({"a": (0.0, 0.01, ""), "b": (np.nan, 0.1, "")}, "a", "nan nats"),
-        ({"importance": (0.0, 0.01, ""), "laplace": (0.0, np.nan, "")}, "importance", "no healthy independent"),
+        ({"a": (0.0, 0.01, "")}, "a", "no healthy independent"),
     ],
 )
 def test_judgement(given, chosen, words):
@@ -130,23 +140,3 @@ def test_judgement(given, chosen, words):
 def test_judgement_with_a_failure_and_another_alarm():
     found = judge(evidences(a=(0.0, 0.01, "")), {"b": "no mode"}, ["a higher peak"])
     assert found.status.startswith("a higher peak; b failed: no mode; the value is that of a")
-
-
-@pytest.mark.parametrize(
-    ("methods", "words"),
-    [
-        (("importance",), "share no code"),
-        ((), "share no code"),
-        (("importance", "laplace"), "share no code"),
-        (("smc", "briddge"), "bridge"),
-    ],
-)
-def test_methods_that_cannot_check_each_other(methods, words):
-    with pytest.raises(InputError, match=words):
-        agreed_evidence(linear(2)[0], KEY, methods)
-
-
-def test_every_method_failed():
-    dead = Bare(jnp.asarray(jnp.inf))
-    with pytest.raises(NumericalError, match="no method gave an evidence"):
-        agreed_evidence(dead, KEY, ("smc", "nested"))

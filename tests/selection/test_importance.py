@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.mode import Mode, climb, find_mode
 from seatrial.estimation.priors import Normal
 from seatrial.selection.importance import (
     ImportanceSettings,
@@ -13,7 +13,10 @@ from seatrial.selection.importance import (
     Weights,
     _complaints,
     _draw,
+    _log_proposal,
+    evidence_of,
     importance_evidence,
+    importance_sample,
     laplace_proposal,
     refit,
     weigh,
@@ -88,7 +91,9 @@ def test_stated_errors_are_honest():
 def test_mixture_density_is_that_of_its_draws():
     """Against scipy's multivariate t; and since both are normalised, the mean of N(0, I) / q is 1 within 4 errors."""
     centre, factor = np.array([1.0, -2.0]), np.array([[0.7, 0.0], [0.4, 0.3]])
-    z, log_q = _draw(Proposal(centre, factor), np.random.default_rng(0), 20_000)
+    proposal = Proposal(centre, factor)
+    z = _draw(proposal, np.random.default_rng(0), 20_000)
+    log_q = _log_proposal(proposal, z)
     scale = factor @ factor.T
     expected = 0.8 * stats.multivariate_t(centre, scale, 8).pdf(z) + 0.2 * stats.multivariate_t(
         centre, 4 * scale, 8
@@ -107,9 +112,9 @@ def test_refit_recovers_from_a_proposal_beside_the_posterior():
     mean, cov = PAIR.moments
     centre, cov = (mean - PAIR.prior_mean) / PAIR.prior_sd, cov / PAIR.prior_sd**2
     beside = Proposal(centre + 2 * np.sqrt(np.diag(cov)), 3 * np.linalg.cholesky(cov))
-    before = weigh(PAIR.posterior, beside, KEY, 4096)
-    mended = refit(beside, before)
-    after = weigh(PAIR.posterior, mended, KEY, 4096)
+    before = weigh(PAIR.posterior, [beside], KEY, 4096)
+    (mended,) = refit([beside], before)
+    after = weigh(PAIR.posterior, [mended], KEY, 4096)
     expected = (before.ess * cov + 4 * 9 * cov) / (before.ess + 4)
     assert before.ess < 0.3 * after.ess
     assert np.diag(mended.factor @ mended.factor.T) == pytest.approx(np.diag(expected), rel=4 * np.sqrt(2 / before.ess))
@@ -149,6 +154,42 @@ def test_second_peak_out_of_reach_is_missed_without_a_sign():
     assert abs(found.log_value - one) < 4 * found.std_error
 
 
+def test_peaks_that_are_given_are_all_weighed_each_by_its_share():
+    """Nineteen twentieths of the evidence lie in the second peak: half of the draws are shared equally, half by that."""
+    target = posterior(
+        {"a": Normal(0.0, 1.0)},
+        lambda v, at: jnp.logaddexp(
+            -0.5 * ((v["a"] + at) / 0.03) ** 2, jnp.log(19.0) - 0.5 * ((v["a"] - at) / 0.03) ** 2
+        ),
+        jnp.asarray(1.0),
+    )
+    exact = np.log(20 * 0.03 * np.sqrt(2 * np.pi)) + stats.norm(0, np.hypot(1.0, 0.03)).logpdf(1.0)
+    modes = [climb(target, np.array([at])) for at in (-1.0, 1.0)]
+    drawn = importance_sample(target, KEY, modes[0], further=modes[1:])
+    found = evidence_of(drawn)
+    assert (found.status, found.method) == ("", "importance sampling about 2 modes")
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.02
+    assert np.mean(drawn.z > 0) == pytest.approx(0.25 + 0.5 * 0.95, abs=0.01)
+
+
+def test_refit_of_two_proposals_by_a_naive_twin():
+    """Each draw is shared by the proposals' densities there; share, centre and scale are then those of a single one's refit."""
+    random = np.random.default_rng(4)
+    pair = [Proposal(np.array([-1.0, 0.0]), 0.3 * np.eye(2), 0.4), Proposal(np.array([1.0, 0.0]), 0.2 * np.eye(2), 0.6)]
+    z = np.concatenate([_draw(one, random, 300) for one in pair])
+    log_weight = random.normal(size=600)
+    weights = Weights(z, log_weight, log_weight - np.log(np.exp(log_weight).sum()), 0.1, 300.0)
+    density = np.array([one.share * np.exp(_log_proposal(one, z)) for one in pair])
+    belongs = np.exp(weights.smoothed) * density / density.sum(0)
+    for before, after, part in zip(pair, refit(pair, weights), belongs, strict=True):
+        share = part / part.sum()
+        centre, trust = share @ z, 1 / (share**2).sum()
+        cov = trust * np.cov(z.T, aweights=share, ddof=0) + 4 * before.factor @ before.factor.T
+        assert after.share == pytest.approx(0.25 + 0.5 * part.sum())
+        assert after.centre == pytest.approx(centre)
+        assert after.factor @ after.factor.T == pytest.approx(cov / (trust + 4))
+
+
 @pytest.mark.parametrize(
     ("k_hat", "ess", "words"),
     [
@@ -174,7 +215,7 @@ def test_few_draws_are_reported():
 def test_no_finite_density():
     target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.full((), -jnp.inf))
     with pytest.raises(NumericalError, match="none of 64 draws"):
-        weigh(target, Proposal(np.zeros(1), np.eye(1)), KEY, 64)
+        weigh(target, [Proposal(np.zeros(1), np.eye(1))], KEY, 64)
 
 
 def test_same_key_same_bits():

@@ -68,7 +68,7 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     found: list[tuple[np.ndarray, float]] = []
     lost = None
     for start in followed:
-        if not any(_rises(posterior, start, z) for z, _ in found):
+        if not any(rises(posterior, start, z) for z, _ in found):
             try:
                 found.append(_climb(posterior, start))
             except NumericalError as error:
@@ -78,6 +78,27 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     z, log_density = max(found, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
+    return _about(posterior, z, log_density)
+
+
+def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
+    """Follow one start to the mode above it.
+
+    Raises:
+        NumericalError: the log-likelihood has no finite derivative on the way.
+    """
+    return _about(posterior, *_climb(posterior, start))
+
+
+def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.ndarray, " d"]) -> bool:
+    """Return whether the density never falls on the straight way, looked at in as many places as are computed at once."""
+    way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
+    height = evaluate(posterior, start + way * (end - start))
+    return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())
+
+
+def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
+    """Normal approximation about a mode."""
     hessian = np.asarray(_expand(posterior, jnp.asarray(z)).hessian)
     precision = -0.5 * (hessian + hessian.T)
     cov, log_volume, flat = _invert(precision)
@@ -108,13 +129,6 @@ def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
     z = np.asarray(posterior.unconstrain(jnp.where(known, posterior.guess, posterior.constrain(candidates[0]))))
     moved = np.where(known, z, candidates)
     return moved[_best(evaluate(posterior, moved))[:1]]
-
-
-def _rises(posterior: Posterior, start: np.ndarray, end: np.ndarray) -> bool:
-    """Whether the density never falls on the straight way, looked at in as many places as are computed at once."""
-    way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
-    height = evaluate(posterior, start + way * (end - start))
-    return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())
 
 
 class _Expansion(NamedTuple):

@@ -144,11 +144,18 @@ def uncouple(posterior: Posterior, mode: Mode) -> tuple[Target, Mode]:
     scale = mode.sd[common] / np.sqrt(np.diag(mode.cov))[common]
     arrays = (mu[:, 0] - scale * mode.z[common], scale, at, slope, np.where(known, about_d / tau**2, 0.0))
     target = Uncoupled(posterior, tuple(common), tuple(spread), tuple(deviation), *map(jnp.asarray, arrays))
+    return target, uncoupled_mode(target, mode)
+
+
+def uncoupled_mode(target: Target, mode: Mode) -> Mode:
+    """A mode of the posterior, and its curvature, in the coordinates of a target of `uncouple`."""
+    if not isinstance(target, Uncoupled):
+        return mode
     z = jnp.asarray(mode.z)
     change = np.asarray(jax.jit(jax.jacfwd(Uncoupled.uncoupled, argnums=1))(target, z))
     back = np.linalg.inv(change)
     precision, cov = back.T @ mode.precision @ back, change @ mode.cov @ change.T
-    return target, mode._replace(z=np.asarray(target.uncoupled(z)), precision=precision, cov=cov)
+    return mode._replace(z=np.asarray(target.uncoupled(z)), precision=precision, cov=cov)
 
 
 def coupled(target: Target, x: Any) -> Any:

@@ -52,6 +52,13 @@ class SMCSettings:
         return self.moves if self.moves is not None else max(8, 2 * dim, dim * dim // 5)
 
 
+class Start(NamedTuple):
+    """Equally weighted draws from p(z) L(z)^b, shape (particles, d), and b."""
+
+    particles: Float[np.ndarray, "particles d"]
+    temperature: float
+
+
 class SMCResult(NamedTuple):
     """Outcome of one run.
 
@@ -74,17 +81,26 @@ class SMCResult(NamedTuple):
 
 
 def sample_tempered_smc(
-    target: Target, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress, max_steps: int = 500
+    target: Target,
+    key: jax.Array,
+    settings: SMCSettings,
+    progress: Progress = no_progress,
+    max_steps: int = 500,
+    start: Start | None = None,
 ) -> SMCResult:
-    """Run one tempered SMC from the prior to the posterior.
+    """Run one tempered SMC to the posterior, from the prior or from where an earlier run has come.
 
     Raises:
         NumericalError: the temperature stopped advancing, because almost no particle has a finite likelihood.
     """
     start_key, key = jax.random.split(key)
-    initial, step = _steps(settings, target.dim)
-    state, alive = initial(target, start_key)
-    alive = float(alive)
+    draw, begin, step = _steps(settings, target.dim)
+    if start is None:
+        particles, share = draw(target, start_key)
+        start, alive = Start(particles, _START), float(share)
+    else:
+        alive = 1.0
+    state = begin(target, jnp.asarray(start.particles), start.temperature)
     if alive == 0.0:
         raise NumericalError(
             f"none of {settings.particles} draws from the prior has a finite likelihood: under this prior the model "
@@ -160,7 +176,7 @@ def _steps(settings: SMCSettings, dim: int):
         )
 
     @jax.jit
-    def initial(target: Target, key: Array):
+    def draw(target: Target, key: Array):
         draw_key, pick_key = jax.random.split(key)
         drawn = target.sample_prior(draw_key, settings.particles)
         alive = jnp.isfinite(jax.lax.map(target.log_likelihood, drawn, batch_size=lanes(target)))
@@ -168,10 +184,13 @@ def _steps(settings: SMCSettings, dim: int):
         picked = blackjax.smc.resampling.systematic(
             pick_key, jnp.where(share > 0, alive / jnp.sum(alive), 1.0 / alive.size), alive.size
         )
-        particles = drawn[picked]
+        return drawn[picked], share
+
+    @jax.jit
+    def begin(target: Target, particles: Array, temperature: Array):
         state = kernel(target).init(particles)
-        begun = state.sampler_state._replace(tempering_param=jnp.asarray(_START))
-        return state._replace(sampler_state=begun, parameter_override=factor_of(particles)), share
+        begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature))
+        return state._replace(sampler_state=begun, parameter_override=factor_of(particles))
 
     @jax.jit
     def step(target: Target, state: Any, log_scale: Array, key: Array):
@@ -181,7 +200,7 @@ def _steps(settings: SMCSettings, dim: int):
         tuned = {"factor": jnp.exp(log_scale) * state.parameter_override["factor"]}
         return state._replace(parameter_override=tuned), log_scale, info.log_likelihood_increment, acceptance
 
-    return initial, step
+    return draw, begin, step
 
 
 @jax.jit

@@ -1,94 +1,190 @@
-"""One evidence from several methods that share no code, with agreement or alarm in words.
+"""One evidence from two methods that share no code, with agreement or alarm in words.
 
-Adaptive importance sampling about the mode is the most precise where the posterior has one mode and few parameters; tempered
-SMC starts from the prior and knows of no mode. Each is blind where the other sees, so that their difference in units of their
-joint error is a test of both. A last search, colder than the posterior, looks for a higher peak that both passed by.
+Adaptive importance sampling about the modes is the most precise; tempered SMC starts from the prior and knows of no mode. Each is blind
+where the other sees, so that their difference in units of their joint error is a test of both. One repeat of SMC is cooled further:
+modes that its particles meet are given to importance sampling, which stays unbiased whatever it is given.
 
-What agreement cannot show: a mode that no method met. Two methods can miss the same narrow peak and agree.
+What agreement cannot show: a mode that no particle met. Two methods can miss the same narrow peak and agree.
+
+The work is cut into pieces that may run anywhere and in any order: `Gathering` says which are to be done, `do` does one.
 """
 
 from collections.abc import Sequence
-from math import log
-from typing import Any
-from zlib import crc32
+from contextlib import suppress
+from typing import NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Float
+from scipy import stats
 
-from seatrial.core.errors import InputError, NumericalError, nearest
-from seatrial.sampling.target import Progress, no_progress
-from seatrial.selection.evidence import Evidence
-from seatrial.selection.lookout import HIGHER, highest_found
-from seatrial.selection.methods import KIN, RUN, AgreementSettings, Found, Method
+from seatrial.core.errors import NumericalError
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.target import Progress, evaluate, no_progress
+from seatrial.sampling.tempered_smc import SMCResult
+from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
+from seatrial.selection.further_modes import further_modes, sample_cold, sample_warm
+from seatrial.selection.importance import importance_evidence
 
-SMALL = 20
-"""Parameters up to which importance sampling gives the value."""
 ALARM, FLOOR = 3.0, 0.1
 """Difference that alarms: in joint errors, and in nats at least."""
-BLUNT = log(2.0) / ALARM
-"""Joint error, nats, above which a second peak as large as the first, log 2, would not alarm."""
-_USUAL = AgreementSettings()
+BLUNT = 0.5
+"""Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
+MOST_REPEATS = 4
+"""Repeats of tempered SMC at most, in those asked for."""
+HIGHER = 3.0
+"""Nats above the highest peak known that count as another one."""
+
+
+class Piece(NamedTuple):
+    """A repeat of tempered SMC; or importance sampling, with the first repeat's particles, where no repeat is given."""
+
+    repeat: int | None
+    first: "Run | None" = None
+
+
+class Run(NamedTuple):
+    """One repeat; of the first also its particles after they were cooled, shape (n, d), none where they could not be."""
+
+    repeat: int
+    smc: SMCResult
+    cold: Float[np.ndarray, "n d"]
+
+
+class Weighed(NamedTuple):
+    """Evidence by importance sampling, None where it failed, and why; what the first repeat's particles say against both methods."""
+
+    evidence: Evidence | None
+    failure: str | None
+    alarms: tuple[str, ...]
+
+
+class Keys(NamedTuple):
+    """Random keys of tempered SMC and of importance sampling."""
+
+    smc: jax.Array
+    importance: jax.Array
 
 
 def agreed_evidence(
-    posterior: Any,
-    key: jax.Array,
-    methods: Sequence[Method] | None = None,
-    settings: AgreementSettings = _USUAL,
+    posterior: Posterior,
+    keys: Keys,
+    settings: EvidenceSettings = EvidenceSettings(),
     progress: Progress = no_progress,
 ) -> Evidence:
-    """Evidence of the first method that does not complain, with the others' values and the alarms.
+    """Evidence by importance sampling, checked by tempered SMC; the other's value where the first complains.
 
     Args:
-        posterior: density to integrate: a Posterior; a plain Target for the methods smc, stepping-stone, thermodynamic, nested
-            and bridge.
-        key: random key.
-        methods: at least two that share no code, the preferred first; None for importance sampling and tempered SMC in up to 20
-            parameters, tempered SMC and stepping-stone in more and for a plain Target.
-        settings: sizes of the runs.
+        posterior: density to integrate.
+        keys: random keys.
+        settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly.
         progress: called with the work done and the work in all.
 
     Returns:
         The chosen evidence. Its diagnostics hold `methods`: value, error, status, difference from the chosen and that in joint
-        errors for each; its status is empty only if all are healthy and agree.
+        errors for each; its status is empty only if both are healthy and agree.
 
     Raises:
-        InputError: an unknown method, or none that checks another.
-        NumericalError: every method failed.
+        NumericalError: tempered SMC cannot leave the prior.
     """
-    chosen = tuple(methods) if methods is not None else _default(posterior)
-    _check(chosen)
-    steps = len(chosen) + settings.lookout
-
-    def share(index: int) -> Progress:
-        return lambda done, total: progress(round(1000 * (index + done / total)), 1000 * steps)
-
-    found: dict[str, Found] = {}
-    failed: dict[str, str] = {}
-    for index, name in enumerate(chosen):
-        try:
-            found[name] = RUN[name](posterior, jax.random.fold_in(key, crc32(name.encode())), settings, share(index))
-        except NumericalError as error:
-            failed[name] = str(error)
-        share(index)(1, 1)
-    if not found:
-        raise NumericalError("no method gave an evidence: " + "; ".join(f"{k}: {v}" for k, v in failed.items()))
-    alarms = []
-    if settings.lookout:
-        alarms = _look(posterior, key, settings, max(one.peak for one in found.values()), share(len(chosen)))
-    return judge({name: one.evidence for name, one in found.items()}, failed, alarms)
+    gathering = Gathering(settings.repeats)
+    waiting = gathering.begin()
+    done = 0
+    while waiting:
+        following = gathering.add(do(posterior, waiting.pop(0), keys, settings))
+        waiting = [following, *waiting] if following else waiting
+        done += 1
+        progress(done, done + len(waiting))
+    return gathering.evidence()
 
 
-def judge(
-    evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = (), blunt: float = BLUNT
-) -> Evidence:
+def do(
+    posterior: Posterior, piece: Piece, keys: Keys, settings: EvidenceSettings, progress: Progress = no_progress
+) -> Run | Weighed:
+    """Do one piece of an evidence."""
+    if piece.repeat is None:
+        return _weigh(posterior, piece, keys.importance)
+    key = jax.random.fold_in(keys.smc, piece.repeat)
+    smc = sample_warm(posterior, key, settings.smc, progress)
+    cold = smc.particles[:0]
+    if piece.repeat == 0:
+        with suppress(NumericalError):
+            cold = sample_cold(posterior, smc, jax.random.fold_in(key, 1), settings.smc)
+    return Run(piece.repeat, smc, cold)
+
+
+class Gathering:
+    """What has been found for one evidence, and what is still to be done for it.
+
+    Attributes:
+        asked: repeats of tempered SMC asked for.
+        runs: repeats that are there, by number; what is known before `begin` is not done again.
+        weighed: importance sampling, if it is there.
+    """
+
+    def __init__(self, asked: int):
+        self.asked = asked
+        self.runs: dict[int, Run] = {}
+        self.weighed: Weighed | None = None
+        self._begun: set[int | None] = set()
+
+    @property
+    def most(self) -> int:
+        """Repeats at most."""
+        return MOST_REPEATS * self.asked
+
+    def begin(self) -> list[Piece]:
+        """Return all that can be done at once."""
+        asked = [self._begin(Piece(repeat)) for repeat in range(self.asked) if repeat not in self.runs]
+        following = iter(self._following, None)
+        return [*asked, *following]
+
+    def add(self, found: Run | Weighed) -> Piece | None:
+        """Keep what was found, and return what can be done now, if anything can."""
+        if isinstance(found, Weighed):
+            self.weighed = found
+        else:
+            self.runs[found.repeat] = found
+        return self._following()
+
+    def evidence(self) -> Evidence:
+        """Return the evidence once all is there."""
+        if self.weighed is None:
+            raise RuntimeError("importance sampling has not been done yet")
+        first = {} if self.weighed.evidence is None else {"importance": self.weighed.evidence}
+        failed = {} if self.weighed.failure is None else {"importance": self.weighed.failure}
+        smc = combine_runs([run.smc for run in self._in_order()])
+        return judge(first | {"smc": smc}, failed, self.weighed.alarms)
+
+    def _following(self) -> Piece | None:
+        """Importance sampling once the first repeat is there; one more repeat once all so far are, if they check too bluntly."""
+        if self.weighed is None and None not in self._begun and 0 in self.runs:
+            return self._begin(Piece(None, self.runs[0]))
+        there = self._in_order()
+        if not self.asked <= len(there) < self.most or len(there) in self._begun or _sharp(there):
+            return None
+        return self._begin(Piece(len(there)))
+
+    def _begin(self, piece: Piece) -> Piece:
+        self._begun.add(piece.repeat)
+        return piece
+
+    def _in_order(self) -> list[Run]:
+        """The repeats up to the first that is not there, or the first at which they check sharply enough."""
+        there: list[Run] = []
+        while len(there) in self.runs and not (len(there) >= self.asked and _sharp(there)):
+            there.append(self.runs[len(there)])
+        return there
+
+
+def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = ()) -> Evidence:
     """Choose the first healthy evidence, or the first if none is, and say what speaks against it.
 
     Args:
         evidences: by method, the preferred first.
         failed: why other methods gave none.
         alarms: what else is known against the result.
-        blunt: joint error, nats, above which a check is too blunt.
     """
     value = next((name for name, one in evidences.items() if not one.status), next(iter(evidences)))
     chosen, said, checks, table = evidences[value], list(alarms), 0, {}
@@ -111,9 +207,9 @@ def judge(
                 f"{one.method} finds {difference:+.2f} nats against {chosen.method}, {abs(difference) / max(joint, 1e-12):.0f} "
                 "joint errors: one of them misses part of the posterior; trust neither before a third method has been run"
             )
-        elif not one.status and not _kin(name, value):
+        elif not one.status:
             checks += 1
-            if joint > blunt:
+            if joint > BLUNT:
                 said.append(f"{one.method} checks to {joint:.2f} nats only: use more particles or draws")
     said += [f"{name} failed: {why}" for name, why in failed.items()]
     if value != next(iter(evidences)) or failed:
@@ -124,39 +220,33 @@ def judge(
     return Evidence(chosen.log_value, chosen.std_error, chosen.method, diagnostics, "; ".join(said))
 
 
-def _default(posterior: Any) -> tuple[Method, ...]:
-    if posterior.dim <= SMALL and hasattr(posterior, "constrain"):
-        return "importance", "smc"
-    return "smc", "stepping-stone"
+def _weigh(posterior: Posterior, piece: Piece, key: jax.Array) -> Weighed:
+    """Importance sampling about the mode and what particles of the first repeat met besides."""
+    if piece.first is None:
+        raise ValueError("importance sampling needs the particles of the first repeat")
+    sets, known, evidence, failure = (piece.first.cold, piece.first.smc.particles), [], None, None
+    try:
+        mode = find_mode(posterior, jax.random.split(key, 3)[0])
+        known = [mode, *further_modes(posterior, mode, sets)]
+        evidence = importance_evidence(posterior, key, mode, further=known[1:])
+    except NumericalError as error:
+        failure = str(error)
+    return Weighed(evidence, failure, tuple(_higher(posterior, *sets, [mode.log_density for mode in known])))
 
 
-def _kin(one: str, other: str) -> bool:
-    return any(one in family and other in family for family in KIN)
-
-
-def _check(methods: tuple[str, ...]) -> None:
-    for name in methods:
-        if name not in RUN:
-            raise InputError(
-                "agreed evidence, methods", found=name, expected="a method of evidence", remedy=nearest(name, RUN)
-            )
-    if all(_kin(name, methods[0]) or name == methods[0] for name in methods[1:]):
-        raise InputError(
-            "agreed evidence, methods",
-            found=", ".join(methods) or "none",
-            expected="at least two methods that share no code",
-            remedy='for example "importance" and "smc"',
-        )
-
-
-def _look(posterior: Any, key: jax.Array, settings: AgreementSettings, known: float, progress: Progress) -> list[str]:
-    """Whether a higher peak exists than the methods know, in words."""
-    if not np.isfinite(known):
-        return []
-    highest = highest_found(posterior, jax.random.fold_in(key, crc32(b"lookout")), settings.smc.smc, progress)
-    if highest <= known + HIGHER:
+def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:
+    """Whether cold particles met a peak higher than those known and than where the others are, in words."""
+    if not cold.size:
+        return ["the particles could not be cooled, so that no further peak was searched for"]
+    normal = float(evaluate(posterior, warm).max()) + 0.5 * float(stats.chi2.ppf(1e-3, posterior.dim))
+    higher = float(evaluate(posterior, cold).max()) - max([*known, normal])
+    if higher <= HIGHER:
         return []
     return [
-        f"a point {highest - known:.1f} nats above the highest peak the methods know exists: a narrow peak was passed by and may "
+        f"a point {higher:.1f} nats above the highest peak the methods know exists: a narrow peak was passed by and may "
         "hold most of the evidence; narrow the prior about it, or integrate each peak by itself"
     ]
+
+
+def _sharp(runs: Sequence[Run]) -> bool:
+    return combine_runs([run.smc for run in runs]).std_error <= BLUNT

@@ -1,10 +1,12 @@
-"""Evidence by importance sampling about the mode: Z = E_q[p(z) L(z) / q(z)] (Geweke, Econometrica 57, 1989).
+"""Evidence by importance sampling about the modes: Z = E_q[p(z) L(z) / q(z)] (Geweke, Econometrica 57, 1989).
 
-The proposal q = 0.8 t_8(m, C) + 0.2 t_8(m, 4 C) has heavier tails than a posterior that is nearly normal in z. It starts from
-the Laplace approximation and is refitted to the weighted draws until enough of them count; the draws of the answer are fresh.
-Whether the weights have a variance is judged by the index of their tail (Vehtari et al., JMLR 25, 2024).
+About a mode q = 0.8 t_8(m, C) + 0.2 t_8(m, 4 C), which has heavier tails than a posterior that is nearly normal in z; of several modes
+each has its share of the draws, and q is the mixture (Owen and Zhou, JASA 95, 2000). It starts from the Laplace approximations and is
+refitted to the weighted draws until enough of them count; the draws of the answer are fresh. Whether the weights have a variance is
+judged by the index of their tail (Vehtari et al., JMLR 25, 2024).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,12 +14,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import solve_triangular
 from scipy.special import gammaln, logsumexp
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.uncoupled import coupled, uncouple
+from seatrial.estimation.uncoupled import coupled, uncouple, uncoupled_mode
 from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import Evidence
 
@@ -31,14 +34,15 @@ MIN_ESS = 400.0
 
 
 class Proposal(NamedTuple):
-    """Centre, shape (d,), and triangular factor of the scale matrix, shape (d, d), of the mixture."""
+    """What is drawn about one mode: centre, shape (d,), triangular factor of the scale matrix, shape (d, d), and share of the draws."""
 
     centre: Float[np.ndarray, " d"]
     factor: Float[np.ndarray, "d d"]
+    share: float = 1.0
 
 
 class Weights(NamedTuple):
-    """Draws, log weights log(p L / q), the same with a smoothed tail that sum to 1, tail index, effective size, refits before."""
+    """Draws, log weights log(p L / q), the same with a smoothed tail that sum to 1, tail index, effective size, refits before, modes."""
 
     z: Float[np.ndarray, "n d"]
     log_weight: Float[np.ndarray, " n"]
@@ -46,6 +50,7 @@ class Weights(NamedTuple):
     k_hat: float
     ess: float
     refits: int = 0
+    modes: int = 1
 
 
 @dataclass(frozen=True)
@@ -64,37 +69,48 @@ class ImportanceSettings:
 
 
 def importance_evidence(
-    posterior: Posterior, key: jax.Array, mode: Mode | None = None, settings: ImportanceSettings = ImportanceSettings()
+    posterior: Posterior,
+    key: jax.Array,
+    mode: Mode | None = None,
+    settings: ImportanceSettings = ImportanceSettings(),
+    further: Sequence[Mode] = (),
 ) -> Evidence:
     """Evidence by adaptive importance sampling; arguments and errors as `importance_sample`."""
-    return evidence_of(importance_sample(posterior, key, mode, settings))
+    return evidence_of(importance_sample(posterior, key, mode, settings, further))
 
 
 def importance_sample(
-    posterior: Posterior, key: jax.Array, mode: Mode | None = None, settings: ImportanceSettings = ImportanceSettings()
+    posterior: Posterior,
+    key: jax.Array,
+    mode: Mode | None = None,
+    settings: ImportanceSettings = ImportanceSettings(),
+    further: Sequence[Mode] = (),
 ) -> Weights:
     """Weighted draws of the posterior.
 
     Args:
-        posterior: density to integrate; of one mode, since another far from it would be missed without a sign.
+        posterior: density to integrate; another mode, far from those given, would be missed without a sign.
         key: random key.
         mode: posterior mode, found here if not given.
         settings: size of the run.
+        further: other modes.
 
     Raises:
         NumericalError: no mode, or no draw of finite density.
     """
     mode_key, pilot_key, key = jax.random.split(key, 3)
     target, there = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
-    proposal = laplace_proposal(there)
+    modes = [there, *(uncoupled_mode(target, one) for one in further)]
+    proposals = [laplace_proposal(one)._replace(share=1.0 / len(modes)) for one in modes]
     done = 0
     for done in range(settings.refits + 1):
-        weights = weigh(target, proposal, jax.random.fold_in(pilot_key, done), settings.pilot)
-        if done == settings.refits or (weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
+        weights = weigh(target, proposals, jax.random.fold_in(pilot_key, done), settings.pilot)
+        shared = done > 0 or len(modes) == 1  # what each of several modes holds is known from the first refit on
+        if done == settings.refits or (shared and weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
             break
-        proposal = refit(proposal, weights)
-    weights = weigh(target, proposal, key, settings.draws)
-    return weights._replace(z=np.asarray(coupled(target, weights.z)), refits=done)
+        proposals = refit(proposals, weights)
+    weights = weigh(target, proposals, key, settings.draws)
+    return weights._replace(z=np.asarray(coupled(target, weights.z)), refits=done, modes=len(modes))
 
 
 def evidence_of(weights: Weights) -> Evidence:
@@ -106,11 +122,12 @@ def evidence_of(weights: Weights) -> Evidence:
         "efficiency": weights.ess / draws,
         "draws": draws,
         "refits": weights.refits,
+        "modes": weights.modes,
     }
     return Evidence(
         _log_sum(weights.log_weight) - float(np.log(draws)),
         float(np.sqrt(1.0 / weights.ess - 1.0 / draws)),
-        "importance sampling about the mode",
+        f"importance sampling about {'the mode' if weights.modes == 1 else f'{weights.modes} modes'}",
         diagnostics,
         "; ".join(_complaints(weights)),
     )
@@ -132,16 +149,24 @@ def laplace_proposal(mode: Mode) -> Proposal:
     return Proposal(mode.z, np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T))
 
 
-def weigh(target: Target, proposal: Proposal, key: jax.Array, n: int) -> Weights:
-    """Draw from the proposal and weigh the draws.
+def distance(proposal: Proposal, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    """Squared distance from the centre, in standard deviations."""
+    return np.sum(solve_triangular(proposal.factor, (z - proposal.centre).T, lower=True) ** 2, 0)
+
+
+def weigh(target: Target, proposals: Sequence[Proposal], key: jax.Array, n: int) -> Weights:
+    """Draw from the proposals, each its share, and weigh the draws.
 
     Raises:
         NumericalError: every draw has zero density.
     """
     from arviz_stats.base.array import array_stats
 
-    z, log_q = _draw(proposal, np.random.default_rng(np.asarray(jax.random.key_data(key))), n)
-    log_weight = evaluate(target, z) - log_q
+    random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+    ends = np.rint(n * np.cumsum([one.share for one in proposals])).astype(int)
+    counts = np.diff(ends, prepend=0)
+    z = np.concatenate([_draw(one, random, count) for one, count in zip(proposals, counts, strict=True)])
+    log_weight = evaluate(target, z) - logsumexp(_log_shares(proposals, z), 0)
     top = log_weight.max()
     if not np.isfinite(top):
         raise NumericalError(
@@ -152,14 +177,29 @@ def weigh(target: Target, proposal: Proposal, key: jax.Array, n: int) -> Weights
     return Weights(np.asarray(z), log_weight, np.asarray(smoothed), float(k_hat), ess)
 
 
-def refit(proposal: Proposal, weights: Weights) -> Proposal:
-    """Proposal with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws."""
-    share = np.exp(weights.smoothed - _log_sum(weights.smoothed))
-    centre = share @ weights.z
-    spread = weights.z - centre
+def refit(proposals: Sequence[Proposal], weights: Weights) -> list[Proposal]:
+    """Proposals with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws.
+
+    Of several, a draw belongs to each as far as each is likely to have made it, and half of the draws are shared by what was found.
+    """
+    found = np.exp(weights.smoothed - _log_sum(weights.smoothed))
+    log_shares = _log_shares(proposals, weights.z)
+    belongs = found * np.exp(log_shares - logsumexp(log_shares, 0))
+    return [_refitted(one, part, weights.z, len(proposals)) for one, part in zip(proposals, belongs, strict=True)]
+
+
+def _refitted(proposal: Proposal, part: Float[np.ndarray, " n"], z: Float[np.ndarray, "n d"], count: int) -> Proposal:
+    """One of some proposals, fitted to its part of the weights, which sum to 1 over all of them."""
+    total = float(part.sum())
+    if total == 0.0:
+        return proposal._replace(share=0.5 / count)
+    share = part / total
+    centre = share @ z
+    spread = z - centre
     trust, doubt = 1.0 / float(share @ share), centre.size + 2.0
     old = proposal.factor @ proposal.factor.T
-    return Proposal(centre, np.linalg.cholesky((trust * (spread.T * share) @ spread + doubt * old) / (trust + doubt)))
+    factor = np.linalg.cholesky((trust * (spread.T * share) @ spread + doubt * old) / (trust + doubt))
+    return Proposal(centre, factor, 0.5 / count + 0.5 * total)
 
 
 def _complaints(weights: Weights) -> list[str]:
@@ -175,21 +215,27 @@ def _complaints(weights: Weights) -> list[str]:
     return said
 
 
-def _draw(
-    proposal: Proposal, random: np.random.Generator, n: int
-) -> tuple[Float[np.ndarray, "n d"], Float[np.ndarray, " n"]]:
-    """Independent draws of the mixture, and its log density at them."""
-    d = proposal.centre.size
+def _draw(proposal: Proposal, random: np.random.Generator, n: int) -> Float[np.ndarray, "n d"]:
+    """Independent draws about one mode."""
     stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
     stretch *= np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
-    e = stretch[:, None] * random.normal(size=(n, d))
-    square = np.sum(e * e, -1)
+    return proposal.centre + (stretch[:, None] * random.normal(size=(n, proposal.centre.size))) @ proposal.factor.T
+
+
+def _log_shares(proposals: Sequence[Proposal], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "modes n"]:
+    """Log density of each proposal, times its share."""
+    return np.stack([np.log(one.share) + _log_proposal(one, z) for one in proposals])
+
+
+def _log_proposal(proposal: Proposal, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    d = proposal.centre.size
+    square = distance(proposal, z)
     power = 0.5 * (FREEDOM + d)
     plain = np.log(1.0 - WIDE_SHARE) - power * np.log1p(square / FREEDOM)
     wide = np.log(WIDE_SHARE / WIDE_SCALE**d) - power * np.log1p(square / (FREEDOM * WIDE_SCALE**2))
     constant = gammaln(power) - gammaln(0.5 * FREEDOM)
     constant -= 0.5 * d * np.log(FREEDOM * np.pi) + np.sum(np.log(np.diag(proposal.factor)))
-    return proposal.centre + e @ proposal.factor.T, constant + np.logaddexp(plain, wide)
+    return constant + np.logaddexp(plain, wide)
 
 
 def _log_sum(x: np.ndarray) -> float:

@@ -80,7 +80,7 @@ def active_bounds(posterior: Posterior, mode: Mode) -> tuple[str, ...]:
 
 def _check(posterior: Posterior, mode: Mode, key: jax.Array, draws: int) -> _Check:
     try:
-        weights: Weights = weigh(posterior, laplace_proposal(mode), key, draws)
+        weights: Weights = weigh(posterior, [laplace_proposal(mode)], key, draws)
     except NumericalError:
         return _Check(float("nan"), float("nan"), 0.0, float("nan"))
     found = evidence_of(weights)

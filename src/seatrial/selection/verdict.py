@@ -81,12 +81,13 @@ def select(
     inclusion = {term: float(member @ probability) for term, member in has.items()}
     inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
     screened = {term for term in optional if shortlist and len(set(has[term])) == 1}
+    doubts = [_doubt(evidence) for evidence in evidences]
     if shortlist:
         inclusion |= {term: shortlist.inclusion[term] for term in screened}
     verdicts = [
         _screened_verdict(term, inclusion[term], bool(has[term][0]))
         if term in screened
-        else term_verdict(term, inclusion[term], inclusion_error[term])
+        else term_verdict(term, inclusion[term], inclusion_error[term], _range(logs, doubts, has[term]))
         for term in optional
     ]
     verdicts += pair_verdicts({term: member for term, member in has.items() if term not in screened}, probability)
@@ -98,7 +99,7 @@ def select(
     unsettled = [
         f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
         for index, (structure, evidence) in enumerate(zip(structures, evidences, strict=True))
-        if evidence.status and _decides(logs, index, evidence)
+        if _decides(logs, index, doubts[index])
     ]
     return Selection(
         tuple(structures),
@@ -113,17 +114,48 @@ def select(
     )
 
 
-def _decides(logs: np.ndarray, index: int, evidence: Evidence) -> bool:
-    """Whether an evidence whose run is in doubt could change a probability: by ten times its error, 3 nats at least."""
-    doubt = max(10.0 * evidence.std_error, 3.0)
-    shifted = [logs + sign * doubt * (np.arange(logs.size) == index) for sign in (-1.0, 1.0)]
-    low, high = (np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in shifted)
+def _doubt(evidence: Evidence) -> float:
+    """By how much an evidence whose run is in doubt may be wrong, nats: ten of its errors, the difference of another method, 3 at least."""
+    if not evidence.status:
+        return 0.0
+    table = evidence.diagnostics.get("methods", {})
+    apart = [abs(one["difference"]) for one in table.values() if np.isfinite(one["difference"])]
+    return max(10.0 * np.nan_to_num(evidence.std_error), 3.0, *apart)
+
+
+def _shifted(logs: np.ndarray, index: int, doubt: float) -> list[Float[np.ndarray, " m"]]:
+    """Probabilities if one evidence is too high by so much, and if it is too low."""
+    moved = [logs + sign * doubt * (np.arange(logs.size) == index) for sign in (-1.0, 1.0)]
+    return [np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in moved]
+
+
+def _decides(logs: np.ndarray, index: int, doubt: float) -> bool:
+    """Whether an evidence that is in doubt by so much could change a probability."""
+    low, high = _shifted(logs, index, doubt)
     return bool(np.abs(high - low).max() > 0.01)
 
 
-def term_verdict(term: str, inclusion: float, error: float) -> str:
-    """Say whether the data support a term, with the probability of the side that is favoured."""
+def _range(logs: np.ndarray, doubts: Sequence[float], member: np.ndarray) -> tuple[float, float]:
+    """Between which the probability of a term may lie if any one evidence in doubt is wrong."""
+    reached = [float(member @ one) for index, doubt in enumerate(doubts) for one in _shifted(logs, index, doubt)]
+    return min(reached), max(reached)
+
+
+def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float, float] | None = None) -> str:
+    """Say whether the data support a term, with the probability of the side that is favoured.
+
+    Args:
+        term: which.
+        inclusion: its probability.
+        error: Monte Carlo error of that.
+        reached: between which the probability may lie if an evidence that is not to be trusted is wrong.
+    """
     without = 1.0 - inclusion
+    if reached and np.searchsorted(EDGES, reached[0]) != np.searchsorted(EDGES, reached[1]):
+        return (
+            f"it cannot be said whether the data support {term}: its probability is {inclusion:.2f} by evidences of which one is not "
+            f"to be trusted, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
+        )
     margin = f" (± {max(error, 0.005):.2f} Monte Carlo)"
     if error > NOISY and any(abs(inclusion - edge) < 2.0 * error for edge in EDGES):
         return (
