@@ -126,7 +126,7 @@ def test_forces_are_those_of_the_vehicle_without_what_is_lost(vehicle):
 def test_all_forces_of_an_open_frame_are_ours():
     vehicle = published("bluerov2_heavy")
     state = states(vehicle)
-    assert_equal(acceleration(vehicle, *state), own_acceleration(vehicle, *state), 1e-3)  # propellers of 1 g below
+    assert_equal(acceleration(vehicle, *state), own_acceleration(vehicle, *state), 5e-3)  # propellers of 1 g below
     assert_equal(acceleration(vehicle, *state), Uuv().carries(vehicle).motion(*state))
     assert Uuv().carries(vehicle).lost == ()
 

@@ -76,9 +76,12 @@ class Uuv:
         )
         shifted = plugin.quadratic.any() and plugin.centre.any()
         distance = float(np.linalg.norm(plugin.centre))
-        changed = (f"quadratic damping: at the centre of gravity of the hull, {distance:.2g} m from the origin",)
+        changed = (
+            "added mass: by the filtered acceleration of the steps before, some 4 ms late at steps of 1 ms; fast oscillations fade less",
+            f"quadratic damping: at the centre of gravity of the hull, {distance:.2g} m from the origin",
+        )
         return Carried(
-            motion_with(rest, force_of(rest), _plugin_force(plugin)), lost, changed if shifted else (), actuators
+            motion_with(rest, force_of(rest), _plugin_force(plugin)), lost, changed if shifted else changed[:1], actuators
         )
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
