@@ -279,20 +279,24 @@ def drag_force(solid: Solid, density: float) -> Motion:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.linalg.norm(normals, axis=1)
     normals = normals / (2 * areas)[:, None]
-    arms = corners.mean(axis=1) + solid.floats - solid.centre
+    places = corners.mean(axis=1) + solid.floats
+    arms = places - solid.centre
+    turning = np.cross(places[:, :, None], np.eye(3)[None], axis=1)
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
         nu = np.asarray(nu, float)
         if nu.ndim > 1:
             return np.stack([force(column, phi, theta, controls) for column in nu.T], axis=1)
-        water = -(nu[:3] + np.cross(nu[3:], arms + solid.centre))
+        water = turning @ nu[3:] - nu[:3]
         across = np.einsum("ij,ij->i", water, normals)
-        push = (areas * np.linalg.norm(water, axis=1) * np.maximum(0.0, -across))[:, None] * water
+        speed = np.sqrt(np.einsum("ij,ij->i", water, water))
+        push = (areas * speed * np.maximum(0.0, -across))[:, None] * water
         skin = areas[:, None] * (water - across[:, None] * normals)
         found = np.zeros(6)
         for faces, by in ((push, 0.5 * density * solid.quadratic), (skin, density * solid.viscous)):
             found[:3] += _weighed(faces.sum(axis=0), by)
-            found[3:] += _weighed(np.cross(arms, faces).sum(axis=0), by)
+            spread = arms.T @ faces
+            found[3:] += _weighed(np.array([spread[i - 2, i - 1] - spread[i - 1, i - 2] for i in range(3)]), by)
         found[3:] += np.cross(solid.centre, found[:3])
         return found
 
@@ -301,11 +305,11 @@ def drag_force(solid: Solid, density: float) -> Motion:
 
 def rudder_force(fin: Fin) -> Motion:
     """Stonefish's rudder: lift by the angle to the local flow, and a drag by its square."""
-    strength, place = abs(fin.lift), np.array([fin.place, 0.0, 0.0])
+    strength, x = abs(fin.lift), fin.place
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
-        nu = np.asarray(nu, float)
-        local = nu[:3] + np.cross(nu[3:], place, axis=0) if nu.ndim == 1 else nu[:3] + np.cross(nu[3:].T, place).T
+        u, v, w, _, q, r = np.asarray(nu, float)
+        local = np.array([u, v + r * x, w - q * x])
         ahead, across, speed = local[0], local[fin.axis], np.sqrt((local**2).sum(axis=0))
         turned = np.copysign(1.0, fin.lift) * np.asarray(controls.get(fin.control, 0.0))
         angle = np.arctan2(across, ahead) - turned
@@ -315,7 +319,7 @@ def rudder_force(fin: Fin) -> Motion:
         push = -strength * angle**2 * speed * local
         push[0] += lift * across
         push[fin.axis] -= lift * ahead
-        return np.concatenate([push, np.cross(place, push.T).T])
+        return np.concatenate([push, [np.zeros_like(u), -x * push[2], x * push[1]]])
 
     return force
 
