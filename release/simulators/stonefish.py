@@ -3,7 +3,7 @@
 SOURCE is a checkout of Stonefish 1.6 or later (https://github.com/patrykcieslak/stonefish). Its own CMake builds the library in a folder
 beside it, or in --build; the driver beside this file loads the exported scenario with Stonefish's parser, and steps Stonefish's world
 without graphics. Needs cmake, a C++ compiler, and the headers of GLM, SDL2, FreeType and OpenGL (Debian: libglm-dev libsdl2-dev
-libfreetype6-dev libgl-dev). It takes a quarter of an hour to build, on four cores less.
+libfreetype6-dev libgl-dev).
 """
 
 import argparse
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 sys.path.insert(0, str(Path(__file__).parent))
 import laboratory
@@ -23,11 +24,11 @@ from laboratory import SAMPLE, History, State
 from seatrial.export.drives import drive_name, drives_of
 from seatrial.export.manoeuvre import Controls
 from seatrial.export.statement import state
-from seatrial.export.targets.stonefish import Stonefish
+from seatrial.export.targets.stonefish import Stonefish, solid_of
 from seatrial.export.vehicle import ExportedVehicle, Provenance
 
 RATE = 500.0
-"""Steps of Stonefish's world a second; it computes the forces of the water 50 times a second, whatever this is."""
+"""Steps of Stonefish's world a second."""
 _DRIVER = Path(__file__).parent / "stonefish_driver"
 
 
@@ -50,7 +51,16 @@ class StonefishTwin:
 
     def run(self, start: State, controls: Controls, duration: float) -> History:
         """See `laboratory.Twin`."""
-        samples, every = round(duration / SAMPLE) + 1, round(SAMPLE * RATE)
+        rows = self._output(start, controls, round(duration / SAMPLE) + 1)["state"]
+        return np.array(rows, float)
+
+    def added_mass(self) -> Float[np.ndarray, " 4"]:
+        """Added mass, kg, and added moments of inertia, kg m^2, that the library gives the vehicle."""
+        return np.array(self._output(np.zeros(8), lambda t: {}, 1)["mass"][0], float)
+
+    def _output(self, start: State, controls: Controls, samples: int) -> dict[str, list[list[str]]]:
+        """Numbers that the driver prints, by the first word of their line."""
+        every = round(SAMPLE * RATE)
         steps = [controls(k / RATE) for k in range((samples - 1) * every)]
         lines = [f"{1 / RATE!r} {samples} {every}", " ".join(repr(float(part)) for part in start)]
         lines.append(" ".join([str(len(self.actuators)), *self.actuators.values()]))
@@ -60,8 +70,12 @@ class StonefishTwin:
         done = subprocess.run([self.driver, self.folder, plan], capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(f"{self.driver} {self.folder} {plan}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-        rows = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("state ")]
-        return np.array(rows, float)
+        found: dict[str, list[list[str]]] = {"state": [], "mass": []}
+        for line in done.stdout.splitlines():
+            word, *numbers = line.split() or [""]
+            if word in found:
+                found[word].append(numbers)
+        return found
 
 
 def main() -> int:
@@ -110,7 +124,7 @@ def version_of(source: Path, build: Path) -> str:
 
 
 def twin_of(vehicle: ExportedVehicle, driver: Path, version: str, folder: Path) -> StonefishTwin:
-    """Export a vehicle and print what Stonefish makes of its added mass beside what the export says of it."""
+    """Return the twin of a vehicle, from the files of its export; prints the library's added mass beside the one that is stated."""
     exporter = Stonefish()
     place = folder / f"{len(list(folder.iterdir()))}"
     place.mkdir()
@@ -119,7 +133,13 @@ def twin_of(vehicle: ExportedVehicle, driver: Path, version: str, folder: Path) 
         (place / name).write_text(text, encoding="utf-8")
     names = {drive.control: drive_name(drive) for drive in drives_of(vehicle)[0]}
     names |= {name: name for name in vehicle.controls if name.startswith("delta")}
-    return StonefishTwin(version, driver, place, {name: names[name] for name in vehicle.controls if name in names})
+    twin = StonefishTwin(version, driver, place, {name: names[name] for name in vehicle.controls if name in names})
+    solid = solid_of(vehicle, exporter.density)
+    for what, found, stated in zip(
+        ("kg", "kg m^2 in roll", "in pitch", "in yaw"), twin.added_mass(), (solid.added, *solid.turned), strict=True
+    ):
+        print(f"{vehicle.name}: added {found:.6g}, stated {stated:.6g} {what}", flush=True)
+    return twin
 
 
 if __name__ == "__main__":
