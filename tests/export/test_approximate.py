@@ -1,85 +1,14 @@
-"""Stonefish and HoloOcean, which keep little: their own formulas, applied to the written files, give what is predicted of them."""
+"""HoloOcean, which keeps little: its own formulas, applied to the written file, give what is predicted of it."""
 
 import json
 from dataclasses import replace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.export.targets.holoocean import HoloOcean
-from seatrial.export.targets.stonefish import Stonefish, geometry_added_mass
-from tests.export.cases import COUNT, assert_equal, own_force, published, states, with_terms, written
-
-
-def box_points(size, count):
-    """Points all over a box, with the normal and the area that belong to each; shapes (n, 3), (n, 3) and (n,)."""
-    half, points, normals, areas = 0.5 * np.array(size), [], [], []
-    grid = (np.arange(count) + 0.5) / count * 2 - 1
-    for axis in range(3):
-        j, k = (i for i in range(3) if i != axis)
-        for side in (-1.0, 1.0):
-            at = np.zeros((count * count, 3))
-            at[:, axis] = side * half[axis]
-            at[:, j], at[:, k] = (
-                half[i] * part.ravel() for i, part in zip((j, k), np.meshgrid(grid, grid), strict=True)
-            )
-            points.append(at)
-            normals.append(np.eye(3)[[axis] * len(at)] * side)
-            areas.append(np.full(len(at), 4 * half[j] * half[k] / len(at)))
-    return np.concatenate(points), np.concatenate(normals), np.concatenate(areas)
-
-
-def stonefish_drag(link, density, nu, count):
-    """Force and moment of the mesh: quadratic on faces that meet the water, friction on all, each times its multipliers."""
-    size = np.array(link.find("dimensions").get("xyz").split(), float)
-    quadratic, viscous = (
-        np.array(link.find("hydrodynamics").get(key).split(), float) for key in ("quadratic_drag", "viscous_drag")
-    )
-    at, normal, area = box_points(size, count)
-    water = -(nu[:3] + np.cross(nu[3:], at))
-    across = (water * normal).sum(1, keepdims=True) * normal
-    meets = (normal * across).sum(1) < 0
-    push = np.where(meets, area * np.linalg.norm(across, axis=1), 0.0)[:, None] * across
-    friction = ((water - across) * area[:, None]).sum(0)
-
-    def weighed(vector, by):
-        length = np.linalg.norm(vector)
-        return (np.abs(vector) / length) @ by * vector if length > 0 else np.zeros(3)
-
-    parts = [weighed(vector, quadratic) for vector in (push.sum(0), np.cross(at, push).sum(0))]
-    return 0.5 * density * np.concatenate(parts) + density * np.concatenate([weighed(friction, viscous), np.zeros(3)])
-
-
-@pytest.mark.parametrize("axis", range(6))
-def test_stonefish_drags_each_motion_as_predicted(axis):
-    """Drag in surge, sway and heave is the vehicle's own; that of a turn is an integral over the box."""
-    vehicle = with_terms(published(), X_u=-1.2, Y_v=-4.0, Z_w=-5.0)
-    vehicle = replace(vehicle, hull=replace(vehicle.hull, centre_of_gravity=(0, 0, 0), weight=300.0, buoyancy=300.0))
-    link = ElementTree.fromstring(written(Stonefish(), vehicle)["vehicle.scn"]).find(".//base_link")
-    half = 0.5 * np.array(link.find("dimensions").get("xyz").split(), float)
-    added, turned = geometry_added_mass(half, 1025.0)
-    mass = vehicle.rigid_mass + np.diag([added] * 3 + list(turned))
-    speeds = np.random.default_rng(axis).normal(size=COUNT // 6 if axis < 3 else 3)
-    nu, zero = np.zeros((6, speeds.size)), np.zeros(speeds.size)
-    nu[axis] = speeds
-    controls = dict.fromkeys(("n", "delta_r", "delta_s"), zero)
-    predicted = (mass @ Stonefish().carries(vehicle).motion(nu, zero, zero, controls))[axis]
-    found = np.array([stonefish_drag(link, 1025.0, column, 4 if axis < 3 else 100)[axis] for column in nu.T])
-    np.testing.assert_allclose(found, predicted, rtol=1e-10 if axis < 3 else 1e-3)
-    if axis < 3:
-        np.testing.assert_allclose(predicted, own_force(vehicle, nu, zero, zero, controls)[axis], rtol=1e-10)
-
-
-def test_stonefish_thrusters_push_along_their_axis():
-    vehicle = published("bluerov2_heavy")
-    root = ElementTree.fromstring(written(Stonefish(), vehicle)["vehicle.scn"])
-    for thruster, actuator in zip(vehicle.thrusters, root.findall(".//actuator"), strict=True):
-        _, pitch, yaw = map(float, actuator.find("origin").get("rpy").split())
-        ahead = [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)]
-        np.testing.assert_allclose(ahead, thruster.column[:3], atol=1e-12)
-        assert actuator.find("specs").get("max_setpoint") == "40.0"
+from tests.export.cases import COUNT, assert_equal, published, states, with_terms, written
 
 
 def holoocean_rates(agent, nu, phi, theta, controls):

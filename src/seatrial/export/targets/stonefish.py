@@ -1,22 +1,33 @@
-"""Stonefish: a box of the displaced volume with the vehicle's mass, inertia, thrusters, and drag of its three directions.
+"""Stonefish: a box with the vehicle's weight, buoyancy and turning inertia, its thrusters and fins, and drag matched at one speed.
 
-Stonefish computes added mass from the geometry, as that of the ellipsoid of the box's half lengths, and takes the mean of the three
-directions; drag is summed over the faces of the mesh, F = rho/2 C_i A v|v| + rho c_i A_t v. The multipliers C and c are fitted here to
-the vehicle's drag in surge, sway and heave; drag of rotation is then what the faces make of it. Axes are forward, starboard, down.
-Source: Stonefish 1.6, `ScenarioParser.cpp`, `SolidEntity.cpp`, `ActuatorDynamics.h`.
+A face of the box's mesh, with centre r from the centre of gravity, normal n and area A, meets the water at v_c = -(v + omega x r):
+
+    f = A |v_c| v_c max(0, -v_c . n)        s = A (v_c - (v_c . n) n)
+    F = rho/2 C_F sum f + rho c_F sum s     C_F = (|F_x| C_x + |F_y| C_y + |F_z| C_z) / |F|,  F = sum f
+
+Moments alike, weighed by their own direction. So drag is linear and cubic in speed: c |u| u becomes the straight line and the cubic that
+equal it at half the matched speed and at that speed. Added mass is that of an ellipsoid about the box, as the mean of three directions.
+Source: Stonefish 1.6 (b21eb8e), `ScenarioParser.cpp`, `SolidEntity.cpp`, `OpenGLContent.cpp`, `ActuatorDynamics.h`, `Rudder.cpp`; 1.4 and
+1.5 compute the same. Before 1.4 drag was quadratic and thrusters were written otherwise: those versions do not read these files.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import asin, atan2, isfinite, log, pi
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
+from scipy.optimize import brentq
 
 from seatrial.core.signals import RATES
 from seatrial.export.drives import Drive, drive_name, drives_of
-from seatrial.export.exact import DENSITY, body_of, gravity_of
+from seatrial.export.exact import DENSITY, body_of
+from seatrial.export.fins import Fin, fins_of
 from seatrial.export.kept import actuator_losses, added_mass_losses, term_losses
-from seatrial.export.motion import motion_of
+from seatrial.export.manoeuvre import SPEED, plan_for
+from seatrial.export.motion import Motion, force_of, motion_of, motion_with
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import sorted_terms
@@ -27,6 +38,18 @@ from seatrial.vehicles.hull import AXES, GRAVITY
 
 _SPAN = 2.0
 """Length of the box over the distance of a fin or thruster from the origin."""
+_SUBDIVISIONS = 3
+"""How often Stonefish cuts each triangle of a box into four."""
+_TOLERANCE, _ITERATIONS = 1.2 ** (2 / 3) - 1, 10
+"""Where Stonefish ends its search for an ellipsoid about the box."""
+_LINEAR = 1 / 3
+"""Share of quadratic drag that becomes a straight line; the rest becomes a cubic, and both agree with it at half the matched speed."""
+_LEAST_INERTIA = 0.1
+"""Share of the vehicle's own inertia that is written at least, where Stonefish adds more than the vehicle has."""
+_HULL = "hull_"
+"""Before the name of a fixed fin that stands for lift of the hull."""
+_FIN_LIMIT = pi / 2
+"""Greatest angle of a fin whose limit is not known."""
 
 
 @dataclass(frozen=True)
@@ -44,126 +67,381 @@ class Stonefish:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`."""
-        drag, friction = drag_multipliers(vehicle, self.density)
-        half, (added, turned) = (
-            box(vehicle, self.density),
-            geometry_added_mass(box(vehicle, self.density), self.density),
-        )
-        terms, (drives, thrust) = sorted_terms(vehicle.forces), drives_of(vehicle)
-        own = {f"{AXES[i]}_{RATES[i]}abs{RATES[i]}": (i, i, i) for i in range(3)}
-        linear = {f"{AXES[i]}_{RATES[i]}": (i, i) for i in range(3)}
-        kept = {name: terms.modulus[key] for name, key in own.items() if key in terms.modulus and drag[key[0]] > 0}
-        kept |= {
-            name: terms.linear[key] for name, key in linear.items() if key in terms.linear and friction[key[0]] > 0
-        }
-        if drives and drives[0].factor is not None:
-            kept |= {name: value for name, value in terms.thrust.items() if name not in thrust}
-        rotation = {
-            f"{AXES[3 + i]}_{RATES[3 + i]}abs{RATES[3 + i]}": -0.5 * self.density * drag[i] * face_torque(half, i)
-            for i in range(3)
-        }
-        masses = {f"{AXES[i]}_{RATES[i]}dot": -added for i in range(3)}
-        masses |= {f"{AXES[3 + i]}_{RATES[3 + i]}dot": -turned[i] for i in range(3)}
-        body = body_of(vehicle.rigid_mass)
-        hull = replace(vehicle.hull, products=_products_without_axes(vehicle))
-        other = replace(vehicle, hull=hull, coefficients={**kept, **rotation, **masses}, added_coriolis="automatic")
-        rest = [name for name in vehicle.forces if name not in kept and name not in rotation]
+        solid, actuators = solid_of(vehicle, self.density), _actuators(vehicle)
+        rest = [name for name in vehicle.forces if name not in _named(vehicle, solid)]
         lost = [
-            *added_mass_losses(vehicle),
+            *added_mass_losses(vehicle, _turning(vehicle, solid)),
             *term_losses(vehicle, rest),
-            *actuator_losses(vehicle, _actuators(vehicle)),
+            *actuator_losses(vehicle, actuators),
         ]
-        if np.abs(body.inertia - np.diag(np.diag(body.inertia))).max() > 1e-9:
+        inertia = body_of(vehicle.rigid_mass).inertia
+        if np.abs(inertia - np.diag(np.diag(inertia))).max() > 1e-9:
             lost.append("products of inertia")
+        matched = "surge, and as much in all directions" if solid.cruises else "surge, sway and heave"
         changed = [
-            f"added mass by the box: {added:.3g} kg in every direction, {turned[1]:.3g} kg m^2 in pitch and {turned[2]:.3g} in yaw",
-            f"drag of rotation by the box's faces: {', '.join(f'{name} = {value:.3g}' for name, value in rotation.items())}",
+            f"added mass by an ellipsoid about the box: {solid.added:.3g} kg in every direction, without moments on a body under way",
+            f"drag by the box's faces, linear and cubic in speed, matched at {solid.speed:.3g} m/s in {matched}; it mixes the three "
+            "directions, and drag of rotation follows from it",
         ]
-        return Carried(motion_of(other), tuple(lost), tuple(changed), _actuators(vehicle))
+        fins = [f"{', '.join(_fin_terms(fin))} at x = {fin.place:.3f} m" for fin in rudders_of(vehicle)]
+        if fins:
+            changed.append("; ".join(fins) + ": lift and drag of a fin, by its angle to the local flow")
+        return Carried(solid_motion(vehicle, solid, self.density), tuple(lost), tuple(changed), actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
         notes = [
+            "for Stonefish 1.4 to 1.6; older versions have another law of drag and do not read these thrusters",
             "axes: forward, starboard, down; the box has the displaced volume, not the hull's shape",
-            "propeller.obj is to be given: the mesh of a propeller is drawn, and needed for nothing else",
-            "added mass cannot be set: give the mesh of the hull in place of the box, and compare the motion again",
+            "inertia: such that a moment turns the box as it turns the vehicle; less what Stonefish adds by itself",
+            "part.obj, which stands for propellers and fins, is drawn and needed for nothing else",
+            "added mass cannot be set: with the hull's mesh in place of the box it is another, and so is drag; compare the motion again",
         ]
-        return {"vehicle.scn": HEAD + comment([*statement.lines, *notes]) + _scenario(self, vehicle)}
+        head = [*statement.lines, *notes]
+        return {
+            "vehicle.scn": HEAD + comment(head) + _scenario(self, vehicle),
+            "part.obj": "".join(f"# {line}\n" for line in head) + _PART,
+        }
 
 
-def box(vehicle: ExportedVehicle, density: float) -> Float[np.ndarray, " 3"]:
-    """Half lengths of a box of the displaced volume, m, as long as the vehicle's fins and thrusters stand apart."""
-    volume = vehicle.hull.buoyancy / (density * GRAVITY)
-    terms = sorted_terms(vehicle.forces)
+class Mesh(NamedTuple):
+    """Triangles: vertices (m, 3) and faces (n, 3) of their numbers."""
+
+    vertices: Float[np.ndarray, "m 3"]
+    faces: Int[np.ndarray, "n 3"]
+
+
+class Solid(NamedTuple):
+    """What the file says of the body, and what Stonefish makes of it; SI, axes forward, starboard, down from the origin.
+
+    Attributes:
+        half: half lengths of the box.
+        mass: kg.
+        centre: of gravity.
+        floats: centre of the box, where buoyancy acts.
+        inertia: as written, about the centre of gravity.
+        added: kg, in every direction.
+        turned: added inertia about the three axes.
+        speed: m/s, at which drag is matched.
+        cruises: whether the vehicle goes ahead at that speed, and one multiplier stands in all directions.
+        quadratic: multipliers of the cubic part.
+        viscous: multipliers of the linear part.
+    """
+
+    half: Float[np.ndarray, " 3"]
+    mass: float
+    centre: Float[np.ndarray, " 3"]
+    floats: Float[np.ndarray, " 3"]
+    inertia: Float[np.ndarray, " 3"]
+    added: float
+    turned: Float[np.ndarray, " 3"]
+    speed: float
+    cruises: bool
+    quadratic: Float[np.ndarray, " 3"]
+    viscous: Float[np.ndarray, " 3"]
+
+
+def solid_of(vehicle: ExportedVehicle, density: float) -> Solid:
+    """Return the box that stands for a vehicle.
+
+    Stonefish's gravity is 9.81 m/s^2: buoyancy and its place are such that net force and righting moment are the vehicle's.
+    """
+    body = body_of(vehicle.rigid_mass)
+    weight = body.mass * GRAVITY
+    buoyancy = weight - (vehicle.hull.weight - vehicle.hull.buoyancy)
+    half = box(vehicle, buoyancy / (density * GRAVITY))
+    added, turned = geometry_added_mass(enclosing_ellipsoid(box_mesh(half).vertices), density)
+    inertia = np.maximum(_turning_inertia(vehicle) - turned, _LEAST_INERTIA * np.diag(body.inertia))
+    floats = (body.centre * weight - np.array(vehicle.hull.righting)) / buoyancy
+    speed, cruises = matched_speed(vehicle)
+    quadratic, viscous = drag_multipliers(vehicle, half, density, speed, cruises)
+    return Solid(half, body.mass, body.centre, floats, inertia, added, turned, speed, cruises, quadratic, viscous)
+
+
+def box(vehicle: ExportedVehicle, volume: float) -> Float[np.ndarray, " 3"]:
+    """Half lengths of a box of a volume, m, as long as the vehicle's fins and thrusters stand apart."""
     places = [abs(float(drive.place[0])) for drive in drives_of(vehicle)[0]]
-    for force, moment, fin in ((1, 5, "delta_r"), (2, 4, "delta_s")):
-        if terms.fin.get((force, fin)):
-            places.append(abs(terms.fin.get((moment, fin), 0.0) / terms.fin[force, fin]))
+    places += [abs(fin.place) for fin in rudders_of(vehicle)]
     length = max([_SPAN * place for place in places] + [volume ** (1 / 3)])
     side = (volume / length) ** 0.5
     return 0.5 * np.array([length, side, side])
 
 
-def geometry_added_mass(half: Float[np.ndarray, " 3"], density: float) -> tuple[float, Float[np.ndarray, " 3"]]:
-    """Added mass that Stonefish gives the box: kg, the mean of three directions, and kg m^2 about the three axes."""
-    x, y, z = half
+def box_mesh(half: Float[np.ndarray, " 3"]) -> Mesh:
+    """Return Stonefish's mesh of a box: 768 triangles, whose 486 vertices stand in its order, on which the ellipsoid depends."""
+    signs, faces = _unit_mesh()
+    return Mesh(signs * np.asarray(half, np.float32).astype(float), faces)
+
+
+def enclosing_ellipsoid(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, " 3"]:
+    """Return the half axes of the ellipsoid that Stonefish finds about points, by axes of the body.
+
+    P. Kumar and E. A. Yildirim, Computing Minimum-Volume Enclosing Axis-Aligned Ellipsoids, J. Optim. Theory Appl. 136 (2008) 211,
+    ended early: a point may lie outside, and the centre aside.
+    """
+    low, high = np.argmin(points, axis=0), len(points) - 1 - np.argmax(points[::-1], axis=0)
+    core = points[np.concatenate([low, high])]
+    weights = np.where((points[:, None] == core).all(axis=2).any(axis=1), 1 / 6, 0.0)
+
+    def spread() -> Float[np.ndarray, " 3"]:
+        return 3 * (weights @ points**2 - (weights @ points) ** 2)
+
+    for step in range(_ITERATIONS + 1):
+        outside = ((points - weights @ points) ** 2 / spread()).sum(axis=1)
+        worst = int(np.argmax(outside))
+        excess = outside[worst] - 1
+        if excess <= _TOLERANCE:
+            return np.sqrt(spread()) if step else 0.5 * np.ptp(points, axis=0)
+        if step < _ITERATIONS:
+            share = excess / (4 * (1 + excess))
+            weights *= 1 - share
+            weights[worst] += share
+    return np.sqrt(spread())
+
+
+def geometry_added_mass(axes: Float[np.ndarray, " 3"], density: float) -> tuple[float, Float[np.ndarray, " 3"]]:
+    """Added mass that Stonefish gives an ellipsoid of these half axes: kg, the mean of three directions, and kg m^2 about the axes."""
+    x, y, z = axes
     ring = 0.5 * (y + z)
     eccentric = 1.0 - ring**2 / x
-    if 0 < eccentric < 1:
+    lamb = 1.0
+    if -1 < eccentric < 1:
         part = 2 * (1 - eccentric**2) / eccentric**2 * (0.5 * log((1 + eccentric) / (1 - eccentric)) - eccentric)
         lamb = part / (2 - part)
-    else:
-        lamb = 1.0
     ball = 4 / 3 * pi * density
     masses = (lamb * ball * x * ring**2, ball * z * z * x, ball * y * y * x)
     turns = np.array([0.0, pi * density * y**2 * x**3 / 12, pi * density * z**2 * x**3 / 12])
     return float(np.mean(masses)), turns
 
 
-def face_torque(half: Float[np.ndarray, " 3"], axis: int) -> float:
-    """Integral of arm^3 over the faces that meet the water in a turn about an axis, m^5; the mesh of 768 triangles is nearly that."""
-    others = [i for i in range(3) if i != axis]
-    return float(sum(half[axis] * half[i] ** 4 for i in others))
+def matched_speed(vehicle: ExportedVehicle) -> tuple[float, bool]:
+    """Return the speed ahead in the standard manoeuvre, m/s, and whether the vehicle cruises at it or is pushed up to it from rest."""
+    motion = motion_of(vehicle)
+    plan = plan_for(vehicle, motion)
+    if plan.speed > 0:
+        return plan.speed, True
+    pushed = plan.controls(3.0)
+
+    def surge(u: float) -> float:
+        return float(motion(np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0]), 0.0, 0.0, pushed)[0])
+
+    held = surge(0.0) > 0 > surge(10.0)
+    return (float(brentq(surge, 0.0, 10.0)) if held else SPEED), False
 
 
 def drag_multipliers(
-    vehicle: ExportedVehicle, density: float
+    vehicle: ExportedVehicle, half: Float[np.ndarray, " 3"], density: float, speed: float, cruises: bool
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """`quadratic_drag` and `viscous_drag` by which drag in surge, sway and heave comes out; 0 where the vehicle has none."""
-    half, terms = box(vehicle, density), sorted_terms(vehicle.forces)
+    """Return `quadratic_drag` and `viscous_drag`, which give the vehicle's drag in surge, sway and heave at a speed; 0 where it has none.
+
+    Drag that is larger across than ahead would brake a vehicle that slips a little on its way: where it cruises, the multiplier of surge
+    stands in all directions.
+    """
+    terms = sorted_terms(vehicle.forces)
     quadratic, viscous = np.zeros(3), np.zeros(3)
     for i in range(3):
         j, k = (other for other in range(3) if other != i)
         front, side = 4 * half[j] * half[k], 8 * half[i] * (half[j] + half[k])
-        quadratic[i] = max(0.0, -2 * terms.modulus.get((i, i, i), 0.0) / (density * front))
-        viscous[i] = max(0.0, -terms.linear.get((i, i), 0.0) / (density * side))
-    return quadratic, viscous
+        square, straight = max(0.0, -terms.modulus.get((i, i, i), 0.0)), -terms.linear.get((i, i), 0.0)
+        share = 0.0 if cruises and i > 0 else _LINEAR
+        quadratic[i] = 2 * (1 - share) * square / (density * front * speed)
+        viscous[i] = max(0.0, straight + share * square * speed) / (density * side)
+    return np.full(3, quadratic[0]) if cruises else quadratic, viscous
+
+
+def solid_motion(vehicle: ExportedVehicle, solid: Solid, density: float) -> Motion:
+    """Return the accelerations of the box in Stonefish, with the vehicle's thrusters and fins."""
+    total, (x, y, z) = solid.mass + solid.added, (float(part) for part in solid.centre)
+    about = solid.inertia + solid.turned + total * (solid.centre @ solid.centre - solid.centre**2)
+    weight = solid.mass * GRAVITY
+    hull = replace(
+        vehicle.hull,
+        mass=total,
+        inertia=tuple(float(part) for part in about),
+        products=(total * x * y, total * x * z, total * y * z),
+        centre_of_gravity=(x, y, z),
+        centre_of_buoyancy=tuple(float(part) for part in solid.floats),
+        weight=weight,
+        buoyancy=weight - (vehicle.hull.weight - vehicle.hull.buoyancy),
+    )
+    drives, other = drives_of(vehicle)
+    thrust = {name: value for name, value in sorted_terms(vehicle.forces).thrust.items() if name not in other}
+    moved = replace(vehicle, hull=hull, coefficients=thrust if drives else {}, added_coriolis="named")
+    return motion_with(
+        moved, force_of(moved), drag_force(solid, density), *(rudder_force(fin) for fin in rudders_of(vehicle))
+    )
+
+
+def drag_force(solid: Solid, density: float) -> Motion:
+    """Return the drag of the box's faces, about the origin; see the module."""
+    mesh = box_mesh(solid.half)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(normals, axis=1)
+    normals = normals / (2 * areas)[:, None]
+    places = corners.mean(axis=1) + solid.floats
+    arms = places - solid.centre
+    turning = np.cross(places[:, :, None], np.eye(3)[None], axis=1)
+
+    def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
+        nu = np.asarray(nu, float)
+        if nu.ndim > 1:
+            return np.stack([force(column, phi, theta, controls) for column in nu.T], axis=1)
+        water = turning @ nu[3:] - nu[:3]
+        across = np.einsum("ij,ij->i", water, normals)
+        speed = np.sqrt(np.einsum("ij,ij->i", water, water))
+        push = (areas * speed * np.maximum(0.0, -across))[:, None] * water
+        skin = areas[:, None] * (water - across[:, None] * normals)
+        found = np.zeros(6)
+        for faces, by in ((push, 0.5 * density * solid.quadratic), (skin, density * solid.viscous)):
+            found[:3] += _weighed(faces.sum(axis=0), by)
+            spread = arms.T @ faces
+            found[3:] += _weighed(np.array([spread[i - 2, i - 1] - spread[i - 1, i - 2] for i in range(3)]), by)
+        found[3:] += np.cross(solid.centre, found[:3])
+        return found
+
+    return force
+
+
+def rudder_force(fin: Fin) -> Motion:
+    """Stonefish's rudder: lift by the angle to the local flow, and a drag by its square."""
+    strength, x = abs(fin.lift), fin.place
+
+    def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
+        u, v, w, _, q, r = np.asarray(nu, float)
+        local = np.array([u, v + r * x, w - q * x])
+        ahead, across, speed = local[0], local[fin.axis], np.sqrt((local**2).sum(axis=0))
+        turned = np.copysign(1.0, fin.lift) * np.asarray(controls.get(fin.control, 0.0))
+        angle = np.arctan2(across, ahead) - turned
+        angle = angle - pi * np.round(angle / pi)
+        flow, still = np.hypot(ahead, across), np.finfo(float).tiny
+        lift = strength * angle * speed**2 / np.maximum(flow, still)
+        push = -strength * angle**2 * speed * local
+        push[0] += lift * across
+        push[fin.axis] -= lift * ahead
+        return np.concatenate([push, [np.zeros_like(u), -x * push[2], x * push[1]]])
+
+    return force
+
+
+def rudders_of(vehicle: ExportedVehicle) -> tuple[Fin, ...]:
+    """Fins that turn, and at the origin fixed ones that give the lift Y_uv and Z_uw that those leave."""
+    terms = sorted_terms(vehicle.forces)
+    found = fins_of(terms)[0]
+    rest = {axis: -terms.product.get((axis, 0, axis), 0.0) - _lift(found, axis) for axis in (1, 2)}
+    return found + tuple(Fin(f"{_HULL}{RATES[axis]}", axis, lift, 0.0) for axis, lift in rest.items() if lift > 0)
+
+
+def _weighed(vector: Float[np.ndarray, " 3"], by: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """A vector times the multiplier of its direction."""
+    length = np.linalg.norm(vector)
+    return (np.abs(vector) @ by / length) * vector if length > 0 else vector
+
+
+def _lift(fins: tuple[Fin, ...], axis: int) -> float:
+    return sum(abs(fin.lift) for fin in fins if fin.axis == axis)
+
+
+def _fin_terms(fin: Fin) -> tuple[str, ...]:
+    """Forces of the vehicle that a fin stands for."""
+    axis = AXES[fin.axis]
+    if fin.control.startswith(_HULL):
+        return (f"{axis}_u{RATES[fin.axis]}",)
+    return f"{axis}_uu{fin.control}", f"{AXES[6 - fin.axis]}_uu{fin.control}"
+
+
+def _named(vehicle: ExportedVehicle, solid: Solid) -> set[str]:
+    """Forces of the vehicle that the target has in one form or another."""
+    terms = sorted_terms(vehicle.forces)
+    drives, other = drives_of(vehicle)
+    found = {name for name in terms.thrust if drives and drives[0].factor is not None and name not in other}
+    found |= {name for fin in rudders_of(vehicle) for name in _fin_terms(fin)}
+    for i in range(6):
+        own = f"{AXES[i]}_{RATES[i]}"
+        found |= {f"{own}abs{RATES[i]}"} if i in (0, 3, 4, 5) or not solid.cruises else set()
+        found |= {own}
+    return found
+
+
+def _turning(vehicle: ExportedVehicle, solid: Solid) -> list[str]:
+    """Added inertia that is in the file's."""
+    kept = np.isclose(solid.inertia + solid.turned, _turning_inertia(vehicle), rtol=1e-9)
+    return [f"{AXES[3 + i]}_{RATES[3 + i]}dot" for i in range(3) if kept[i]]
+
+
+def _turning_inertia(vehicle: ExportedVehicle) -> Float[np.ndarray, " 3"]:
+    """Moment by the angular acceleration that it gives the vehicle, about each axis: its added mass and couplings count."""
+    return 1.0 / np.diag(np.linalg.inv(vehicle.rigid_mass + vehicle.added_mass))[3:]
 
 
 def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
-    """Those of the thrusters: their lags, and limits that are the same both ways."""
-    drives = {drive.control for drive in drives_of(vehicle)[0]}
+    """Those of the thrusters, with their lags, and of the fins, which act at once; limits are the same both ways."""
+    drives, fins = {drive.control for drive in drives_of(vehicle)[0]}, {fin.control for fin in rudders_of(vehicle)}
     found = {}
     for name, one in vehicle.actuators.items():
         top = max(abs(one.lower), abs(one.upper))
         if name in drives:
             found[name] = Actuator(one.time_constant, -top, top)
+        elif name in fins:
+            found[name] = Actuator(0.0, -top, top)
     return found
 
 
-def _products_without_axes(vehicle: ExportedVehicle) -> tuple[float, float, float]:
-    """Products of inertia about the origin that come from the centre of gravity alone."""
-    x, y, z = vehicle.hull.centre_of_gravity
-    m = vehicle.hull.mass or 0.0
-    return m * x * y, m * x * z, m * y * z
+@lru_cache(1)
+def _unit_mesh() -> Mesh:
+    """A cube of half length 1: six faces of two triangles, each cut into four three times; new vertices are those of edges, as met."""
+    corners = ((-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1), (1, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, 1, 1))
+    quads = ((0, 1, 2, 3), (3, 2, 4, 5), (6, 7, 1, 0), (5, 4, 7, 6), (4, 2, 1, 7), (3, 5, 6, 0))
+    vertices = [np.array(corners[i], float) for quad in quads for i in quad]
+    faces = [(4 * i, 4 * i + j, 4 * i + j + 1) for i in range(6) for j in (1, 2)]
+    for _ in range(_SUBDIVISIONS):
+        faces = _cut(vertices, faces)
+    return Mesh(np.array(vertices), np.array(faces))
+
+
+def _cut(vertices: list[Float[np.ndarray, " 3"]], faces: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+    """Cut each triangle into four at the middles of its edges, which are added to the vertices."""
+    middles: dict[tuple[int, int], int] = {}
+
+    def middle(one: int, other: int) -> int:
+        edge = (min(one, other), max(one, other))
+        if edge not in middles:
+            middles[edge] = len(vertices)
+            vertices.append((vertices[one] + vertices[other]) / 2)
+        return middles[edge]
+
+    found = []
+    for a, b, c in faces:
+        ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
+        found += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return found
+
+
+_PART = "".join(f"v {x} {y} {z}\n" for x in (-0.01, 0.01) for y in (-0.05, 0.05) for z in (-0.05, 0.05)) + "".join(
+    f"f {face}\n"
+    for face in (
+        "1 2 4",
+        "1 4 3",
+        "5 7 8",
+        "5 8 6",
+        "1 5 6",
+        "1 6 2",
+        "3 4 8",
+        "3 8 7",
+        "1 3 7",
+        "1 7 5",
+        "2 6 8",
+        "2 8 4",
+    )
+)
+"""A plate of 2 x 10 x 10 cm."""
 
 
 def _scenario(options: Stonefish, vehicle: ExportedVehicle) -> str:
-    body, half = body_of(vehicle.rigid_mass), box(vehicle, options.density)
-    drag, friction = drag_multipliers(vehicle, options.density)
-    name = identifier(vehicle.name)
+    solid, name = solid_of(vehicle, options.density), identifier(vehicle.name)
     lines = [
         "<scenario>",
+        '  <solver>\n    <fluid_dynamics prescaler="1"/>\n  </solver>',
         "  <environment>",
         '    <ned latitude="0.0" longitude="0.0"/>',
         f'    <ocean>\n      <water density="{number(options.density)}" jerlov="0.2"/>\n      <waves height="0.0"/>\n    </ocean>',
@@ -173,24 +451,24 @@ def _scenario(options: Stonefish, vehicle: ExportedVehicle) -> str:
         '  <looks>\n    <look name="hull" gray="0.5" roughness="0.5"/>\n  </looks>',
         f'  <robot name="{text(name)}" fixed="false" self_collisions="false">',
         '    <base_link name="base_link" type="box" physics="submerged" buoyant="true">',
-        f'      <dimensions xyz="{numbers(2 * half)}"/>',
-        f'      <origin xyz="{numbers(vehicle.hull.centre_of_buoyancy)}" rpy="0 0 0"/>',
+        f'      <dimensions xyz="{numbers(2 * solid.half)}"/>',
+        f'      <origin xyz="{numbers(solid.floats)}" rpy="0 0 0"/>',
         '      <material name="hull"/>\n      <look name="hull"/>',
-        f'      <mass value="{number(body.mass)}"/>',
-        f'      <inertia xyz="{numbers(np.diag(body.inertia))}"/>',
-        f'      <cg xyz="{numbers(body.centre)}" rpy="0 0 0"/>',
-        f'      <hydrodynamics viscous_drag="{numbers(friction)}" quadratic_drag="{numbers(drag)}"/>',
+        f'      <mass value="{number(solid.mass)}"/>',
+        f'      <inertia xyz="{numbers(solid.inertia)}"/>',
+        f'      <cg xyz="{numbers(solid.centre)}" rpy="0 0 0"/>',
+        f'      <hydrodynamics viscous_drag="{numbers(solid.viscous)}" quadratic_drag="{numbers(solid.quadratic)}"/>',
         "    </base_link>",
-        *(_actuator(vehicle, drive) for drive in drives_of(vehicle)[0]),
+        *(_thruster(vehicle, drive) for drive in drives_of(vehicle)[0]),
+        *(_rudder(vehicle, fin, options.density) for fin in rudders_of(vehicle)),
         '    <world_transform xyz="0.0 0.0 10.0" rpy="0 0 0"/>',
         "  </robot>",
-        f"  <!-- weight {number(vehicle.hull.weight)} N at {number(gravity_of(vehicle))} m/s^2; Stonefish takes {GRAVITY} -->",
         "</scenario>",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _actuator(vehicle: ExportedVehicle, drive: Drive) -> str:
+def _thruster(vehicle: ExportedVehicle, drive: Drive) -> str:
     actuator = vehicle.actuators.get(drive.control)
     lag = 0.0 if actuator is None else actuator.time_constant
     top = max(abs(drive.lower), abs(drive.upper))
@@ -215,10 +493,38 @@ def _actuator(vehicle: ExportedVehicle, drive: Drive) -> str:
             f'      <origin xyz="{numbers(drive.place)}" rpy="{numbers((0.0, -asin(max(-1.0, min(1.0, float(z)))), atan2(y, x)))}"/>',
             f'      <specs max_setpoint="{number(top)}" inverted_setpoint="false" normalized_setpoint="false"/>',
             '      <propeller diameter="0.1" right="true">',
-            '        <mesh filename="propeller.obj" scale="1.0"/>\n        <material name="hull"/>\n        <look name="hull"/>',
+            f"        {_DRAWN}",
             "      </propeller>",
             f"      {rotor}",
             f"      {model}",
+            "    </actuator>",
+        ]
+    )
+
+
+_DRAWN = '<mesh filename="part.obj" scale="1.0"/>\n        <material name="hull"/>\n        <look name="hull"/>'
+
+
+def _rudder(vehicle: ExportedVehicle, fin: Fin, density: float) -> str:
+    """A fin of 1 m^2, of which only the product of area and lift counts; a stern plane lies on its side, across towards the keel."""
+    actuator = vehicle.actuators.get(fin.control, Actuator(0.0))
+    top = min(_FIN_LIMIT, max(abs(actuator.lower), abs(actuator.upper)))
+    roll = 0.0 if fin.axis == 1 else pi / 2
+    specs = {
+        "area": 1.0,
+        "lift_coeff": 2 * abs(fin.lift) / density,
+        "drag_coeff": 0.0,
+        "max_angle": top,
+        "stall_angle": 2.0,
+    }
+    shown = " ".join(f'{key}="{number(value)}"' for key, value in specs.items())
+    return "\n".join(
+        [
+            f'    <actuator name="{fin.control}" type="rudder">',
+            '      <link name="base_link"/>',
+            f'      <origin xyz="{numbers((fin.place, 0.0, 0.0))}" rpy="{numbers((roll, 0.0, 0.0))}"/>',
+            f'      <specs {shown} inverted="{"true" if fin.lift < 0 else "false"}"/>',
+            f"      <visual>\n        {_DRAWN}\n      </visual>",
             "    </actuator>",
         ]
     )
