@@ -1,0 +1,1 @@
+"""Attacks on seatrial, a module for each subject; `release/attack.py` runs them."""
