@@ -1,9 +1,12 @@
 """Build wheel and sdist, and try each extra in an environment of its own: `make dist`.
 
-Every environment gets the wheel with one extra, and a probe that uses it; without the extra the same probe has to end in an error that
-names it. The wheel built from the sdist has to be the wheel. The GPU's libraries are resolved and not downloaded: they are gigabytes.
+Every environment gets the wheel with one extra, its dependencies as `requirements.lock` has them, hashes included, and a probe that uses
+it; without the extra the same probe has to end in an error that names it. The wheel built from the sdist has to be the wheel. The GPU's
+libraries are resolved and not downloaded: they are gigabytes.
 """
 
+import json
+import re
 import shutil
 import subprocess
 import sys
@@ -63,8 +66,30 @@ def environment(folder: Path, what: str) -> Path:
     """A new environment with the wheel in it; its programs."""
     venv.create(folder, with_pip=True)
     programs = folder / "bin"
-    run([programs / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", what], ROOT)
+    install = [programs / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    (folder / "locked.txt").write_text(locked([*install, "--dry-run"], folder, what))
+    run([*install, "--no-deps", "--require-hashes", "--requirement", folder / "locked.txt"], ROOT)
+    run([*install, "--no-deps", "--no-index", what], ROOT)
     return programs
+
+
+def locked(install: list, folder: Path, what: str) -> str:
+    """Lines of the lock, hashes included, for all that a wheel with an extra needs; an error where the lock has not the version."""
+    blocks = re.split(r"\n(?=\S)", (ROOT / "requirements.lock").read_text().strip())
+    (folder / "versions.txt").write_text("".join(f"{block.splitlines()[0].rstrip(chr(92))}\n" for block in blocks))
+    report = folder / "report.json"
+    run([*install, "--constraint", folder / "versions.txt", "--report", report, what], ROOT)
+    needed = {one["metadata"]["name"]: one["metadata"]["version"] for one in json.loads(report.read_text())["install"]}
+    wanted = {f"{canonical(name)}=={version}" for name, version in needed.items() if name != "seatrial"}
+    found = {block.split()[0]: block for block in blocks if block.split()[0] in wanted}
+    if missing := wanted - found.keys():
+        raise SystemExit(f"not in requirements.lock: {', '.join(sorted(missing))}; run `make lock`")
+    return "\n".join(found.values()) + "\n"
+
+
+def canonical(name: str) -> str:
+    """Name of a package as indexes write it (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def probe(programs: Path, line: str) -> subprocess.CompletedProcess[str]:

@@ -1,5 +1,7 @@
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -20,3 +22,21 @@ def test_public_names_resolve(name):
 def test_unknown_attribute():
     with pytest.raises(AttributeError, match="no attribute 'CoefficientNam'"):
         _ = seatrial.CoefficientNam
+
+
+def test_every_locked_dependency_has_hashes_and_no_address():
+    lock = (Path(__file__).parents[1] / "requirements.lock").read_text()
+    blocks = re.split(r"\n(?=\S)", lock.strip())
+    assert len(blocks) > 100
+    for block in blocks:
+        first, *hashes = block.replace("\\\n", "\n").splitlines()
+        assert re.fullmatch(r"[a-z0-9-]+==[^\s;]+( ; .+)?", first.strip()), first
+        assert hashes, first
+        assert all(re.fullmatch(r"\s+--hash=sha256:[0-9a-f]{64}\s*", one) for one in hashes), first
+    assert len(lock) < 1 << 20
+
+
+def test_the_environment_is_set_up_by_hashes():
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text()
+    assert "--require-hashes --requirement requirements.lock" in makefile
+    assert "--generate-hashes" in makefile

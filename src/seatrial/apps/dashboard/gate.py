@@ -9,12 +9,14 @@ import hmac
 import ipaddress
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
 
+from seatrial.apps.dashboard.pace import COME_AGAIN, Pace, Turns, counted
 from seatrial.core.errors import InputError
 
 SHORTEST = 16
@@ -89,13 +91,21 @@ class Gate:
 
 
 class Gated:
-    """An ASGI application behind a gate."""
+    """An ASGI application behind a gate.
 
-    def __init__(self, app: App, gate: Gate):
-        self.app, self.gate = app, gate
+    Args:
+        app: behind it.
+        gate: what is asked of a request.
+        pages: paths of pages, which are built a few at a time.
+        pace: how many, and how long anything is waited for.
+    """
+
+    def __init__(self, app: App, gate: Gate, pages: Collection[str] = (), pace: Pace | None = None):
+        self.app, self.gate, self.pages, self.pace = app, gate, frozenset(pages), pace or Pace()
+        self.turns = Turns(self.pace)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Refuse, or pass on with the body counted and safe headers on the answer."""
+        """Refuse, or pass on in its turn with the body counted and safe headers on the answer."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -106,8 +116,26 @@ class Gated:
             await self.app(scope, receive, send)
         elif self.gate.token is not None and self.gate.shown_in_query(scope):
             await _welcome(scope, send, self.gate.cookie)
+        elif scope["path"] in self.pages:
+            await self._page(scope, receive, send)
         else:
-            await self.app(scope, _counted(receive, self.gate.allowed(scope)), _safe(send))
+            await self._pass(scope, receive, send)
+
+    async def _page(self, scope: Any, receive: Any, send: Any) -> None:
+        if not await self.turns.take():
+            await _answer(send, *COME_AGAIN)
+            return
+        with ExitStack() as turn:
+            turn.callback(self.turns.give)
+
+            async def built(message: Any) -> None:
+                turn.close()  # a browser that reads slowly keeps nobody waiting
+                await send(message)
+
+            await self._pass(scope, receive, built)
+
+    async def _pass(self, scope: Any, receive: Any, send: Any) -> None:
+        await self.app(scope, counted(receive, self.gate.allowed(scope), self.pace), _safe(send))
 
 
 def token_for(host: str, given: str | None) -> str | None:
@@ -187,19 +215,6 @@ def cookie_of(headers: Mapping[str, str]) -> str:
     except CookieError:
         return ""
     return found.value if found else ""
-
-
-def _counted(receive: Any, most: int) -> Any:
-    """Count what arrives: a body in chunks states no length."""
-    seen = 0
-
-    async def counted() -> Any:
-        nonlocal seen
-        message = await receive()
-        seen += len(message.get("body", b""))
-        return {"type": "http.disconnect"} if seen > most else message
-
-    return counted
 
 
 def _safe(send: Any) -> Any:

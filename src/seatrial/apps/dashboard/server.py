@@ -20,6 +20,7 @@ from seatrial.apps.dashboard.frame import frame
 from seatrial.apps.dashboard.gate import Gate, Gated, is_loopback
 from seatrial.apps.dashboard.house import House, say
 from seatrial.apps.dashboard.isolated import end_all
+from seatrial.apps.dashboard.pace import Pace, punctual
 from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
 from seatrial.apps.dashboard.places import Places
 from seatrial.apps.dashboard.uploads import receive
@@ -29,6 +30,9 @@ from seatrial.report.figures.style import PALETTE
 
 UPLOAD_HERE, UPLOAD_FROM_ELSEWHERE = 8 << 30, 512 << 20
 """Bytes of an upload, at most: by whoever sits at this machine, and over the network."""
+PACE = Pace()
+BUILD = 60.0
+"""Seconds in which a page is built, on a machine that has other things to do."""
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox allow-same-origin"
 )
@@ -69,6 +73,7 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) 
         log_level="warning",
         access_log=False,
         server_header=False,
+        http=punctual(PACE),
         ws_max_size=1 << 20,
         timeout_graceful_shutdown=1,
     )
@@ -102,7 +107,7 @@ def build(house: House, gate: Gate) -> Gated:
     logging.getLogger("nicegui").setLevel(logging.ERROR)
     app.router.on_startup.append(house.desk.warm)
     app.router.on_shutdown.append(end_all)
-    return Gated(app, gate)
+    return Gated(app, gate, ("/", *(f"/{view}" for view in VIEWS)), PACE)
 
 
 _FAVICON = (
@@ -142,12 +147,12 @@ def _add_files(app: FastAPI, house: House, gate: Gate) -> None:
         except OSError as error:
             return PlainTextResponse(f"{words_of(error)}\n", 507)
         except ClientDisconnect:  # gone, or cut off by the gate
-            return PlainTextResponse(f"broken off, or more than {gate.most >> 20:,} MiB\n", 413)
+            return PlainTextResponse(f"broken off, too slow, or more than {gate.most >> 20:,} MiB\n", 413)
         return PlainTextResponse(kept)
 
 
 def _add_pages(house: House) -> None:
-    @ui.page("/")
+    @ui.page("/", response_timeout=BUILD)
     async def _overview() -> None:
         await overview.build(house)
 
@@ -156,7 +161,7 @@ def _add_pages(house: House) -> None:
 
 
 def _add_view(house: House, view: str, make: Callable[..., Awaitable[None]]) -> None:
-    @ui.page(f"/{view}")
+    @ui.page(f"/{view}", response_timeout=BUILD)
     async def _view(campaign: str = "") -> None:
         try:
             folder = await asyncio.to_thread(house.places.folder, campaign)
