@@ -13,6 +13,8 @@ from seatrial.vehicles.catalogue.whole import load_vehicle
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 COUNT = 1000
 HOSTILE = 'REMUS --> <b> & "100" """ \\ {n}'
+FLIPPED = {"Y_uudelta_r": -9.64, "N_uudelta_r": 6.15, "Z_uudelta_s": 9.64, "M_uudelta_s": 6.15}
+"""Fins of the other sign than those of the published REMUS."""
 PROVENANCE = Provenance("abc123", HOSTILE, "M-2 (X_uabsu T_nabsn)", "0.1.0", ("X_u",), ("lag of n",), ("body: x",))
 
 

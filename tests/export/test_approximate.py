@@ -8,11 +8,12 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.export.targets.holoocean import HoloOcean
-from tests.export.cases import COUNT, assert_equal, published, states, with_terms, written
+from seatrial.vehicles.actuators import Actuator
+from tests.export.cases import COUNT, FLIPPED, assert_equal, published, rich, states, with_terms, written
 
 
-def holoocean_rates(agent, nu, phi, theta, controls):
-    """Fossen's torpedo from the agent's tables, with its matrices written out."""
+def holoocean_rates(agent, nu, phi, theta, commands):
+    """Fossen's torpedo from the agent's tables, with its matrices written out, for its u_control of four fins (rad) and rpm."""
     d, a = agent["dynamics"], agent["actuator"]
     rho, m, half, b = d["rho"], d["mass"], d["length"] / 2, d["diam"] / 2
     e = np.sqrt(1 - (b / half) ** 2)
@@ -50,22 +51,25 @@ def holoocean_rates(agent, nu, phi, theta, controls):
     ratio, attack = d["diam"] ** 2 / area, np.arctan2(nu[2], nu[0])
     lift = np.pi * ratio / (1 + np.sqrt(1 + (ratio / 2) ** 2)) * attack
     drag = d["Cd"] * np.pi * b**2 / area + lift**2 / (np.pi * d["e"] * ratio)
-    q = 0.5 * rho * area * speed**2
+    q = 0.5 * 1026 * area * speed**2
     tau = np.zeros(6)
     tau[0] = q * (lift * np.sin(attack) - drag * np.cos(attack))
     tau[2] = -q * (lift * np.cos(attack) + drag * np.sin(attack))
-    for i in range(20):
-        at = -half + (i + 0.5) * d["length"] / 20
+    hoerner = np.interp(0.5, [0.4933, 0.5585], [1.2108, 1.0836])
+    for i in range(21):
+        at = -half + i * d["length"] / 20
         local = nu[1] + at * nu[5]
-        strip = -0.5 * rho * d["diam"] * 1.1977 * d["length"] / 20 * local * abs(local)
+        strip = -0.5 * 1026 * d["diam"] * hoerner * d["length"] / 20 * local * abs(local)
         tau[1] += strip
         tau[5] += at * strip
-    n, rudder, plane = controls["n"] / (2 * np.pi), -controls["delta_r"], controls["delta_s"]
-    for angle, other, force, moment, sign in ((rudder, 1, 1, 5, 1.0), (plane, 2, 2, 4, -1.0)):
-        pressure = 0.5 * rho * (nu[0] ** 2 + nu[other] ** 2) * a["fin_count"] / 2 * a["fin_area"] * a["CL_delta"]
-        tau[force] -= pressure * angle
-        tau[0] -= pressure * angle**2
-        tau[moment] -= sign * a["x_fin"] * pressure * angle
+    *fins, rpm = commands
+    n = rpm / 60
+    for number, angle in enumerate(fins):  # from starboard by the lower side, at the end of the spheroid
+        around = np.radians(a["fin_offset_deg"]) + number * 2 * np.pi / a["fin_count"]
+        local = nu[0] ** 2 + (nu[1] * np.sin(around)) ** 2 + (nu[2] * np.cos(around)) ** 2
+        push = 0.5 * rho * a["fin_area"] * a["CL_delta"] * angle * local
+        force = push * np.array([0.0, np.sin(around), -np.cos(around)])
+        tau += np.concatenate([force, np.cross([-half, 0.1 * np.cos(around), 0.1 * np.sin(around)], force)])
     tau[0] += (1 - a["t_prop"]) * rho * a["D_prop"] ** 4 * a["KT_0"] * n * abs(n)
     tau[3] += rho * a["D_prop"] ** 5 * a["KQ_0"] * n * abs(n) / 10
     w = m * 9.81 * z
@@ -73,17 +77,25 @@ def holoocean_rates(agent, nu, phi, theta, controls):
     return tau - (coriolis(rigid) + ca + damping) @ nu - g
 
 
-def test_holoocean_moves_as_predicted():
-    vehicle = with_terms(published(), X_u=-1.2, Y_v=-3.0)
+def u_control(contrary, n, delta_r, delta_s):
+    """HoloOcean's command of ours, as the file tells it; `contrary` are those that it has with the other sign."""
+    rudder, plane = (-x if name in contrary else x for name, x in (("delta_r", delta_r), ("delta_s", delta_s)))
+    return np.array([plane, -rudder, -plane, rudder, n * 30 / np.pi])
+
+
+@pytest.mark.parametrize("fins", [{}, FLIPPED], ids=["published", "flipped"])
+def test_holoocean_moves_as_predicted(fins):
+    vehicle = with_terms(published(), X_u=-1.2, Y_v=-3.0, **fins)
     (agent,) = json.loads(written(HoloOcean(), vehicle)["agent.json"])["agents"]
-    predicted, (nu, phi, theta, controls) = HoloOcean().carries(vehicle).motion, states(vehicle)
+    carried, (nu, phi, theta, controls) = HoloOcean().carries(vehicle), states(vehicle)
+    predicted = carried.motion
     zero = dict.fromkeys(controls, 0.0)
     ones = np.array([predicted(column, 0.0, 0.0, zero) for column in np.zeros((1, 6))])
     assert np.abs(ones).max() < 1e-12, "at rest and upright nothing acts"
     for i in range(COUNT):
         here = {name: float(value[i]) for name, value in controls.items()}
         wanted = predicted(nu[:, i], phi[i], theta[i], here)
-        found = holoocean_rates(agent, nu[:, i], phi[i], theta[i], here)
+        found = holoocean_rates(agent, nu[:, i], phi[i], theta[i], u_control(carried.reversed, **here))
         assert_equal(found[:, None], (total_of(agent) @ wanted)[:, None])
 
 
@@ -108,3 +120,25 @@ def test_holoocean_refuses_what_is_no_torpedo():
     high = published()
     with pytest.raises(InputError, match="below that of buoyancy"):
         HoloOcean().check(replace(high, hull=replace(high.hull, centre_of_gravity=(0.0, 0.0, -0.01))))
+
+
+def test_holoocean_has_the_vehicle_s_actuators_or_says_that_they_are_its_own():
+    vehicle = rich()
+    carried = HoloOcean().carries(vehicle)
+    (agent,) = json.loads(written(HoloOcean(), vehicle)["agent.json"])["agents"]
+    actuator, said = agent["actuator"], " ".join(carried.changed)
+    assert actuator["T_n"] == 0.5
+    assert actuator["nMax"] == pytest.approx(157 * 30 / np.pi)
+    assert actuator["T_delta"] == 0.1
+    assert actuator["deltaMax_fin_deg"] == pytest.approx(np.degrees(0.2))
+    assert "HoloOcean's own" not in said
+    assert "limits of n alike either way limits of delta_r alike either way" in said
+    assert "one lag and limit for all fins" in said
+    assert carried.actuators["n"] == Actuator(0.5, -157.0, 157.0)
+    assert carried.lost[-2:] == ("greatest rate of n", "greatest rate of delta_r")
+    bare = HoloOcean().carries(published())
+    assert "T_n = 1 s, nMax = 1525 rpm, T_delta = 0.1 s" in " ".join(bare.changed)
+    assert bare.actuators["n"].time_constant == 1.0
+    assert bare.actuators["delta_s"].upper == pytest.approx(np.radians(13.6))
+    (agent,) = json.loads(written(HoloOcean(), published())["agent.json"])["agents"]
+    assert (agent["actuator"]["T_n"], agent["actuator"]["nMax"], agent["actuator"]["T_delta"]) == (1.0, 1525.0, 0.1)

@@ -12,7 +12,7 @@ from seatrial.export import manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.registry import EXPORTERS, make_exporter
 from seatrial.export.statement import loss_words, state
-from seatrial.export.vehicle import of_published
+from seatrial.export.vehicle import of_published, rest_for
 from seatrial.export.write import export_vehicle
 from seatrial.vehicles.catalogue.whole import load_vehicle
 from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, with_terms
@@ -63,8 +63,26 @@ def test_what_is_not_known_is_not_invented(name, tmp_path):
         return
     with pytest.raises(InputError, match="nothing about v w p q r") as error:
         export_vehicle(exporter, vehicle, PROVENANCE, tmp_path / "out")
-    assert "--rest" in error.value.remedy
+    assert "`--rest remus100_hall_anstee`" in error.value.remedy
     assert not (tmp_path / "out").exists()
+
+
+def test_the_rest_is_offered_from_a_vehicle_that_fits_or_from_none():
+    """Same mass and all of its controls: a propeller is not Prestero's, a ship is no REMUS, and a heavier REMUS is none of them."""
+    surge = published("remus100_surge")
+    assert rest_for(surge) == rest_for(published("remus100_longitudinal")) == "remus100_hall_anstee"
+    assert rest_for(published("remus100_prestero")) == "remus100_prestero"
+    assert rest_for(published("bluerov2_heavy")) == "bluerov2_heavy"
+    for stranger in (
+        published("mariner"),
+        replace(surge, hull=replace(surge.hull, mass=31.0)),
+        replace(surge, hull=replace(surge.hull, mass=None)),
+    ):
+        assert rest_for(stranger) is None
+    with pytest.raises(InputError, match="nothing about w p q") as error:
+        make_exporter("gz").check(published("mariner"))
+    assert "--rest" not in error.value.remedy
+    assert "json or csv" in error.value.remedy
 
 
 @pytest.mark.parametrize("name", ["gz", "json"])

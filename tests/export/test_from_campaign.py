@@ -65,8 +65,9 @@ def test_the_rest_comes_from_a_published_vehicle(monkeypatch, tmp_path):
     said = " ".join(provenance.sources)
     assert "remus100_prestero left out, since they act in the campaign's own motion: X_0" in said
     assert vehicle.hull.thrust_deduction == 0.1
-    with pytest.raises(InputError, match=r"a mass of 13\.5 kg"):
+    with pytest.raises(InputError, match=r"a mass of 13\.5 kg") as error:
         of_campaign(folder, rest="bluerov2_heavy")
+    assert error.value.remedy.startswith("`--rest remus100_hall_anstee`, or")
 
 
 def test_a_whole_campaign_brings_its_own_rest(monkeypatch, tmp_path):

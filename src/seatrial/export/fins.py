@@ -31,6 +31,14 @@ class Fin(NamedTuple):
     lift: float
     place: float
 
+    @property
+    def turns(self) -> float:
+        """1 where a positive angle turns the fin by the right hand about the axis down (rudder) or to starboard (plane), else -1.
+
+        A fin so turned shows its leading edge to starboard, or up, and is lifted that way.
+        """
+        return 1.0 if (self.lift > 0) == (self.axis == 1) else -1.0
+
 
 _PAIRS = {"delta_r": (1, 5, 1.0), "delta_s": (2, 4, -1.0)}
 """Axis of the force, of the moment, and the sign by which moment = sign x place x force."""

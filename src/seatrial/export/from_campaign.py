@@ -21,16 +21,13 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
-from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published
+from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published, rest_for, same_mass
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue.whole import load_vehicle
 from seatrial.vehicles.freedom import acting_terms
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
-
-_SAME = 1e-3
-"""Difference of two masses, as a share, up to which they are the same vehicle's."""
 
 
 def of_campaign(
@@ -150,12 +147,14 @@ def _with_rest(
     """The published vehicle, in which all that acts in the campaign's motion is the campaign's."""
     published = of_published(rest, load_vehicle(rest))
     own, other = alone.hull.mass, published.hull.mass
-    if own is None or other is None or abs(own - other) > _SAME * own:
+    if not same_mass(alone.hull, published.hull):
+        fitting = rest_for(alone)
         raise InputError(
             f"{REST} {rest}",
             found=f"a mass of {other} kg, where the coefficients were estimated with {own} kg",
             expected="the same vehicle: coefficients that were estimated with one mass do not fit another",
-            remedy=f"name a published vehicle of {own} kg, or estimate with the mass of {rest}",
+            remedy=(f"`{REST} {fitting}`" if fitting else f"no published vehicle of {own} kg fits: leave {REST} out")
+            + f", or estimate with the mass of {rest}",
         )
     whole = isinstance(campaign.vehicle, WholeVehicle)
     moves = campaign.model(campaign.full).states if whole else ("u",)

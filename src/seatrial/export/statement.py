@@ -6,6 +6,7 @@ import numpy as np
 
 from seatrial import __version__
 from seatrial.core.coefficients import CoefficientName
+from seatrial.export.commands import command_line
 from seatrial.export.manoeuvre import changes, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Change, Exporter, Statement
@@ -26,7 +27,7 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) 
     after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
     loss = changes(vehicle, before, after)
     found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan))
-    return found._replace(lines=tuple(_lines(vehicle, found)))
+    return found._replace(lines=tuple(_lines(vehicle, found, command_line(vehicle, carried, plan))))
 
 
 def loss_words(loss: Iterable[Change]) -> str:
@@ -37,7 +38,7 @@ def loss_words(loss: Iterable[Change]) -> str:
     return "; ".join(_change_words(change) for change in shown)
 
 
-def _lines(vehicle: ExportedVehicle, statement: Statement) -> list[str]:
+def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> list[str]:
     provenance, carried = statement.provenance, statement.carried
     lines = [
         f"{provenance.title}, exported by seatrial {__version__} to {statement.target}",
@@ -58,6 +59,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement) -> list[str]:
         lines += [f"{title}: {item}" for item in items]
     lines += [f"cannot carry: {item}" for item in carried.lost] or ["carries everything that is known"]
     lines += [f"carried in another form: {item}" for item in carried.changed]
+    lines += [f"a positive command: {commands}"] if commands else []
     lines.append(f"loss in predicted motion ({statement.manoeuvre}): {loss_words(statement.loss)}")
     if statement.growth > _SLOW and loss_words(statement.loss) != "none":
         lines.append(

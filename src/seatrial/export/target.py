@@ -21,12 +21,14 @@ class Carried(NamedTuple):
         lost: what it cannot carry, in words; empty where it carries everything.
         changed: what it carries in another form, in words.
         actuators: lags, rates and limits that it has, by control; a control without one acts at once.
+        reversed: controls whose command in the target is minus the vehicle's, since the target's own convention has them so.
     """
 
     motion: Motion
     lost: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
     actuators: Mapping[str, Actuator] = MappingProxyType({})
+    reversed: tuple[str, ...] = ()
 
 
 class Change(NamedTuple):

@@ -1,6 +1,7 @@
-"""The torpedo of Fossen's simulator and of HoloOcean in numbers: a spheroid with time constants, lift, cross-flow, fins and a propeller.
+"""HoloOcean's torpedo in numbers: a spheroid with time constants, lift, cross-flow, four fins at its end and a propeller.
 
-T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7, eqs. (8.65) to (8.70).
+T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7, eqs. (8.65) to (8.70),
+as HoloOcean 2 has it in `fossen_dynamics/{torpedo,actuator,helper_functions}.py`.
 """
 
 from collections.abc import Mapping
@@ -12,14 +13,18 @@ from scipy.optimize import brentq
 
 from seatrial.export.motion import Motion, coriolis_force, restoring_force
 from seatrial.vehicles.hull import GRAVITY, Hull, rigid_mass_matrix
+from seatrial.vehicles.remus100_fossen import CROSS_FLOW, STRIPS
 
-_STRIPS, _CROSS_FLOW, _AREA = 20, 1.1977, 0.7
+_AREA = 0.7
+WATER = 1026.0
+"""Density by which lift, drag and cross-flow go, whatever the agent's `rho` is, kg/m^3: it stands in the formulas."""
 
 
 class Torpedo(NamedTuple):
     """Its numbers, SI; areas and lift slopes of two fins in each plane, thrust and torque by n|n| with n in rad/s.
 
-    Damping of surge and sway fades with speed; `rudder` is 1 where seatrial's positive rudder turns to starboard.
+    Damping of surge and sway fades with speed. `rudder` is 1 where seatrial's positive rudder turns to starboard, `plane` 1 where its
+    positive stern plane puts the nose down, as the torpedo's do, and -1 otherwise.
     """
 
     density: float
@@ -36,10 +41,10 @@ class Torpedo(NamedTuple):
     roll_ratio: float
     pitch_ratio: float
     fin_area: float
-    fin_place: float
     thrust: float
     torque: float
     rudder: float
+    plane: float
 
 
 def lamb_factors(ratio: float) -> tuple[float, float, float]:
@@ -113,25 +118,24 @@ def _lift(t: Torpedo, nu: np.ndarray) -> np.ndarray:
     angle = np.arctan2(w, u)
     lift = pi * aspect / (1 + sqrt(1 + (aspect / 2) ** 2)) * angle
     drag = t.drag * pi * t.radius**2 / area + lift**2 / (pi * t.efficiency * aspect)
-    pressure = 0.5 * t.density * area * float(nu[:3] @ nu[:3])
+    pressure = 0.5 * WATER * area * float(nu[:3] @ nu[:3])
     ahead = pressure * (lift * np.sin(angle) - drag * np.cos(angle))
     return np.array([ahead, 0.0, -pressure * (lift * np.cos(angle) + drag * np.sin(angle)), 0.0, 0.0, 0.0])
 
 
 def _cross_flow(t: Torpedo, nu: np.ndarray) -> np.ndarray:
-    width = 2 * t.half_length / _STRIPS
-    x = (np.arange(_STRIPS) + 0.5) * width - t.half_length
+    width = 2 * t.half_length / STRIPS
+    x = np.arange(STRIPS + 1) * width - t.half_length
     local = nu[1] + x * nu[5]
-    drag = -0.5 * t.density * 2 * t.radius * _CROSS_FLOW * width * local * np.abs(local)
+    drag = -0.5 * WATER * 2 * t.radius * CROSS_FLOW * width * local * np.abs(local)
     return np.array([0.0, drag.sum(), 0.0, 0.0, 0.0, x @ drag])
 
 
 def _driven(t: Torpedo, nu: np.ndarray, controls: Mapping[str, Any]) -> np.ndarray:
     n, rudder = controls.get("n", 0.0), t.rudder * controls.get("delta_r", 0.0)
-    plane = controls.get("delta_s", 0.0)
+    plane = t.plane * controls.get("delta_s", 0.0)
     u, v, w = nu[:3]
-    across, along = t.density * t.fin_area * (u * u + v * v), t.density * t.fin_area * (u * u + w * w)
-    side, heave = -across * rudder, -along * plane
-    drag = -across * rudder**2 - along * plane**2
+    side = -t.density * t.fin_area * (u * u + v * v) * rudder
+    heave = -t.density * t.fin_area * (u * u + w * w) * plane
     push, twist = t.thrust * n * abs(n), t.torque * n * abs(n)
-    return np.array([push + drag, side, heave, twist, -t.fin_place * heave, t.fin_place * side])
+    return np.array([push, side, heave, twist, t.half_length * heave, -t.half_length * side])

@@ -14,7 +14,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import PublishedVehicle
+from seatrial.vehicles.catalogue.whole import PublishedVehicle, load_vehicle, vehicle_names
 from seatrial.vehicles.freedom import AddedCoriolis
 from seatrial.vehicles.hull import Hull, added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.model import VehicleModel
@@ -23,6 +23,8 @@ from seatrial.vehicles.whole import whole_vehicle
 
 REST = "--rest"
 """The option that names a published vehicle for what a campaign does not know."""
+SAME_MASS = 1e-3
+"""Difference of two masses, as a share, up to which they are the same vehicle's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,9 +178,35 @@ def require_whole(vehicle: ExportedVehicle, target: str) -> None:
     unknown = [f"I_{axis}{axis}" for axis, value in zip("xyz", vehicle.hull.inertia, strict=True) if value is None]
     parts = [f"nothing about {' '.join(missing)}"] if missing else []
     parts += [f"no {', '.join(unknown)}"] if unknown else []
+    rest, known = rest_for(vehicle), "export to json or csv, which hold what is known"
     raise InputError(
         f'vehicle "{vehicle.name}", export to {target}',
         found="; ".join(parts) or "a mass that is unknown",
         expected="six degrees of freedom: the target simulates all of them, and nothing is invented here",
-        remedy=f"for a campaign, take the rest from a published vehicle, such as `{REST} remus100_hall_anstee`; or export to json or csv",
+        remedy=f"for a campaign, take the rest from a published vehicle, `{REST} {rest}`; or {known}"
+        if rest
+        else known,
     )
+
+
+def rest_for(vehicle: ExportedVehicle) -> str | None:
+    """Return the published vehicle from which the rest of one may come, None where none fits.
+
+    It is whole, of the same mass, and has all of the vehicle's controls; of several, the nearest in mass, and then the one that shares
+    most coefficients.
+    """
+    found = []
+    for name in vehicle_names():
+        published = load_vehicle(name)
+        if published.written is not None or not same_mass(vehicle.hull, published.hull):
+            continue
+        whole = of_published(name, published)
+        if whole.is_whole and set(vehicle.controls) <= set(whole.controls):
+            shared = len(set(vehicle.coefficients) & set(whole.coefficients))
+            found.append((abs((whole.hull.mass or 0.0) - (vehicle.hull.mass or 0.0)), -shared, name))
+    return min(found)[2] if found else None
+
+
+def same_mass(one: Hull, other: Hull) -> bool:
+    """Return whether two hulls are of one known mass."""
+    return one.mass is not None and other.mass is not None and abs(one.mass - other.mass) <= SAME_MASS * one.mass

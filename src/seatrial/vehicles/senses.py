@@ -75,8 +75,10 @@ def push_of(control: str) -> float:
 
 
 def sense_of(control: str, answer: Mapping[str, float]) -> Sense:
-    """Return the sense of a control from the change of each velocity that a positive push makes, SI."""
+    """Return the sense of a control from the change of each velocity that a positive push makes, SI; empty where the vehicle ran away."""
     own = _OWN.get(control)
+    if not np.isfinite(list(answer.values())).all():
+        return {}
     if own is not None:
         return {own: int(np.sign(answer[own]))} if answer.get(own) else {}
     found = {}

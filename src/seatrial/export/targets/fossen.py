@@ -12,6 +12,7 @@ import numpy as np
 
 from seatrial.core.coefficients import CoefficientName, Factor
 from seatrial.core.signals import signal_unit
+from seatrial.export.commands import contrary_to
 from seatrial.export.motion import motion_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
@@ -21,6 +22,8 @@ from seatrial.vehicles.hull import AXES
 
 _TORPEDO = ("delta_r", "delta_s", "n")
 """The simulator's own controls, in its order."""
+_CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
+"""Its autopilots take a positive rudder to turn to starboard, and a positive stern plane to put the nose down."""
 
 
 @dataclass(frozen=True)
@@ -37,14 +40,14 @@ class Fossen:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything, since its code is written out."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators, reversed=contrary_to(vehicle, _CONVENTION))
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
         name = identifier(vehicle.name)
-        controls = controls_of(vehicle)
+        controls, scales = controls_of(vehicle), scales_of(vehicle)
         parts = {
-            "DOC": "\n".join(_safe(line) for line in [*statement.lines, *_notes(vehicle, controls)]),
+            "DOC": "\n".join(_safe(line) for line in [*statement.lines, *_notes(vehicle, scales)]),
             "CLASS": name,
             "TITLE": repr(_safe(vehicle.name)),
             "MRB": _matrix(vehicle.rigid_mass),
@@ -55,9 +58,9 @@ class Fossen:
             "RG": _row(vehicle.hull.centre_of_gravity),
             "RB": _row(vehicle.hull.centre_of_buoyancy),
             "LABELS": repr([_label(control) for control in controls]),
-            "SCALE": _row([_scale(vehicle, control) for control in controls]),
+            "SCALE": _row(scales.values()),
             **{
-                key: _row([_limit(vehicle, control, attribute) for control in controls])
+                key: _row([_limit(vehicle, control, scale, attribute) for control, scale in scales.items()])
                 for key, attribute in (
                     ("LOWER", "lower"),
                     ("UPPER", "upper"),
@@ -77,33 +80,35 @@ class Fossen:
 
 def controls_of(vehicle: ExportedVehicle) -> tuple[str, ...]:
     """Controls in the order of the simulator's vector: its own three for a vehicle that has no others."""
-    own = vehicle.model().controls
+    own = vehicle.controls
     return _TORPEDO if set(own) <= set(_TORPEDO) else own
 
 
-def _notes(vehicle: ExportedVehicle, controls: tuple[str, ...]) -> list[str]:
-    order = ", ".join(f"{control} ({_label(control).split('(')[1]}" for control in controls)
+def scales_of(vehicle: ExportedVehicle) -> dict[str, float]:
+    """Factor from the simulator's command to ours, SI, by control in the simulator's order; negative where its convention is contrary."""
+    contrary = contrary_to(vehicle, _CONVENTION)
+    return {
+        control: pi / 30 if control == "n" else -1.0 if control in contrary else 1.0 for control in controls_of(vehicle)
+    }
+
+
+def _notes(vehicle: ExportedVehicle, scales: dict[str, float]) -> list[str]:
+    order = ", ".join(f"{control} ({_label(control).split('(')[1]}" for control in scales)
     lines = ["", f"Axes: forward, starboard, down; north, east, down. u_control and u_actual: {order}."]
-    if _scale(vehicle, "delta_r") < 0 and "delta_r" in controls:
+    if set(scales) & set(_CONVENTION):
         lines.append(
-            "A positive rudder turns to starboard, as the simulator's autopilot expects: it is minus seatrial's delta_r."
+            "The simulator's autopilot has a positive rudder turn to starboard, a positive stern plane put the nose down."
         )
-    missing = [control for control in controls if control not in vehicle.model().controls]
+    lines += [f"So has this file: its {control} is minus seatrial's." for control, scale in scales.items() if scale < 0]
+    missing = [control for control in scales if control not in vehicle.controls]
     if missing:
         lines.append(f"This vehicle has no {', '.join(missing)}: the simulator's control of that name has no effect.")
     return [*lines, "Length and diameter are not known, and not used."]
 
 
-def _scale(vehicle: ExportedVehicle, control: str) -> float:
-    """From the simulator's control to SI; its positive rudder turns to starboard."""
-    if control == "n":
-        return pi / 30
-    return -1.0 if control == "delta_r" and vehicle.coefficients.get("N_uudelta_r", 1.0) < 0 else 1.0
-
-
-def _limit(vehicle: ExportedVehicle, control: str, attribute: str) -> float:
+def _limit(vehicle: ExportedVehicle, control: str, scale: float, attribute: str) -> float:
     """A limit in the simulator's units."""
-    actuator, scale = vehicle.actuators.get(control), _scale(vehicle, control)
+    actuator = vehicle.actuators.get(control)
     unbounded = {"lower": -np.inf, "upper": np.inf, "rate": np.inf, "time_constant": 0.0}
     if actuator is None:
         return unbounded[attribute]

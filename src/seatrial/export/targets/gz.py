@@ -109,7 +109,13 @@ class Gz:
             changed.append(
                 "products of velocities: less what DART adds of the added mass's Coriolis forces, together the same"
             )
-        return Carried(motion_with(kept, force_of(kept), fin_force(fins)), lost, tuple(changed), actuators)
+        return Carried(
+            motion_with(kept, force_of(kept), fin_force(fins)),
+            lost,
+            tuple(changed),
+            actuators,
+            reversed=tuple(fin.control for fin in fins if fin.turns < 0),
+        )
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
@@ -165,6 +171,11 @@ def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
     lines += [f"drive: {kind.format(name, drive_name(drive))}" for drive in drives]
     fins, _ = fins_of(sorted_terms(vehicle.forces))
     lines += [f"{fin.control}: rad to /model/{name}/joint/{fin.control}_joint/0/cmd_pos" for fin in fins]
+    lines += (
+        ["fins turn by the right hand about their joints' axes, down and to starboard, and lift accordingly"]
+        if fins
+        else []
+    )
     if any(not isfinite(drive.upper) for drive in drives):
         lines.append("the limits of the drive are not known: none are set")
     if options.engine == "dart":
@@ -260,11 +271,15 @@ def _drive(options: Gz, drive: Drive, name: str) -> str:
 
 
 def _fin(vehicle: ExportedVehicle, fin: Fin) -> str:
-    """A fin; with a density of 2 and an area of 1 the plugin's lift is the coefficient times V^2."""
+    """A fin; with a density of 2 and an area of 1 the plugin's lift is the coefficient times V^2.
+
+    Its joint turns by the right hand about an axis down or to starboard, and the lift goes where the leading edge points.
+    """
     actuator = vehicle.actuators.get(fin.control)
     limit = ""
     if actuator is not None and isfinite(actuator.lower) and isfinite(actuator.upper):
-        limit = f"<limit><lower>{number(actuator.lower)}</lower><upper>{number(actuator.upper)}</upper></limit>"
+        lower, upper = sorted((fin.turns * actuator.lower, fin.turns * actuator.upper))
+        limit = f"<limit><lower>{number(lower)}</lower><upper>{number(upper)}</upper></limit>"
     place = np.array([fin.place, 0.0, 0.0])
     axis, up = np.zeros(3), np.zeros(3)
     axis[3 - fin.axis], up[fin.axis] = -1.0, 1.0
@@ -274,7 +289,7 @@ def _fin(vehicle: ExportedVehicle, fin: Fin) -> str:
             '    <plugin filename="gz-sim-lift-drag-system" name="gz::sim::systems::LiftDrag">',
             "      <link_name>base_link</link_name>",
             f"      <control_joint_name>{fin.control}_joint</control_joint_name>",
-            f"      <control_joint_rad_to_cl>{number(-fin.lift)}</control_joint_rad_to_cl>",
+            f"      <control_joint_rad_to_cl>{number(-fin.turns * fin.lift)}</control_joint_rad_to_cl>",
             "      <air_density>2</air_density><area>1</area><a0>0</a0>",
             "      <cla>0</cla><cda>0</cda><cma>0</cma><cla_stall>0</cla_stall><cda_stall>0</cda_stall><cma_stall>0</cma_stall>",
             f"      <cp>{numbers(place)}</cp><forward>1 0 0</forward><upward>{numbers(up)}</upward>",

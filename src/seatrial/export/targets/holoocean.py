@@ -1,25 +1,27 @@
 """HoloOcean: the parameters of its torpedo after Fossen, the nearest that its few numbers allow.
 
 The torpedo is a spheroid: mass, length and diameter give inertia, Lamb's added mass and cross-flow; time constants and damping ratios
-give linear damping, one drag coefficient the drag ahead. Munk moments are left out, and the vehicle is neutrally buoyant.
-Source: HoloOcean 2, "Fossen-based dynamics"; T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021,
-sections 8.4.2 and 9.7.
+give linear damping, one drag coefficient the drag ahead. Munk moments are left out, and the vehicle is neutrally buoyant. Its four fins
+stand at the end of the spheroid, whatever `x_fin` says, and have one size, lag and limit.
+Source: HoloOcean 2, "Fossen-based dynamics" and `fossen_dynamics/{torpedo,actuator,helper_functions}.py`; T. I. Fossen, Handbook of
+Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7.
 """
 
 import json
 from dataclasses import dataclass
-from math import degrees, exp, isfinite, pi
+from math import degrees, exp, inf, isfinite, pi, radians
 from typing import Any
 
 from seatrial.core.errors import InputError
+from seatrial.export.commands import contrary_to
 from seatrial.export.drives import drives_of
 from seatrial.export.exact import DENSITY
-from seatrial.export.kept import actuator_losses, added_mass_losses, term_losses
+from seatrial.export.kept import added_mass_losses, term_losses
 from seatrial.export.manoeuvre import SPEED
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import sorted_terms
-from seatrial.export.torpedo import Torpedo, lamb_factors, slenderness, torpedo_motion
+from seatrial.export.torpedo import WATER, Torpedo, lamb_factors, slenderness, torpedo_motion
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.vehicles.actuators import Actuator
 
@@ -28,6 +30,12 @@ _NEVER = 1e6
 _RATE = 0.2
 """Rate, m/s and rad/s, at which quadratic damping of pitch, roll and yaw is taken for linear damping of the same power."""
 _EQUAL_POWER = 8 / (3 * pi)
+_DEFAULTS = {"T_n": 1.0, "nMax": 1525.0, "T_delta": 0.1, "deltaMax_fin_deg": 15.0}
+"""HoloOcean's own actuators."""
+_UNITS = {"T_n": "s", "nMax": "rpm", "T_delta": "s", "deltaMax_fin_deg": "deg"}
+_FINS = ("delta_r", "delta_s")
+_CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
+"""Its autopilot has a positive rudder turn to starboard and a positive stern plane put the nose down."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ class HoloOcean:
             *term_losses(
                 vehicle, [name for name in vehicle.forces if name not in used and not sorted_terms({name: 1.0}).fin]
             ),
-            *actuator_losses(vehicle, _actuators(vehicle)),
+            *(f"greatest rate of {name}" for name, actuator in vehicle.actuators.items() if isfinite(actuator.rate)),
         ]
         length, thickness = 2 * torpedo.half_length, 2 * torpedo.radius
         changed = [
@@ -91,16 +99,28 @@ class HoloOcean:
             )
         if terms.fin:
             changed.append(
-                "fins of equal area in both planes, with drag; their lift is the mean of rudder and stern plane"
+                "fins of equal area in both planes, at the end of the spheroid; their moment is the mean of rudder and stern plane"
             )
-        return Carried(torpedo_motion(torpedo), tuple(lost), tuple(changed), _actuators(vehicle))
+        limits = actuator_limits(vehicle)
+        own = ", ".join(f"{key} = {value:g} {_UNITS[key]}" for key, value in _DEFAULTS.items() if key not in limits)
+        changed += [f"HoloOcean's own actuators where the vehicle's are not known: {own}"] if own else []
+        changed += _limit_changes(vehicle)
+        return Carried(
+            torpedo_motion(torpedo),
+            tuple(lost),
+            tuple(changed),
+            actuators=_actuators(vehicle, _DEFAULTS | limits),
+            reversed=contrary_to(vehicle, _CONVENTION),
+        )
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
         content = {
             "about": [
                 *statement.lines,
-                "merge `agents` into a scenario; a positive rudder turns to starboard, as HoloOcean has it",
+                "merge `agents` into a scenario",
+                "u_control: starboard, lower, port and upper fin, rad, and the propeller, rpm; "
+                "a rudder d that turns to starboard is 0, -d, 0, d, and a stern plane d that puts the nose down d, 0, -d, 0",
             ],
             "agents": [
                 {
@@ -141,12 +161,8 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
     ahead = -terms.modulus.get((0, 0, 0), 0.0) + surge * (1.0 - exp(-3.0 * speed)) / speed
     sway = -terms.linear.get((1, 1), 0.0)
     drives, _ = drives_of(vehicle)
-    lifts = [abs(terms.fin[key]) for key in ((1, "delta_r"), (2, "delta_s")) if key in terms.fin]
-    places = [
-        abs(terms.fin.get((moment, fin), 0.0) / terms.fin[force, fin])
-        for force, moment, fin in ((1, 5, "delta_r"), (2, 4, "delta_s"))
-        if terms.fin.get((force, fin))
-    ]
+    moments = [abs(terms.fin[key]) for key in ((5, "delta_r"), (4, "delta_s")) if key in terms.fin]
+    contrary = contrary_to(vehicle, _CONVENTION)
     return Torpedo(
         density,
         mass,
@@ -154,18 +170,18 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
         radius,
         low,
         0.3,
-        2 * ahead / (density * pi * radius**2),
+        2 * ahead / (WATER * pi * radius**2),
         0.7,
         mass * (1 + k1) / surge if surge > 0 else _NEVER,
         mass * (1 + k2) / sway if sway > 0 else _NEVER,
         total_yaw / damping(5) if damping(5) > 0 else _NEVER,
         max(0.0, damping(3)) / (2 * frequency[0] * total_roll),
         max(0.0, damping(4)) / (2 * frequency[1] * total_pitch),
-        float(sum(lifts) / len(lifts)) / density if lifts else 0.0,
-        -float(sum(places) / len(places)) if places else 0.0,
+        sum(moments) / len(moments) / (density * half) if moments else 0.0,
         drives[0].factor or 0.0 if drives else 0.0,
         vehicle.forces.get("K_nabsn", 0.0),
-        1.0 if terms.fin.get((5, "delta_r"), -1.0) > 0 else -1.0,
+        -1.0 if "delta_r" in contrary else 1.0,
+        -1.0 if "delta_s" in contrary else 1.0,
     )
 
 
@@ -196,11 +212,11 @@ def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
     width = 0.14
     thrust = torpedo.thrust * (2 * pi) ** 2 / (torpedo.density * width**4)
     torque = 10 * torpedo.torque * (2 * pi) ** 2 / (torpedo.density * width**5)
-    found: dict[str, Any] = {
+    return {
         "fin_count": 4,
         "fin_offset_deg": 0.0,
         "fin_area": torpedo.fin_area,
-        "x_fin": torpedo.fin_place,
+        "x_fin": -torpedo.half_length,
         "CL_delta": 1.0,
         "D_prop": width,
         "t_prop": 0.0,
@@ -210,26 +226,35 @@ def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
         "KQ_max": torque,
         "w": 0.0,
         "Ja_max": 1.0,
+        **_DEFAULTS,
+        **actuator_limits(vehicle),
     }
-    fin = _fin(vehicle)
-    if fin is not None and isfinite(fin.upper):
-        found |= {"deltaMax_fin_deg": degrees(fin.upper)}
-    if fin is not None and fin.time_constant > 0:
-        found |= {"T_delta": fin.time_constant}
-    propeller = vehicle.actuators.get("n")
-    if propeller is not None and isfinite(propeller.upper):
-        found |= {"nMax": propeller.upper * 30 / pi}
-    if propeller is not None and propeller.time_constant > 0:
-        found |= {"T_n": propeller.time_constant}
-    return found
 
 
-def _fin(vehicle: ExportedVehicle) -> Actuator | None:
-    """The actuator that all fins get."""
-    return vehicle.actuators.get("delta_s") or vehicle.actuators.get("delta_r")
+def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
+    """Lags, s, and limits, rpm and degrees, as far as the vehicle's are known: one for all fins, the longest and the narrowest."""
+    fins = [vehicle.actuators[name] for name in _FINS if name in vehicle.actuators]
+    propeller = [vehicle.actuators["n"]] if "n" in vehicle.actuators else []
+    found = {
+        "T_n": max((one.time_constant for one in propeller), default=0.0),
+        "nMax": max((max(abs(one.lower), abs(one.upper)) for one in propeller), default=inf) * 30 / pi,
+        "T_delta": max((one.time_constant for one in fins), default=0.0),
+        "deltaMax_fin_deg": degrees(min((min(abs(one.lower), abs(one.upper)) for one in fins), default=inf)),
+    }
+    return {key: value for key, value in found.items() if 0 < value < inf}
 
 
-def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
-    """Those of the agent: limits that are the same both ways, lags, no rates."""
-    given = {"n": vehicle.actuators.get("n"), "delta_r": _fin(vehicle), "delta_s": _fin(vehicle)}
-    return {name: Actuator(one.time_constant, -one.upper, one.upper) for name, one in given.items() if one is not None}
+def _limit_changes(vehicle: ExportedVehicle) -> list[str]:
+    """Where one limit either way, and one for all fins, is not the vehicle's."""
+    known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *_FINS)}
+    uneven = [name for name, one in known.items() if isfinite(one.upper - one.lower) and one.lower != -one.upper]
+    fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in _FINS}
+    found = [f"limits of {name} alike either way" for name in uneven]
+    return found + (["one lag and limit for all fins, the longest and the narrowest"] if len(fins) > 1 else [])
+
+
+def _actuators(vehicle: ExportedVehicle, limits: dict[str, float]) -> dict[str, Actuator]:
+    top, angle = limits["nMax"] * pi / 30, radians(limits["deltaMax_fin_deg"])
+    found = {"n": Actuator(limits["T_n"], -top, top)}
+    found |= {name: Actuator(limits["T_delta"], -angle, angle) for name in _FINS}
+    return {name: actuator for name, actuator in found.items() if name in vehicle.controls}
