@@ -97,6 +97,14 @@ ACTUATORS = {
 }
 
 
+def test_an_actuator_of_nothing(tmp_path):
+    for name, keys, found in (("delta_x", 'lag = "1 s"', '"delta_x"'), ("delta_s", "", "a table without keys")):
+        with pytest.raises(InputError) as caught:
+            pitch(tmp_path, ("[structure]", f"[vehicle.actuators.{name}]\n{keys}\n[structure]"))
+        assert re.search(rf"campaign\.toml:\d+, key vehicle\.actuators\.{name}$", caught.value.where)
+        assert caught.value.found == found
+
+
 @pytest.mark.parametrize("line", ACTUATORS)
 def test_a_mistake_in_the_table_of_an_actuator(tmp_path, line):
     key, expected, remedy = ACTUATORS[line]

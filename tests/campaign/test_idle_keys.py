@@ -19,6 +19,7 @@ SURGE = {
     "structure.shortlist": [(STRUCTURE, f"{STRUCTURE}\nshortlist = 3")],
     "structure.g": [(STRUCTURE, f"{STRUCTURE}\ng = 10.0")],
     "design.probability": [('control = "n"', 'control = "n"\nprobability = 0.9')],
+    "truth.current": [("X_u = -1.21", "X_u = -1.21\ncurrent = 0.2"), ("[limits.n]", 'over = "water"\n[limits.n]')],
     "design.over": [('control = "n"', 'control = "n"\nover = "worst"')],
 }
 READ = {
@@ -31,6 +32,7 @@ READ = {
         ('control = "n"', 'control = "n"\nprobability = 0.9'),
         ("[design]", '[limits.distance]\nupper = "500 m"\n[design]'),
     ],
+    "a current": [("X_u = -1.21", "X_u = -1.21\ncurrent = 0.2")],
     "the worst draw": [('control = "n"', 'control = "n"\nover = "worst"\nutility = "fisher-d"')],
 }
 
@@ -45,7 +47,7 @@ def refused(load, *about):
 def test_a_key_without_effect_is_refused(tmp_path, key):
     error = refused(load_campaign, write_small(tmp_path, *SURGE[key]))
     text = (tmp_path / "campaign.toml").read_text().splitlines()
-    (line,) = (number for number, one in enumerate(text, 1) if one not in SMALL)
+    line = [number for number, one in enumerate(text, 1) if one not in SMALL][-1]
     assert error.where.endswith(f"campaign.toml:{line}, key {key}")
     assert "remove" in error.remedy
 

@@ -6,6 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
+from seatrial.core import apart
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, format_of, read_columns, stream
@@ -271,6 +272,7 @@ def test_telemetry_passes_over_garbage_and_bad_checksums(tmp_path):
 def test_missing_extra_names_the_command(tmp_path, monkeypatch, library, name, extra):
     written = WRITERS[name](tmp_path)
     monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.setattr(apart, "_is_apart", True)  # the process of its own has all libraries
     with refusal(str(written.path), "not installed", f'pip install "seatrial[{extra}]"'):
         catalogue(LogFile(written.path))
 

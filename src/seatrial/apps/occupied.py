@@ -137,7 +137,7 @@ def occupant_of(folder: Path) -> Occupant | None:
             return Occupant(alive, **{**content, "command": tuple(content["command"]), "work": tuple(content["work"])})
         except FileNotFoundError:
             return None
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             time.sleep(0.01)  # being written: the next look finds it whole
     return Occupant(False, 0, "an unknown host", ("seatrial",), path.stat().st_mtime) if path.exists() else None
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from seatrial.campaign.config import Campaign
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.estimation.simulation import CURRENT
 from seatrial.selection.structures import MAX_STRUCTURES
 
 
@@ -31,6 +32,7 @@ def check_idle_keys(campaign: Campaign, fixed: Iterable[str]) -> None:
         *_vehicle(campaign),
         *_fixed(campaign, fixed),
         *_structure(campaign),
+        *_current(campaign),
         *_design(campaign),
     ):
         raise InputError(
@@ -75,6 +77,16 @@ def _structure(campaign: Campaign) -> Iterator[Idle]:
     for channel, table in campaign.source.sensors.items():
         if "over" in table.model_fields_set and channel != "u":
             yield Idle(f"sensors.{channel}.over", "only the speed u is measured over ground or through the water")
+
+
+def _current(campaign: Campaign) -> Iterator[Idle]:
+    """A current along the course adds to the speed over the ground, and to nothing else that is measured."""
+    sensor, because = campaign.source.sensors.get("u"), "no sensor measures the speed u over ground"
+    if sensor is None or sensor.over == "water":
+        if campaign.source.estimation.current != "none":
+            yield Idle("estimation.current", because)
+        if CURRENT in campaign.source.truth:
+            yield Idle(f"truth.{CURRENT}", because)
 
 
 def _design(campaign: Campaign) -> Iterator[Idle]:

@@ -9,7 +9,7 @@ import numpy as np
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import estimate_key
 from seatrial.campaign.problem import build_posterior, random_key
-from seatrial.campaign.store import Store, key_of, read_json, stamp_of, write_stamped_json
+from seatrial.campaign.store import Store, is_current, key_of, read_json, write_stamped_json
 from seatrial.campaign.trials import Trials
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.errors import InputError, nearest
@@ -95,7 +95,7 @@ def _each(campaign: Campaign, posterior: Posterior, structure: Structure, names:
 
 def _read(campaign: Campaign, key: str) -> dict[str, Profile]:
     path = Store(campaign.folder).profiles(campaign.full.label)
-    if stamp_of(path) != key:
+    if not is_current(path, key):
         return {}
     content = read_json(path, f"seatrial profile {campaign.folder}")
     return {item["name"]: _from_json(item) for item in content["profiles"]}

@@ -16,10 +16,14 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""What stands in headings: one line of text."""
+
+
 class CampaignTable(Table):
     """`[campaign]`: its name, and the seed of everything random."""
 
-    name: str
+    name: Name
     seed: int = Field(ge=0, lt=2**63)
 
 
@@ -45,7 +49,7 @@ class VehicleTable(Table):
     """
 
     catalogue: str | None = None
-    name: str | None = None
+    name: Name | None = None
     mass: Quantity | None = None
     inertia: Triple | None = Field(default=None, min_length=3, max_length=3)
     products: Triple | None = Field(default=None, min_length=3, max_length=3)

@@ -96,9 +96,14 @@ def record_keys(campaign: Campaign) -> dict[str, str]:
 def later_trials(campaign: Campaign) -> tuple[Chosen, ...]:
     """Trials decided so far beyond the first; none where the campaign was changed so that the first is another."""
     path = Store(campaign.folder).sequence
-    if not is_current(path, key_of("sequence", _begun(campaign))):
+    if not path.exists():
         return ()
-    return tuple(Chosen(**item) for item in read_json(path, f"seatrial next {campaign.folder}")["trials"])
+    content = read_json(path, f"seatrial next {campaign.folder} --run")
+    return (
+        tuple(Chosen(**item) for item in content["trials"])
+        if content["key"] == key_of("sequence", _begun(campaign))
+        else ()
+    )
 
 
 def add_trial(campaign: Campaign, chosen: Chosen) -> None:

@@ -6,8 +6,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-import h5py
-
 from seatrial.campaign.choose import evidence_key
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_key
@@ -18,6 +16,7 @@ from seatrial.campaign.screen import screening_key, with_shortlist
 from seatrial.campaign.simulated import record_keys
 from seatrial.campaign.store import Store, key_of, stamp_of
 from seatrial.campaign.trials import Trials, record_key, trials_key
+from seatrial.core.dataset_file import stored
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.registry import hash_of_log
 
@@ -130,10 +129,10 @@ def _stamp(path: Path) -> str | None:
     if path.suffix != ".nc":
         return stamp_of(path)
     try:
-        with h5py.File(path) as file:
+        with stored(path) as file:
             key = file.attrs.get("key")
             return key.decode() if isinstance(key, bytes) else None if key is None else str(key)
-    except OSError:
+    except InputError:
         return None
 
 

@@ -1,9 +1,11 @@
 """What a campaign keeps on disk: results in plain files, each stamped with the key of everything it depends on.
 
 A result is current when its stamp equals the key computed from today's configuration, data and version; otherwise the
-step runs again. There is no other memory of what has been done, so a kill at any moment loses only work in flight.
+step runs again, as it does where the result is damaged. There is no other memory of what has been done, so a kill at any
+moment loses only work in flight.
 """
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +19,7 @@ from seatrial import __version__
 from seatrial.core import dataset_file
 from seatrial.core.dataset_file import SEAL
 from seatrial.core.errors import InputError
-from seatrial.core.files import atomic_path, sha256_of_json, write_json
+from seatrial.core.files import atomic_path, set_aside, sha256_of_json, write_json
 
 
 @dataclass(frozen=True)
@@ -168,19 +170,19 @@ def key_of(*parts: Any) -> str:
 
 def stamp_of(path: Path) -> str | None:
     """Key a result was written with; None where it is missing or unreadable."""
-    if not path.is_file():
-        return None
     try:
-        if path.suffix == ".json":
-            return read_json(path, "seatrial run").get("key")
-        return dataset_file.open_dataset(path).attrs.get("key")
+        return _stamp(path)
     except InputError:
         return None
 
 
 def is_current(path: Path, key: str) -> bool:
-    """Whether a result was written with this key."""
-    return stamp_of(path) == key
+    """Whether a result was written with this key; a damaged one is set aside, and said, so that it is computed again."""
+    try:
+        return _stamp(path) == key
+    except InputError as damage:
+        set_aside(path, damage.found)
+        return False
 
 
 def write_dataset(path: Path, dataset: xr.Dataset, key: str) -> None:
@@ -201,7 +203,7 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
         InputError: missing, damaged or edited; the remedy names the command that makes it.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_bytes())
         if sha256_of_json({name: value for name, value in content.items() if name != SEAL}) != content.get(SEAL):
             raise ValueError("its content does not match its hash")
         return content
@@ -209,28 +211,55 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
         raise InputError(
             str(path), found="no such file", expected="a result", remedy=f"run `{made_by}` first"
         ) from cause
-    except (ValueError, AttributeError) as cause:
+    except (IsADirectoryError, ValueError, AttributeError, RecursionError) as cause:
         raise InputError(
             str(path),
-            found=f"damaged JSON ({cause})",
+            found="a folder" if path.is_dir() else f"damaged JSON ({cause})",
             expected="a result",
-            remedy=f"delete it and run `{made_by}` again",
+            remedy=f"{'move it away' if path.is_dir() else 'delete it'} and run `{made_by}` again",
         ) from cause
 
 
 def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:
-    """Write a checkpoint, atomically."""
+    """Write a checkpoint with the hash of its content, atomically."""
+    content = {name: np.asarray(value) for name, value in arrays.items()}
+    sealed = {"key": np.array(key), SEAL: np.array(_hash_of(content)), **content}
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, key=np.array(key), **{name: np.asarray(value) for name, value in arrays.items()})
+        np.savez(stream, **sealed)  # pyright: ignore[reportArgumentType]
 
 
 def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
-    """Read a checkpoint with this key; None where there is none, or it belongs to other work."""
-    if not path.is_file():
-        return None
+    """Read a checkpoint with this key; None where there is none, it belongs to other work, or it is damaged, which is said."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             content = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError):
+        written, seal = str(content.pop("key")), str(content.pop(SEAL))
+        if seal != _hash_of(content):
+            raise ValueError("its content does not match its hash")
+    except (FileNotFoundError, PermissionError):
         return None
-    return content if str(content.pop("key", "")) == key else None
+    except Exception as damage:  # `numpy` and `zipfile` raise all kinds of errors
+        set_aside(path, "a folder" if path.is_dir() else " ".join(str(damage).split())[:200])
+        return None
+    return content if written == key else None
+
+
+def _stamp(path: Path) -> str | None:
+    """Key a result was written with; None where there is none.
+
+    Raises:
+        InputError: a damaged one.
+    """
+    if not path.exists():
+        return None
+    if path.suffix == ".json":
+        return read_json(path, "seatrial run").get("key")
+    return dataset_file.open_dataset(path).attrs.get("key")
+
+
+def _hash_of(arrays: Mapping[str, np.ndarray]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape} ".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()

@@ -183,7 +183,9 @@ def _place(location: Place, content: Any, kind: str) -> Place:
 
 
 def _expected(error: Any) -> str:
-    return "text in quotes" if error["type"] == "string_type" else error["msg"].removeprefix("Input should be ")
+    if error["type"] == "string_type":
+        return "text in quotes"
+    return error["msg"].removeprefix("Input should be ").replace("String should", "text that should")
 
 
 def _shown(value: Any) -> str:

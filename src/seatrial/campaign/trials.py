@@ -10,7 +10,7 @@ from seatrial.campaign.schema import FileTable
 from seatrial.campaign.simulated import check_simulated, simulated_records
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
 from seatrial.campaign.watch import SILENT, Watch
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.record import Record, Role
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
@@ -193,11 +193,13 @@ def _aligned(campaign: Campaign, run: str, paths: list[Path], ends: Mapping[str,
     """Read the files of a run, and put them on one axis between its ends."""
     table = campaign.source.imported
     assert table is not None
-    sources = [
-        _source(campaign, file, path, index) for index, (file, path) in enumerate(zip(table.files, paths, strict=True))
-    ]
+    logs = []
+    for index, (file, path) in enumerate(zip(table.files, paths, strict=True)):
+        source = _source(campaign, file, path, index)
+        with located(campaign.where(f"import.files[{index}]")):
+            logs.append(read_log(source))
     step = None if table.step is None else campaign.si(table.step, "s", "import.step")
-    tables = to_body([read_log(source) for source in sources], _roles(campaign))
+    tables = to_body(logs, _roles(campaign))
     return align(tables, step=step, **ends, label=run)
 
 

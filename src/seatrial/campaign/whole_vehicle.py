@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from seatrial.campaign.vehicle import check_alone
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError, located
-from seatrial.core.signals import ANGLES, signal_unit
+from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.signals import ANGLES, SIGNALS, is_signal, signal_unit
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import AxisEquation
@@ -47,7 +47,7 @@ class WholeVehicle:
 
     def model(self, structure: Structure) -> VehicleModel:
         """See `CampaignVehicle`."""
-        table = self.campaign.source.vehicle
+        table, actuators = self.campaign.source.vehicle, _actuators(self.campaign, self.body)
         with located(self.campaign.where("vehicle")):
             return whole_vehicle(
                 self.hull,
@@ -59,7 +59,7 @@ class WholeVehicle:
                 angles=_angles_shown(self.campaign),
                 added_coriolis=self.body.added_coriolis,
                 thrusters=self.body.thrusters,
-                actuators=_actuators(self.campaign, self.body),
+                actuators=actuators,
             )
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
@@ -145,7 +145,17 @@ def _actuators(campaign: "Campaign", body: PublishedVehicle) -> dict[str, Actuat
         return dict(body.actuators)
     found = {}
     for name, table in (written or {}).items():
-        key, unit = f"vehicle.actuators.{name}", signal_unit(name)
+        key = f"vehicle.actuators.{name}"
+        if not is_signal(name) or not table.model_fields_set:
+            raise InputError(
+                campaign.where(key),
+                found="a table without keys" if is_signal(name) else f'"{name}"',
+                expected="a control of the vehicle, with a lag or limits",
+                remedy="remove the table, or give lag, lower, upper or rate"
+                if is_signal(name)
+                else nearest(name, SIGNALS),
+            )
+        unit = signal_unit(name)
         limits = {
             bound: campaign.si(text, unit, f"{key}.{bound}")
             for bound in ("lower", "upper")

@@ -1,7 +1,15 @@
-"""Datasets on disk: NetCDF that any xarray user can open without seatrial, sealed so that a damaged file is never believed."""
+"""Datasets on disk: NetCDF that any xarray user can open without seatrial, sealed so that a damaged file is never believed.
+
+Behind the last byte of HDF5 stands the hash of all before it, which HDF5 passes over. It is checked before the library sees the file:
+a few wrong bits can have it walk in circles for ever. The attribute `sha256_of_content` is for files that another tool wrote again.
+"""
 
 import hashlib
 import json
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +21,20 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path
 
 SEAL = "sha256_of_content"
+_MARK = b"\nsha256 of all above: "
+_TAIL = len(_MARK) + 65
+_HEAP = b"GCOL\x01\0\0\0"
+_PIECE = 1 << 24
 
 
 def write_dataset(path: Path, dataset: xr.Dataset) -> None:
-    """Write a NetCDF file atomically, with the hash of its content as the attribute `sha256_of_content`."""
+    """Write a NetCDF file atomically, with the hash of its content as the attribute `sha256_of_content`, and of its bytes behind them."""
     with atomic_path(path) as temporary:
         dataset.assign_attrs({SEAL: _hash(dataset)}).to_netcdf(temporary, engine="h5netcdf")
+        with temporary.open("rb+") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            stream.seek(0, 2)
+            stream.write(_MARK + digest.encode() + b"\n")
 
 
 def open_dataset(path: Path) -> xr.Dataset:
@@ -27,37 +43,103 @@ def open_dataset(path: Path) -> xr.Dataset:
     Raises:
         InputError: no such file, one that is truncated or not NetCDF, or one whose content was changed after it was written.
     """
-    if not path.is_file():
-        raise InputError(
-            str(path), found="no such file", expected="a NetCDF file", remedy="run the step that writes it"
-        )
-    try:
-        _visit(path)
+    with stored(path) as file:
+        file.visititems(lambda _, item: dict(item.attrs) and None)  # what is broken fails here, not in a destructor
+    with _sound(path):
         dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
         seal = dataset.attrs.pop(SEAL, None)
         damaged = seal is not None and seal != _hash(dataset)
-    except (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as cause:
-        raise InputError(
-            str(path),
-            found=f"{path.stat().st_size} bytes that cannot be read as NetCDF ({cause})",
-            expected="a whole NetCDF-4 file",
-            remedy="the file is truncated or of another kind: write it again",
-        ) from cause
     if damaged:
-        raise InputError(
-            str(path),
-            found="content that does not match its hash",
-            expected="the content as it was written",
-            remedy="the file was damaged or edited: delete it and run the step that writes it",
-        )
+        raise _changed(path)
     return dataset
 
 
-def _visit(path: Path) -> None:
-    """Touch every object: what is broken fails here, with a plain error, and not in the destructor of a half-open file."""
-    with h5py.File(path) as file:
-        dict(file.attrs)
-        file.visititems(lambda _, item: dict(item.attrs) and None)
+@contextmanager
+def stored(path: Path) -> Iterator[h5py.File]:
+    """Open a NetCDF file to read some of it; whatever goes wrong with that is damage.
+
+    Raises:
+        InputError: as `open_dataset`, where the bytes behind the file tell; or what is read in the block is not there.
+    """
+    if not path.is_file():
+        raise InputError(
+            str(path),
+            found="a folder" if path.is_dir() else "no such file",
+            expected="a NetCDF file",
+            remedy="move it away and run the step that writes the file"
+            if path.is_dir()
+            else "run the step that writes it",
+        )
+    about = path.stat()
+    with _sound(path):
+        if _is_changed(path, about.st_size, about.st_mtime_ns):
+            raise _changed(path)
+        with h5py.File(path) as file:
+            dict(file.attrs)
+            yield file
+
+
+def check_heaps(path: Path) -> None:
+    """Walk the global heaps of an HDF5 file, which hold strings and references: in an object of no size the library walks for ever.
+
+    Source: HDF5 File Format Specification 3.0, III.E.
+
+    Raises:
+        ValueError: a heap that makes no sense.
+    """
+    with path.open("rb") as stream:
+        base, held = 0, b""
+        while data := stream.read(_PIECE):
+            piece, at = held + data, -1
+            while (at := piece.find(_HEAP, at + 1)) >= 0:
+                _check_heap(path, base + at)
+            held = piece[-len(_HEAP) + 1 :]
+            base += len(piece) - len(held)
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[None]:
+    """Turn whatever the libraries raise on damaged bytes into an error for the user."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as cause:
+        raise InputError(
+            str(path),
+            found=f"{path.stat().st_size} bytes that cannot be read as NetCDF ({' '.join(str(cause).split())[:200]})",
+            expected="a whole NetCDF-4 file",
+            remedy="the file is truncated or of another kind: write it again",
+        ) from cause
+
+
+def _changed(path: Path) -> InputError:
+    return InputError(
+        str(path),
+        found="content that does not match its hash",
+        expected="the content as it was written",
+        remedy="the file was damaged or edited: delete it and run the step that writes it",
+    )
+
+
+@lru_cache(maxsize=512)
+def _is_changed(path: Path, size: int, at: int) -> bool:
+    """Whether the bytes are others than those that were written, as far as they tell; asked once while a file stays as it is."""
+    del at  # part of the key only
+    with path.open("rb") as stream:
+        stream.seek(max(size - _TAIL, 0))
+        tail = stream.read()
+        if not tail.startswith(_MARK):
+            check_heaps(path)
+            if _MARK[:8] in tail:
+                raise ValueError("its end is cut off")
+            return False
+        stream.seek(0)
+        digest, left = hashlib.sha256(), size - _TAIL
+        while left and (piece := stream.read(min(left, _PIECE))):
+            digest.update(piece)
+            left -= len(piece)
+    return tail != _MARK + digest.hexdigest().encode() + b"\n"
 
 
 def _hash(dataset: xr.Dataset) -> str:
@@ -74,3 +156,17 @@ def _hash(dataset: xr.Dataset) -> str:
 def _text(content: Any) -> bytes:
     """Attributes as JSON; numbers of any kind become plain ones."""
     return json.dumps(content, sort_keys=True, default=lambda value: np.asarray(value).tolist()).encode()
+
+
+def _check_heap(path: Path, place: int) -> None:
+    with path.open("rb") as stream:
+        stream.seek(place + 8)
+        size = int.from_bytes(stream.read(8), "little")
+        at, end = 16, min(size, path.stat().st_size - place)
+        while at + 16 <= end:
+            stream.seek(place + at)
+            index, _, _, length = struct.unpack("<HHIQ", stream.read(16))
+            step = length if index == 0 else 16 + -(-length // 8) * 8
+            if step < 16 or at + step > end:
+                raise ValueError(f"a heap that makes no sense at byte {place + at}")
+            at += step

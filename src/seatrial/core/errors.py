@@ -47,9 +47,11 @@ class NumericalError(SeatrialError):
 _ELSEWHERE = "run as somebody who may read and write there, or copy it to a folder of your own"
 _ROOM = "make room, then do the same again: what is finished is kept"
 _FILE = "a file stands where a folder should be: move it away"
+_FOLDER = "a folder stands where a file should be: move it away"
 _REMEDIES = {
     errno.EEXIST: _FILE,
     errno.ENOTDIR: _FILE,
+    errno.EISDIR: _FOLDER,
     errno.ENOENT: "it was moved or deleted meanwhile: put it back, or correct the path",
     errno.EACCES: _ELSEWHERE,
     errno.EPERM: _ELSEWHERE,

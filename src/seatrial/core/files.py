@@ -6,6 +6,7 @@ nobody holds was left by a process that was killed.
 
 import hashlib
 import json
+import logging
 import os
 import re
 import tempfile
@@ -76,6 +77,24 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, content: Any) -> None:
     """Write JSON atomically; NaN and infinities are refused, since no other reader agrees on them."""
     write_text(path, json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def set_aside(path: Path, found: str) -> None:
+    """Move a damaged file, or a folder in its place, out of the way under a name of its own, and say so on the log of the package.
+
+    Args:
+        path: of what can be made again.
+        found: what is wrong with it.
+    """
+    names = (f"{path.name}.damaged{number or ''}" for number in range(1000))
+    kept = next(place for name in names if not os.path.lexists(place := path.with_name(name)))
+    try:
+        os.replace(path, kept)
+    except FileNotFoundError:  # another process was faster
+        return
+    logging.getLogger("seatrial").warning(
+        "caution: %s is damaged (%s): kept as %s, and made again", path, found, kept.name
+    )
 
 
 def sha256_of(path: Path) -> str:

@@ -14,7 +14,7 @@ from seatrial.campaign.config import Campaign
 from seatrial.campaign.estimate import Estimate, estimate_key
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.screen import with_shortlist
-from seatrial.campaign.store import Store, read_json, stamp_of
+from seatrial.campaign.store import Store, is_current, read_json
 from seatrial.campaign.trials import get_trials
 from seatrial.campaign.whole_vehicle import WholeVehicle
 from seatrial.core.coefficients import CoefficientName
@@ -73,7 +73,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
         )
     key = estimate_key(campaign, labels[chosen], trials)
     path = store.posterior(chosen)
-    if stamp_of(path) != key:
+    if not is_current(path, key):
         raise _stale(campaign, "another configuration, or none", remedy)
     return Estimate(labels[chosen], open_dataset(path))
 

@@ -10,9 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from seatrial.apps.dashboard.desk import Desk, answered, stamp
-from seatrial.apps.dashboard.isolated import end_all, isolated
+from seatrial.apps.dashboard.isolated import isolated
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.words import Worded, words_of
+from seatrial.core.apart import end_all
 from seatrial.core.errors import InputError, NumericalError
 
 COMPUTES = """

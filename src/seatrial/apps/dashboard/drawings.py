@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 import xarray as xr
 
 from seatrial.apps.dashboard.answers import Plot, Recorded, Swept, Told
 from seatrial.apps.dashboard.thinning import Drawn, Envelope, draw_record, envelopes, rows_of, text_of
-from seatrial.core.dataset_file import open_dataset, write_dataset
+from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.shown import shown_unit
 from seatrial.report.drawing import signal_axis, signal_symbol
 from seatrial.report.figures.fit import Z90
@@ -160,9 +159,9 @@ def predicted(path: Path) -> Told:
     """Read all but the curves.
 
     Raises:
-        OSError: missing or damaged.
+        InputError: missing or damaged.
     """
-    with h5py.File(path) as file:
+    with stored(path) as file:
         about = {name: text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "structure")}
         channels = tuple(text_of(name) for name in np.asarray(file["channel"]).tolist())
     return Told(
@@ -179,7 +178,7 @@ def fit(path: Path, index: int, channel: int) -> tuple[str, str]:
     told = predicted(path)
     held_back, name = told.records[index] in told.held_back, told.channels[channel]
     factor = shown_unit(name)[0]
-    with h5py.File(path) as file:
+    with stored(path) as file:
         owner = file[
             "record"
         ]  # increases: some twenty looks find where a record begins and ends among millions of rows

@@ -19,12 +19,12 @@ from starlette.requests import ClientDisconnect
 from seatrial.apps.dashboard.frame import frame
 from seatrial.apps.dashboard.gate import Gate, Gated, is_loopback
 from seatrial.apps.dashboard.house import House, say
-from seatrial.apps.dashboard.isolated import end_all
 from seatrial.apps.dashboard.pace import Pace, punctual
 from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
 from seatrial.apps.dashboard.places import Places
 from seatrial.apps.dashboard.uploads import receive
 from seatrial.apps.dashboard.words import words_of
+from seatrial.core.apart import end_all
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.report.figures.style import PALETTE
 

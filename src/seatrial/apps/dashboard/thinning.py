@@ -9,6 +9,8 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int
 
+from seatrial.core.dataset_file import stored
+
 COLUMNS = 720
 """Columns of pixels that a figure has at most."""
 FEW = 4
@@ -81,13 +83,10 @@ class Drawn(NamedTuple):
 def draw_record(path: Path, columns: int = COLUMNS) -> Drawn:
     """Read a stored record by columns of pixels.
 
-    The seal of the content is not checked here, which takes longer than drawing it; every command that computes with it does.
-
     Raises:
-        OSError: no NetCDF-4 file.
-        KeyError: no record.
+        InputError: no NetCDF-4 file, a damaged one, or no record.
     """
-    with h5py.File(path) as file:
+    with stored(path) as file:
         names = [name for name in file if name != "time" and "role" in file[name].attrs]
         time = np.asarray(file["time"], float)
         about = {name: (text_of(file[name].attrs["units"]), text_of(file[name].attrs["role"])) for name in names}

@@ -50,7 +50,7 @@ def check_folder(folder: Path, reading: Reading) -> None:
         )
     try:
         kept = json.loads((folder / FILE_NAME).read_text(encoding="utf-8"))["vehicle"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return
     if kept != reading.source.model_dump():
         raise InputError(

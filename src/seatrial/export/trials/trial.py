@@ -118,7 +118,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
     try:
         content = json.loads(beside.read_text(encoding="utf-8"))
         trial = _trial(campaign, path, content)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as cause:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
         raise InputError(
             str(beside),
             found=f"{type(cause).__name__}: {cause}",

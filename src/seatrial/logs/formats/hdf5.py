@@ -1,6 +1,5 @@
 """Numeric arrays of an HDF5 file by path, read a block of rows at a time; NetCDF 4 and MATLAB 7.3 stand on it."""
 
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,13 +8,12 @@ from typing import Any
 import h5py
 import numpy as np
 
+from seatrial.core.dataset_file import check_heaps
 from seatrial.core.errors import InputError
 
 _DEEPEST = 32
 _MOST_ARRAYS = 20_000
 _MOST_CHUNK = 1 << 28
-_HEAP = b"GCOL\x01\0\0\0"
-_PIECE = 1 << 24
 _MOST_TIMES_LARGER = 2000
 """How many times larger an array may be than what the file keeps of it; deflate reaches 1032."""
 
@@ -25,9 +23,9 @@ def opened(path: Path) -> Iterator[h5py.File]:
     """Open a file to read, having checked what the library would follow without end.
 
     Raises:
-        InputError: a damaged heap.
+        ValueError: a damaged heap.
     """
-    _check_heaps(path)
+    check_heaps(path)
     with h5py.File(path, "r", locking=False) as file:
         yield file
 
@@ -73,37 +71,3 @@ def _check_size(dataset: Any) -> None:
             expected="an array that the file holds",
             remedy="the file is damaged: copy or save it again",
         )
-
-
-def _check_heaps(path: Path) -> None:
-    """Walk the global heaps, which hold strings and references: an object of no size would have the library walk for ever.
-
-    Source: HDF5 File Format Specification 3.0, III.E.
-    """
-    with path.open("rb") as stream:
-        base, held = 0, b""
-        while data := stream.read(_PIECE):
-            piece, at = held + data, -1
-            while (at := piece.find(_HEAP, at + 1)) >= 0:
-                _check_heap(path, base + at)
-            held = piece[-len(_HEAP) + 1 :]
-            base += len(piece) - len(held)
-
-
-def _check_heap(path: Path, place: int) -> None:
-    with path.open("rb") as stream:
-        stream.seek(place + 8)
-        size = int.from_bytes(stream.read(8), "little")
-        at, end = 16, min(size, path.stat().st_size - place)
-        while at + 16 <= end:
-            stream.seek(place + at)
-            index, _, _, length = struct.unpack("<HHIQ", stream.read(16))
-            step = length if index == 0 else 16 + -(-length // 8) * 8
-            if step < 16 or at + step > end:
-                raise InputError(
-                    str(path),
-                    found=f"a heap that makes no sense at byte {place + at}",
-                    expected="a whole HDF5 file",
-                    remedy="the file is damaged: copy or save it again",
-                )
-            at += step

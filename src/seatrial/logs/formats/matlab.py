@@ -191,4 +191,4 @@ def _is_version_5(head: bytes) -> bool:
     return head[126:128] in (b"IM", b"MI") and 1 in (head[124], head[125])
 
 
-FORMAT = LogFormat("a MATLAB file", (".mat",), _recognises, _catalogue, _blocks)
+FORMAT = LogFormat("a MATLAB file", (".mat",), _recognises, _catalogue, _blocks, is_fragile=True)

@@ -195,4 +195,6 @@ def _text(value: Any) -> str | None:
     return value.strip() if isinstance(value, str) else None
 
 
-FORMAT = LogFormat("a NetCDF file", (".nc", ".nc4", ".cdf", ".netcdf"), _recognises, _catalogue, _blocks)
+FORMAT = LogFormat(
+    "a NetCDF file", (".nc", ".nc4", ".cdf", ".netcdf"), _recognises, _catalogue, _blocks, is_fragile=True
+)

@@ -120,4 +120,4 @@ def _check_size(metadata: Any, tops: list[str], log: LogFile) -> None:
             )
 
 
-FORMAT = LogFormat("a Parquet file", (".parquet", ".pq"), _recognises, _catalogue, _blocks)
+FORMAT = LogFormat("a Parquet file", (".parquet", ".pq"), _recognises, _catalogue, _blocks, is_fragile=True)

@@ -123,6 +123,7 @@ class LogFormat:
         read: one table whole, where that can be done better than by collecting blocks; the last argument is the
             column of stamps.
         is_text: whether a `TextLayout` means anything.
+        is_fragile: whether a C library reads it that damaged bytes can bring to abort, so that it is read in a process of its own.
     """
 
     name: str
@@ -132,6 +133,7 @@ class LogFormat:
     blocks: Callable[[LogFile, Wanted], Iterator[Block]]
     read: Callable[[LogFile, str, Sequence[str], Sequence[str]], RawTable] | None = None
     is_text: bool = False
+    is_fragile: bool = False
 
 
 @dataclass(eq=False)

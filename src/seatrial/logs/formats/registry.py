@@ -1,15 +1,19 @@
 """All formats, and the one that a log has: told by its first bytes, and by its suffix where they say nothing."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
+from seatrial.core.apart import MEMORY, Elsewhere, apart
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of, sha256_of_json
 from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, table_text, telemetry
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
+
+Answer = TypeVar("Answer")
 
 FORMATS: tuple[LogFormat, ...] = (
     parquet.FORMAT,
@@ -59,7 +63,7 @@ def catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     """
     form = format_of(log.path)
     with reading(log.path, form.name):
-        tables = form.catalogue(log)
+        tables = tuple(_asked(form, form.catalogue, log))
     if not tables:
         raise InputError(
             str(log.path),
@@ -78,7 +82,7 @@ def stream(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     """
     form = format_of(log.path)
     with reading(log.path, form.name):
-        yield from form.blocks(log, wanted)
+        yield from _asked(form, form.blocks, log, wanted)
 
 
 def read_columns(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str] = ()) -> RawTable:
@@ -152,12 +156,21 @@ def reading(path: Path, what: str) -> Iterator[None]:
         raise
     except Exception as cause:
         text = " ".join(str(cause).split())[:200] or "no reason given"
+        kind = cause.kind if isinstance(cause, Elsewhere) else type(cause).__name__
         raise InputError(
             str(path),
-            found=f"{what} that cannot be read ({type(cause).__name__}: {text})",
+            found=f"{what} that cannot be read ({kind}: {text})",
             expected="a whole log",
             remedy="the log is cut off or damaged: copy or export it again",
         ) from cause
+
+
+def _asked(form: LogFormat, question: Callable[..., Iterable[Answer]], log: LogFile, *about: Any) -> Iterator[Answer]:
+    """Answers of a format, from a process of its own where its library may break."""
+    if not form.is_fragile:
+        return iter(question(log, *about))
+    size = 0 if log.path.is_dir() else log.path.stat().st_size  # which may be mapped into memory
+    return apart(str(log.path), question, log, *about, memory=MEMORY + size)
 
 
 def _head(path: Path) -> bytes:
