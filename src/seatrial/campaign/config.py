@@ -221,6 +221,16 @@ class Campaign:
         return Uniform(0.0, 5.0 * self.noise(channel))
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether its trials are run on a simulated vehicle."""
+        return bool(self.source.truth)
+
+    @property
+    def has_records(self) -> bool:
+        """Whether its trials are simulated or imported; without either it designs, from what is believed."""
+        return self.is_simulated or self.source.imported is not None
+
+    @property
     def has_delay(self) -> bool:
         """Whether the delay between command and action is estimated."""
         return "delay" in self.source.prior

@@ -1,7 +1,9 @@
 """A TOML file against its schema: whatever is wrong is said with the file, the key, what was found and what was expected."""
 
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -13,17 +15,28 @@ Schema = TypeVar("Schema", bound=BaseModel)
 
 ALTERNATIVES = ("float", "str", "constrained-float", "literal['rows']")
 """What the path of an error has after a key whose value may be of several types."""
-CAMPAIGN = "the README and `seatrial init` show an example with every table"
+Example = Callable[[Sequence[str | int]], str]
+"""What to say after a missing key, from its path: where one may be seen, or one itself."""
+_HEADER = re.compile(r"^\s*\[+\s*([^\]]+?)\s*\]")
 
 
-def read_toml(path: Path, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
-    """Read a file and validate it; `example` says, after a missing key, where one may be seen.
+def read_toml(path: Path, schema: type[Schema], example: Example) -> Schema:
+    """Read a file and validate it.
 
     Raises:
         InputError: not UTF-8, malformed TOML, unknown or missing key, or a value of the wrong type.
     """
+    return parse_toml(path, read_text(path), schema, example)
+
+
+def read_text(path: Path) -> str:
+    """Read the text of a TOML file.
+
+    Raises:
+        InputError: not UTF-8.
+    """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as cause:
         raise InputError(
             f"{path}, line {cause.object[: cause.start].count(10) + 1}",
@@ -31,29 +44,58 @@ def read_toml(path: Path, schema: type[Schema], example: str = CAMPAIGN) -> Sche
             expected="a TOML file in UTF-8",
             remedy="save the file as UTF-8",
         ) from cause
-    return parse_toml(path, text, schema, example)
 
 
-def parse_toml(path: Path, text: str, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
-    """Text of a file, as it is or as it is to be written, against its schema; errors as `read_toml`."""
+def parse_toml(path: Path, text: str, schema: type[Schema], example: Example) -> Schema:
+    """Validate the text of a file, as it is or as it is to be written; errors as `read_toml`."""
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as cause:
         raise InputError(
             str(path), found=f"malformed TOML: {cause}", expected="a TOML file in UTF-8", remedy="mend the line named"
         ) from cause
-    return validated(path, content, schema, example)
-
-
-def validated(path: Path, content: Mapping[str, Any], schema: type[Schema], example: str = CAMPAIGN) -> Schema:
-    """Content of a file against its schema; errors as `read_toml`."""
     try:
         return schema.model_validate(content)
     except ValidationError as cause:
         raise _as_input_error(path, schema, cause, example) from None
 
 
-def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError, example: str) -> InputError:
+@contextmanager
+def with_lines(path: Path, text: str) -> Iterator[None]:
+    """Put the line of the file before the key that an input error of the block names, where it stands on a line of its own."""
+    before = f"{path}, key "
+    try:
+        yield
+    except InputError as error:
+        key = error.where.rpartition(before)[2] if error.where.startswith(before) else ""
+        line = line_of(text, key) if key else None
+        if line is None:
+            raise
+        where = f"{path}, line {line}, key {key}"
+        raise InputError(where, found=error.found, expected=error.expected, remedy=error.remedy) from error.__cause__
+
+
+def line_of(text: str, key: str) -> int | None:
+    """Return the line, from 1, of a dotted key or of the table that should hold it; None where no line is its own."""
+    tables: dict[str, dict[str, int]] = {"": {}}
+    here = tables[""]
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.match(line):
+            here = tables.setdefault(header[1], {"": number})
+        elif (name := line.partition("=")[0].strip()) and "=" in line:
+            here.setdefault(name, number)
+    parts = key.split(".")
+    for size in range(len(parts), -1, -1):
+        table = tables.get(".".join(parts[:size]), {})
+        for end in range(len(parts), size, -1):
+            if (line := table.get(".".join(parts[size:end]))) is not None:
+                return line
+        if "" in table:
+            return table[""]
+    return None
+
+
+def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError, example: Example) -> InputError:
     first = min(cause.errors(), key=lambda error: error["type"] != "extra_forbidden")
     location = [part for part in first["loc"] if part not in ALTERNATIVES]
     where = f"{path}, key {'.'.join(map(str, location))}"
@@ -70,7 +112,7 @@ def _as_input_error(path: Path, schema: type[BaseModel], cause: ValidationError,
             where,
             found="nothing",
             expected=f'the key "{location[-1]}"',
-            remedy=f"add it; {example}",
+            remedy=f"add it; {example(location)}",
         )
     return InputError(
         where,

@@ -5,6 +5,7 @@ it is 6.28e-2 N/(rev/s)^2 at 12.5 rev/s, under reading B 6.28e-4 N/(rad/s)^2 at 
 trim thrust, and amplitudes in rpm that differ in effect by 2 pi / 10.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.resources import files
@@ -237,13 +238,18 @@ def read_vehicle(path: Path) -> Reading:
             expected="a TOML file of a surge vehicle",
             remedy=f"begin with {EXAMPLE}, or leave --vehicle out for the paper's REMUS 100",
         )
-    return _checked(Reading(path.stem, path, read_toml(path, VehicleFile, f"{EXAMPLE} shows every table"), False))
+    return _checked(Reading(path.stem, path, read_toml(path, VehicleFile, _example), False))
 
 
 def paper_reading(name: str) -> Reading:
     """The paper's vehicle as read one way, `A` or `B`."""
     place = Path(str(files(__package__).joinpath(f"reading_{name.lower()}.toml")))
-    return Reading(name, place, read_toml(place, VehicleFile), True)
+    return Reading(name, place, read_toml(place, VehicleFile, _example), True)
+
+
+def _example(_: Sequence[str | int]) -> str:
+    """What to say after a missing key."""
+    return f"{EXAMPLE} shows every table"
 
 
 def _checked(reading: Reading) -> Reading:
