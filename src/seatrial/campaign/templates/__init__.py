@@ -28,14 +28,7 @@ def init_campaign(folder: Path | str, template: str) -> Path:
     Raises:
         InputError: no such template, or a folder that holds a campaign already.
     """
-    if template not in TEMPLATES:
-        raise InputError(
-            f'template "{template}"',
-            found="no such template",
-            expected="; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()),
-            remedy=nearest(template, TEMPLATES),
-        )
-    path = Path(folder) / FILE_NAME
+    text, path = template_text(template), Path(folder) / FILE_NAME
     if path.exists():
         raise InputError(
             str(path),
@@ -43,21 +36,33 @@ def init_campaign(folder: Path | str, template: str) -> Path:
             expected="a folder without one",
             remedy="choose another folder, or delete the file",
         )
-    write_text(path, _text(template))
+    write_text(path, text)
     return path
+
+
+def template_text(template: str) -> str:
+    """Return the text of a template.
+
+    Raises:
+        InputError: no such template.
+    """
+    if template not in TEMPLATES:
+        raise InputError(
+            f'template "{template}"',
+            found="no such template",
+            expected="; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()),
+            remedy=nearest(template, TEMPLATES),
+        )
+    return files(__name__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
 
 
 def example_of(key: Sequence[str | int]) -> str:
     """Return how a key or table of a campaign file that is missing may be written, as the template `design` writes it."""
     table, keys = str(key[0]), [str(part) for part in key[1:]]
-    blocks = [block.splitlines() for block in _text("design").split("\n\n")]
+    blocks = [block.splitlines() for block in template_text("design").split("\n\n")]
     written = [[line for line in block if not line.startswith("#")] for block in blocks]
     block = next((lines for lines in written if lines and lines[0].strip("[]").split(".")[0] == table), [])
     line = next((line for name in reversed(keys) for line in block if line.startswith(f"{name} = ")), "")
     if not block or (keys and not line):
         return "`seatrial init` writes examples: " + ", ".join(TEMPLATES)
     return f"for example {line}" if keys else "for example\n" + "\n".join(f"    {one}" for one in block)
-
-
-def _text(template: str) -> str:
-    return files(__name__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
