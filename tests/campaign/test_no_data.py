@@ -80,6 +80,7 @@ def test_priors_and_designs_are_told(monkeypatch, capsys, designed, tmp_path):
     assert code == Exit.OK
     assert "best design: repeated doublet" in out
     assert "what it would tell about each coefficient" in out
+    assert out.endswith("its log goes on with this campaign: `seatrial check " + f"{tmp_path / 'boat'}` says how\n")
     assert "2 trials together" in out
     assert "u of noise" in out
     code, out, _ = run(monkeypatch, capsys, "export", tmp_path / "boat", "--trial")
@@ -146,6 +147,13 @@ def test_a_trial_may_begin_at_rest_or_with_a_trim_of_its_own(tmp_path):
     load_campaign(write_without_data(tmp_path, (BY_HAND[0], BY_HAND[1].replace(trim, 'trim = { u = "0 m/s" }'))))
     own = (BY_HAND[0], BY_HAND[1].replace(trim, 'trim = { u = "1.5 m/s" }'))
     load_campaign(write_without_data(tmp_path, own, ('control = "n"', 'control = "n"\ntrim = "1200 rpm"')))
+
+
+def test_where_every_other_control_is_held_has_to_be_stated(tmp_path):
+    path = init_campaign(tmp_path, "steering")
+    path.write_text(path.read_text().replace(', n = "1194 rpm"', ""))
+    with pytest.raises(InputError, match=r'line \d+, key vehicle.trim.n(.|\n)*for example n = "0 rpm"'):
+        load_campaign(tmp_path)
 
 
 def required(model, path=()):

@@ -17,6 +17,7 @@ from seatrial.campaign.schema import CampaignFile, RangeTable
 from seatrial.campaign.starts import level_start
 from seatrial.campaign.vehicle import CampaignVehicle
 from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.shown import shown_unit
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.motion_limits import MotionLimit
@@ -271,7 +272,7 @@ class Campaign:
                     self.where(f"vehicle.trim.{name}"),
                     found="nothing",
                     expected=f"the value at which {name} is held while {self.family.control} is driven",
-                    remedy=f'add {name} = "… {signal_unit(name)}" to [vehicle.trim]',
+                    remedy=f'add it to the trim of [vehicle], for example {name} = "0 {shown_unit(name)[1]}"',
                 )
         return tuple((name, known[name]) for name in model.controls)
 

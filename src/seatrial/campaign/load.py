@@ -167,7 +167,7 @@ def _check_start(campaign: Campaign) -> None:
 
 
 def _check_stated_start(campaign: Campaign, trim: Mapping[str, float], moves_ahead: bool) -> None:
-    """Without a record the speed at which a trial begins is stated, and what holds that speed."""
+    """Without a record the speed at which a trial begins is stated, and where every control is held."""
     if moves_ahead and "u" not in trim:
         raise InputError(
             campaign.where("vehicle.trim.u"),
@@ -183,3 +183,4 @@ def _check_stated_start(campaign: Campaign, trim: Mapping[str, float], moves_ahe
             expected=f"the value of {control} that holds the {trim['u']:g} m/s at which a trial begins",
             remedy=f'add {control} = "{PROPULSION[control]}" to the trim of [vehicle]; `seatrial prior` shows what the priors make of it',
         )
+    campaign.control_trim(campaign.model(campaign.full))

@@ -98,6 +98,8 @@ def design(
             (compare, lambda: _compared(campaign, max(compare, 5), watch)),
         )
         _each([one for wanted, one in asked if wanted])
+        if not campaign.has_records:
+            typer.echo(f"after the trial its log goes on with this campaign: `seatrial check {folder}` says how")
         return Exit.OK
 
     with_campaign(folder, quiet, work)
