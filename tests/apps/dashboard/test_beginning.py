@@ -15,6 +15,7 @@ def test_every_template_can_be_begun_from_with_each_vehicle_that_is_offered(tmp_
     found = {one.template: one.vehicles for one in thinking.beginnings()}
     assert list(found) == list(TEMPLATES)
     assert found["design"] == ()
+    assert found["remus100"] == ("remus100_surge",)
     assert found["steering"] == ("remus100_hall_anstee", "remus100_prestero")
     for template, vehicles in found.items():
         for vehicle in vehicles or ("",):

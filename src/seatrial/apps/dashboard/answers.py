@@ -94,7 +94,7 @@ class Asked(NamedTuple):
 
 
 class Beginning(NamedTuple):
-    """A template to begin from: what it is, and the published vehicles that it may be of, its own first; none where it is by hand."""
+    """A template to begin from: what it is, and the published vehicles it may be of, its own first; none where it is by hand."""
 
     template: str
     meaning: str

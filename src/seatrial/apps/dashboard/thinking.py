@@ -83,12 +83,13 @@ def asked(folder: str) -> Asked:
 
 
 def beginnings() -> tuple[Beginning, ...]:
-    """Templates to begin from, each with the published vehicles of which it can be used."""
+    """Templates to begin from, each with its published vehicle, and with others where its priors are those of the vehicle."""
     found = []
     for template, meaning in TEMPLATES.items():
-        own = tomllib.loads(template_text(template))["vehicle"].get("catalogue")
-        others = () if own is None else tuple(one for one in vehicle_names() if one != own and _usable(template, one))
-        found.append(Beginning(template, meaning, () if own is None else (own, *others)))
+        table = tomllib.loads(template_text(template))["vehicle"]
+        own = (table["catalogue"],) if "catalogue" in table else ()
+        others = (one for one in vehicle_names() if one not in own and _usable(template, one))
+        found.append(Beginning(template, meaning, (*own, *(others if "published_to" in table else ()))))
     return tuple(found)
 
 
