@@ -42,10 +42,10 @@ MISTAKES = {
     "truth of an unknown term": (("X_u = -1.21", "X_w = -1.21"), "truth.X_w", "did you mean"),
     "no noise": (('noise = "0.05 m/s"', 'noise = "0 m/s"'), "sensors.u.noise", "more than 0"),
     "chains that are no multiple": (("warmup = 500", "warmup = 530"), "estimation.warmup", "multiple of 100"),
-    "neither truth nor import": (
-        ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4", ""),
-        "neither",
-        "[import]",
+    "both truth and import": (
+        ("[truth]", '[import]\nfit = ["1"]\n[[import.files]]\npath = "log"\nchannels = {}\n[truth]'),
+        "both [truth] and [import]",
+        "remove one of the two",
     ),
 }
 

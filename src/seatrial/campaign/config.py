@@ -18,6 +18,7 @@ from seatrial.campaign.starts import level_start
 from seatrial.campaign.toml_lines import key_place
 from seatrial.campaign.vehicle import CampaignVehicle
 from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.shown import shown_unit
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 from seatrial.design.motion_limits import MotionLimit
@@ -248,6 +249,16 @@ class Campaign:
         return Uniform(0.0, 5.0 * self.noise(channel))
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether its trials are run on a simulated vehicle."""
+        return bool(self.source.truth)
+
+    @property
+    def has_records(self) -> bool:
+        """Whether its trials are simulated or imported; without either it designs, from what is believed."""
+        return self.is_simulated or self.source.imported is not None
+
+    @property
     def has_delay(self) -> bool:
         """Whether the delay between command and action is estimated."""
         return "delay" in self.source.prior
@@ -288,7 +299,7 @@ class Campaign:
                     self.where(f"vehicle.trim.{name}"),
                     found="nothing",
                     expected=f"the value at which {name} is held while {self.family.control} is driven",
-                    remedy=f'add {name} = "… {signal_unit(name)}" to [vehicle.trim]',
+                    remedy=f'add it to the trim of [vehicle], for example {name} = "0 {shown_unit(name)[1]}"',
                 )
         return tuple((name, known[name]) for name in model.controls)
 

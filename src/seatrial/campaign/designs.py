@@ -95,6 +95,11 @@ def design_first(campaign: Campaign, watch: Watch = SILENT) -> Designs:
     return _sweep(campaign, campaign.full, belief, draws, store.design, key, "the priors", watch)
 
 
+def is_designed(campaign: Campaign) -> bool:
+    """Whether there is a first design that belongs to the campaign as it is."""
+    return is_current(Store(campaign.folder).design, design_key(campaign))
+
+
 def design_next(campaign: Campaign, structure: Structure, draws: np.ndarray, key: str, watch: Watch) -> Designs:
     """Sweep the grid for the chosen structure from what the trials so far have taught.
 

@@ -1,5 +1,6 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from seatrial.campaign.config import FILE_NAME, Campaign
@@ -8,12 +9,16 @@ from seatrial.campaign.idle_keys import check_idle_keys
 from seatrial.campaign.nuisances import nuisances
 from seatrial.campaign.schema import CampaignFile
 from seatrial.campaign.simulated import actuator_lag, beyond_structures
+from seatrial.campaign.templates import example_of
 from seatrial.campaign.toml_file import parse_toml, read_text
 from seatrial.campaign.trials import check_import
 from seatrial.campaign.utilities import check_utility
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.priors import Uniform
 from seatrial.estimation.sensors import correlation_name
+
+PROPULSION = {"n": "1200 rpm", "tau_X": "20 N"}
+"""Controls that hold a speed, each with an example of a value."""
 
 
 def load_campaign(folder: Path | str) -> Campaign:
@@ -41,7 +46,7 @@ def check_text(folder: Path, text: str) -> Campaign:
     Raises:
         InputError: as `load_campaign`.
     """
-    written = Campaign(folder, parse_toml(folder / FILE_NAME, text, CampaignFile), text=text)
+    written = Campaign(folder, parse_toml(folder / FILE_NAME, text, CampaignFile, example_of), text=text)
     campaign = with_earlier(written)
     _check(campaign)
     check_idle_keys(campaign, written.source.vehicle.fixed)
@@ -136,12 +141,12 @@ def _check_late_quantities(campaign: Campaign) -> None:
 
 def _check_source(campaign: Campaign, names: set[str]) -> None:
     source = campaign.source
-    if (source.imported is None) == (not source.truth):
+    if campaign.is_simulated and source.imported is not None:
         raise InputError(
             str(campaign.path),
-            found="both [truth] and [import]" if source.truth else "neither [truth] nor [import]",
+            found="both [truth] and [import]",
             expected="one of them: a simulated vehicle or a real log",
-            remedy="give [truth] with coefficients, or [import] with files",
+            remedy="remove one of the two; without both a trial is designed before there are any data",
         )
     check_import(campaign)
     if source.imported is not None:
@@ -172,11 +177,38 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
             expected="0 s or more",
             remedy="give the time constant of the actuator; 0 s is none",
         )
-    moves_ahead = "u" in campaign.model(campaign.full).states
-    if source.estimation.initial == "trim" and moves_ahead and "u" not in campaign.hull.trim:
+    _check_start(campaign)
+
+
+def _check_start(campaign: Campaign) -> None:
+    """Where trials begin, as far as no record shows it."""
+    trim, moves_ahead = campaign.hull.trim, "u" in campaign.model(campaign.full).states
+    if not campaign.has_records:
+        _check_stated_start(campaign, trim, moves_ahead)
+    elif campaign.source.estimation.initial == "trim" and moves_ahead and "u" not in trim:
         raise InputError(
             campaign.where("estimation.initial"),
             found='"trim"',
             expected="a vehicle whose trim speed is known",
             remedy='give vehicle.trim.u, or set initial = "measured" or "estimated"',
         )
+
+
+def _check_stated_start(campaign: Campaign, trim: Mapping[str, float], moves_ahead: bool) -> None:
+    """Without a record the speed at which a trial begins is stated, and where every control is held."""
+    if moves_ahead and "u" not in trim:
+        raise InputError(
+            campaign.where("vehicle.trim.u"),
+            found="nothing",
+            expected="the speed at which a trial begins, which no record shows yet",
+            remedy='add trim = { u = "1.5 m/s" } to [vehicle]; "0 m/s" begins at rest',
+        )
+    control = campaign.source.design.control
+    if control in PROPULSION and trim.get("u") and campaign.source.design.trim is None and control not in trim:
+        raise InputError(
+            campaign.where(f"vehicle.trim.{control}"),
+            found="nothing",
+            expected=f"the value of {control} that holds the {trim['u']:g} m/s at which a trial begins",
+            remedy=f'add {control} = "{PROPULSION[control]}" to the trim of [vehicle]; `seatrial prior` shows what the priors make of it',
+        )
+    campaign.control_trim(campaign.model(campaign.full))

@@ -10,7 +10,7 @@ from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.contenders import Contenders, find_contenders
 from seatrial.campaign.design_words import design_words
-from seatrial.campaign.designs import Designs, design_first, design_next
+from seatrial.campaign.designs import Designs, design_first, design_next, is_designed
 from seatrial.campaign.estimate import Estimate, estimate_all
 from seatrial.campaign.known import Known, known_after, known_before
 from seatrial.campaign.left_out import LeftOut, left_out
@@ -43,8 +43,8 @@ class Outcome:
         fits: how well each record is predicted.
         predictions: the curves.
         known: what the data tell about each parameter of the chosen structure.
-        promised: what the best design would tell about those of the full one; None where the trial was imported.
-        first: designs from the priors; None where the trial was imported.
+        promised: what the best design would tell about those of the full one; None without such designs.
+        first: designs from the priors; None where trials were imported that nothing was designed for.
         next: designs from the posterior of the chosen structure.
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
@@ -79,7 +79,7 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
         InputError: as the steps; that the next trial cannot be designed is said before the first of them.
     """
     campaign.control_trim(campaign.model(campaign.full))
-    first = design_first(campaign, watch) if campaign.source.imported is None else None
+    first = _first(campaign, watch)
     trials = get_trials(campaign, watch)
     screened, screening_cautions = screening_of(campaign, trials, watch)
     campaign = with_shortlist(campaign, trials, watch)
@@ -118,6 +118,11 @@ def run_loop(campaign: Campaign, watch: Watch = SILENT) -> Outcome:
         Store(campaign.folder).summary, summary, key_of("summary", [estimate.key for estimate in estimates])
     )
     return Outcome(**{**outcome.__dict__, "summary": summary})
+
+
+def _first(campaign: Campaign, watch: Watch) -> Designs | None:
+    """Designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
+    return design_first(campaign, watch) if campaign.source.imported is None or is_designed(campaign) else None
 
 
 def summarise(outcome: Outcome) -> dict[str, Any]:

@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config import Campaign
-from seatrial.campaign.designs import design_first, design_key
+from seatrial.campaign.designs import design_first, is_designed
 from seatrial.campaign.problem import build_posterior, initial_state
-from seatrial.campaign.store import Store, is_current
+from seatrial.campaign.simulated import FIRST
+from seatrial.campaign.store import Store
 from seatrial.campaign.trials import get_trials
 from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.record import Record
@@ -50,7 +51,7 @@ class PriorTrial:
 
 
 def prior_trial(campaign: Campaign, watch: Watch = SILENT) -> PriorTrial:
-    """First fitted record; where a simulated campaign has none yet, its best design if there is one, else its largest.
+    """First fitted record; where a campaign has none yet, its best design if there is one, else its largest.
 
     Raises:
         InputError: logs that cannot be read, or no design inside the limits.
@@ -74,21 +75,17 @@ def prior_trial(campaign: Campaign, watch: Watch = SILENT) -> PriorTrial:
 
 def _record(campaign: Campaign, watch: Watch) -> Record | None:
     """First fitted record: logs are read, but nothing is designed or simulated for the sake of it."""
-    store = Store(campaign.folder)
-    if campaign.source.imported is None and not (_is_designed(campaign) and store.record("trial").is_file()):
+    is_run = is_designed(campaign) and Store(campaign.folder).record(FIRST).is_file()
+    if not campaign.has_records or (campaign.is_simulated and not is_run):
         return None
     return get_trials(campaign, watch).fit[0]
-
-
-def _is_designed(campaign: Campaign) -> bool:
-    return is_current(Store(campaign.folder).design, design_key(campaign))
 
 
 def _designed(campaign: Campaign, model: VehicleModel, watch: Watch) -> PriorTrial:
     """A member of a designed family from trim; other controls are held at theirs."""
     manoeuvre, words = (
         (design_first(campaign, watch).best.best_manoeuvre(), "the best design")
-        if _is_designed(campaign)
+        if is_designed(campaign)
         else (_largest(campaign), "the largest input of [design] inside the limits")
     )
     time, driven = manoeuvre.sample(campaign.family.sample_time)

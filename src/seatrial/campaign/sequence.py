@@ -17,7 +17,7 @@ def run_sequence(campaign: Campaign, watch: Watch = SILENT) -> tuple[Outcome, Pr
         outcome = run_loop(campaign, watch)
         proposal = propose(outcome)
         goal = campaign.goal
-        if campaign.source.imported is not None or goal is None or proposal.trial is None:
+        if not campaign.is_simulated or goal is None or proposal.trial is None:
             return outcome, proposal
         for line in proposal.lines:
             watch.say(line)

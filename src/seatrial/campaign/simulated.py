@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.designs import design_first, design_key
+from seatrial.campaign.no_record import no_record
 from seatrial.campaign.problem import random_key
 from seatrial.campaign.store import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
 from seatrial.campaign.watch import SILENT, Watch
@@ -110,7 +111,7 @@ def add_trial(campaign: Campaign, chosen: Chosen) -> None:
     """Decide on one trial more; it is run when records are asked for.
 
     Raises:
-        InputError: a campaign of real logs.
+        InputError: as `check_simulated`.
     """
     check_simulated(campaign)
     trials = [asdict(one) for one in (*later_trials(campaign), chosen)]
@@ -121,9 +122,11 @@ def check_simulated(campaign: Campaign) -> None:
     """Check that trials of this campaign are simulated.
 
     Raises:
-        InputError: a campaign of real logs.
+        InputError: a campaign of real logs, or one that says nothing of its trials.
     """
-    if campaign.source.imported is not None:
+    if not campaign.has_records:
+        raise no_record(campaign)
+    if not campaign.is_simulated:
         raise InputError(
             str(campaign.path), found="[import]", expected="[truth], to simulate", remedy="use `seatrial import`"
         )

@@ -38,16 +38,19 @@ def standing(folder: Path) -> tuple[Step, ...]:
         InputError: a campaign file that cannot be used.
     """
     campaign, store = load_campaign(folder), Store(folder)
-    imported = campaign.source.imported is not None
-    steps = [] if imported else [Step("design", _state(store.design, lambda: design_key(campaign)), "design")]
+    design = Step("design", _state(store.design, lambda: design_key(campaign)), "design")
+    steps = [design] if campaign.source.imported is None or design.state != "missing" else []
     trials, state = _trials(campaign)
-    steps.append(Step("import" if imported else "simulate", state, "import" if imported else "simulate"))
+    records = "simulate" if campaign.is_simulated else "import"
+    steps.append(Step(records, state, records))
     return (*steps, *_after(campaign, store, trials if state == "current" else None))
 
 
 def _trials(campaign: Campaign) -> tuple[Trials, State]:
     """Key of the records, and the gravest of their states; a log that is missing makes its record stale."""
     store, table = Store(campaign.folder), campaign.source.imported
+    if not campaign.has_records:
+        return Trials((), (), ""), "missing"
     if table is None:
         keys = record_keys(campaign)
         states = [_state(store.record(label), lambda key=key: key) for label, key in keys.items()]

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
@@ -14,7 +14,8 @@ from seatrial.core.errors import InputError, nearest
 Schema = TypeVar("Schema", bound=BaseModel)
 Place = tuple[str | int, ...]
 
-CAMPAIGN = "the README and `seatrial init` show an example with every table"
+Example = Callable[[Sequence[str | int]], str]
+"""Says, after a missing key, from its path, where one may be seen or one itself."""
 MOST_BYTES = 1 << 20
 """Of a file that people write; reading a larger one takes minutes."""
 DEEPEST = 12
@@ -52,14 +53,14 @@ def read_text(path: Path) -> str:
         ) from cause
 
 
-def parse_toml(path: Path, text: str, schema: type[Schema], example: str = CAMPAIGN) -> Schema:
+def parse_toml(path: Path, text: str, schema: type[Schema], example: Example) -> Schema:
     """Check the text of a file, as it is or as it is to be written, against its schema.
 
     Args:
         path: names the file in errors.
         text: of the file.
         schema: its tables.
-        example: says, after a missing key, where one may be seen.
+        example: what to say after a missing key.
 
     Raises:
         InputError: malformed TOML, unknown or missing key, or a value of the wrong type.
@@ -141,7 +142,7 @@ def _items(value: Any) -> Iterator[tuple[str | int, Any]]:
 
 
 def _as_input_error(
-    path: Path, text: str, content: Any, schema: type[BaseModel], cause: ValidationError, example: str
+    path: Path, text: str, content: Any, schema: type[BaseModel], cause: ValidationError, example: Example
 ) -> InputError:
     errors = [(_place(error["loc"], content, error["type"]), error) for error in cause.errors()]
     place, first = min(errors, key=lambda error: error[1]["type"] != "extra_forbidden")
@@ -158,7 +159,7 @@ def _as_input_error(
             remedy=nearest(str(place[-1]), allowed),
         )
     if first["type"] == "missing":
-        return InputError(where, found="nothing", expected=f'the key "{place[-1]}"', remedy=f"add it; {example}")
+        return InputError(where, found="nothing", expected=f'the key "{place[-1]}"', remedy=f"add it; {example(place)}")
     alike = [error for other, error in errors if other == place]
     return InputError(
         where,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.no_record import no_record
 from seatrial.campaign.schema import FileTable
 from seatrial.campaign.simulated import check_simulated, simulated_records
 from seatrial.campaign.store import Store, is_current, key_of, write_dataset
@@ -37,7 +38,11 @@ class Trials:
 
 
 def get_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
-    """Simulate or import, as the campaign says."""
+    """Simulate or import, as the campaign says.
+
+    Raises:
+        InputError: it says neither, or as the two.
+    """
     return simulate_trials(campaign, watch) if campaign.source.imported is None else import_trials(campaign, watch)
 
 
@@ -45,7 +50,7 @@ def simulate_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     """Run the best design on the simulated truth, and every trial decided since, and store the records.
 
     Raises:
-        InputError: a campaign that imports real logs instead, or a true vehicle that runs away.
+        InputError: as `check_simulated`, or a true vehicle that runs away.
     """
     check_simulated(campaign)
     records, key = simulated_records(campaign, watch)
@@ -56,9 +61,11 @@ def import_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
     """Read every run's files and store the records; runs whose files and options have not changed are kept.
 
     Raises:
-        InputError: a campaign that simulates instead, or files that cannot be used.
+        InputError: a campaign that simulates instead or says nothing of its trials, or files that cannot be used.
     """
     table = campaign.source.imported
+    if not campaign.has_records:
+        raise no_record(campaign)
     if table is None:
         raise InputError(
             str(campaign.path), found="[truth]", expected="[import], to read logs", remedy="use `seatrial simulate`"

@@ -178,6 +178,35 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
     assert page.said == []
 
 
+def test_a_campaign_is_begun_and_mapped_without_a_shell(tmp_path, page):
+    root, log = tmp_path / "served", tmp_path / "dive.csv"
+    root.mkdir()
+    log.write_text("time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{1200 + i}\n" for i in range(300)))
+    with served(root) as (address, _):
+        page.goto(address)
+        page.get_by_label("Name").fill("../boat")
+        page.get_by_role("button", name="Begin").click()
+        assert "choose another" in page.get_by_role("alert").inner_text()
+        page.get_by_label("Name").fill("boat")
+        page.get_by_role("combobox", name="Begin from").click()
+        page.get_by_role("option", name="design").click()
+        page.get_by_text("before there are any data").wait_for()
+        page.get_by_role("button", name="Begin").click()
+        page.wait_for_url("**/design?campaign=boat")
+        assert page.get_by_label("n: upper").input_value() == "1600 rpm"
+        assert [path.name for path in root.rglob("*")] == ["boat", "campaign.toml"]
+        page.get_by_role("link", name="Records").click()
+        page.get_by_text("No record yet: run the designed trial").wait_for()
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("1200 to 1499").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records above").wait_for()
+        assert 'path = "logs/dive.csv"' in (root / "boat" / "campaign.toml").read_text()
+        page.goto(address)
+        page.locator("li.missing", has_text="import").wait_for()
+    assert page.said == []
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path, page):
     folder = write_small(tmp_path / "served")

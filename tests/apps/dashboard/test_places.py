@@ -138,3 +138,52 @@ def test_an_upload_through_a_link_is_refused(house):
     with pytest.raises(InputError, match="link"):
         send(folder, "a.csv", b"x")
     assert not (house.root.parent / "outside" / "a.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        " ",
+        "../evil",
+        "a/b",
+        "/etc/evil",
+        ".hidden",
+        "..",
+        "~",
+        "a\0b",
+        "x" * 121,
+        "é" * 110,
+        "a.",
+        "a\nb",
+        "link\\x",
+    ],
+)
+def test_a_new_campaign_has_a_plain_name(house, name):
+    before = sorted(house.root.rglob("*"))
+    with pytest.raises(InputError, match=r"letters, digits, dots"):
+        house.new_folder(name)
+    assert sorted(house.root.rglob("*")) == before
+
+
+@pytest.mark.parametrize("name", ["one", "deep", "link", "dangling"])
+def test_a_new_campaign_overwrites_nothing(house, name):
+    os.symlink(house.root.parent / "nowhere", house.root / "dangling")
+    with pytest.raises(InputError, match="a file or folder of that name"):
+        house.new_folder(name)
+
+
+def test_a_campaign_is_begun_once(house):
+    folder = house.new_folder(" re\u0301cif 1 ")
+    assert folder == house.root / "r\u00e9cif 1"
+    house.begin(folder, "text")
+    assert (folder / "campaign.toml").read_text() == "text"
+    assert folder.name in house.campaigns()
+    with pytest.raises(InputError, match="nothing was changed"):
+        house.begin(folder, "another")
+    assert (folder / "campaign.toml").read_text() == "text"
+
+
+def test_no_campaign_is_begun_inside_another(house):
+    with pytest.raises(InputError, match="serve the folder above it"):
+        Places.of(house.root / "one").new_folder("two")

@@ -12,6 +12,8 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
     """Judge the records: direction, size, delay, outliers, and what each can tell; raw plots are always written."""
 
     def work(campaign: Any, watch: Any) -> Exit:
+        if not campaign.has_records:
+            return _say_what_is_missing(campaign)
         from seatrial.campaign.check import check_records
         from seatrial.campaign.trials import get_trials
         from seatrial.report.check_picture import write_check_picture
@@ -25,6 +27,18 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
         return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
 
     with_campaign(folder, quiet, work)
+
+
+def _say_what_is_missing(campaign: Any) -> Exit:
+    """Of a campaign without a record: that its file can be used, whether it is designed, and how it goes on."""
+    from seatrial.campaign.no_record import no_record
+    from seatrial.campaign.standing import standing
+
+    typer.echo(f"{campaign.path} can be used; there is no record to judge yet")
+    for step in standing(campaign.folder):
+        typer.echo(f"  {step.name}: {step.state}")
+    typer.echo(f"to go on: {no_record(campaign).remedy}")
+    return Exit.OK
 
 
 def tuning(folder: Folder, quiet: Quiet = False) -> None:

@@ -61,10 +61,13 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, wa
     """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
     from seatrial.apps.campaign_text import read_file, with_trim, write_file
     from seatrial.campaign.load import check_text
+    from seatrial.campaign.no_record import no_record
     from seatrial.campaign.trials import import_trials
     from seatrial.core.errors import InputError
     from seatrial.core.units import quantity
 
+    if not campaign.has_records:
+        raise no_record(campaign)
     if campaign.source.imported is None:
         raise InputError("--start, --end", found="a simulated vehicle", expected="[import]", remedy="leave them out")
     given = [(option, text) for option, text in (("--start", start), ("--end", end)) if text is not None]

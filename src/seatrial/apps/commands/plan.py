@@ -11,13 +11,21 @@ from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
 def init(
     folder: Folder,
     template: Annotated[
-        str, typer.Option(help="Campaign to begin from: remus100 (simulated) or log (a CSV log).")
+        str,
+        typer.Option(
+            help="Campaign to begin from: remus100 (simulated), design or steering (no data yet), log (a CSV log)."
+        ),
     ] = "remus100",
 ) -> None:
     """Write a campaign file to begin from."""
-    from seatrial.campaign.templates import init_campaign
+    from seatrial.campaign.templates import TEMPLATES, init_campaign
 
-    typer.echo(f"wrote {init_campaign(folder, template)}; edit it, then: seatrial run {folder}")
+    path = init_campaign(folder, template)
+    typer.echo(f"wrote {path}: {TEMPLATES[template]}")
+    typer.echo(f"edit it, then: seatrial {'run' if template in ('remus100', 'log') else 'design'} {folder}")
+    for name, meaning in TEMPLATES.items():
+        if name != template:
+            typer.echo(f"instead, --template {name}: {meaning}")
 
 
 def prior(folder: Folder, quiet: Quiet = False) -> None:
@@ -90,6 +98,8 @@ def design(
             (compare, lambda: _compared(campaign, max(compare, 5), watch)),
         )
         _each([one for wanted, one in asked if wanted])
+        if not campaign.has_records:
+            typer.echo(f"after the trial its log goes on with this campaign: `seatrial check {folder}` says how")
         return Exit.OK
 
     with_campaign(folder, quiet, work)

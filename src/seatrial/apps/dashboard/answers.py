@@ -82,6 +82,7 @@ class Asked(NamedTuple):
 
     name: str
     imported: bool
+    simulated: bool
     control: str
     channels: tuple[str, ...]
     limits: tuple[Limit, ...]
@@ -90,6 +91,14 @@ class Asked(NamedTuple):
     truth: tuple[tuple[str, float], ...]
     fit: tuple[str, ...]
     predict: tuple[str, ...]
+
+
+class Beginning(NamedTuple):
+    """A template to begin from: what it is, and the published vehicles it may be of, its own first; none where it is by hand."""
+
+    template: str
+    meaning: str
+    vehicles: tuple[str, ...]
 
 
 class Margin(NamedTuple):

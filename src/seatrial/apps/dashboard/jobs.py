@@ -19,7 +19,9 @@ from seatrial.core.errors import InputError
 
 COMMANDS = {
     "run": "the whole loop, with the report",
+    "prior": "what the priors mean in metres per second",
     "design": "the most informative trial",
+    "rehearse": "how many trials the goal will take",
     "simulate": "the trial on the simulated vehicle",
     "import": "records from logs",
     "check": "judge the records",

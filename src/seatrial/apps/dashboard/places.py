@@ -10,6 +10,7 @@ from pathlib import Path
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.campaign.store import Store
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.files import write_text
 
 DEEPEST = 3
 """Folders below the served one in which campaigns are looked for."""
@@ -92,6 +93,49 @@ class Places:
             remedy=nearest(name[:80], names) if names else "begin one with `seatrial init`",
         )
 
+    def new_folder(self, name: str) -> Path:
+        """Folder that a new campaign of a name would have: directly in the served one, and not there yet.
+
+        Raises:
+            InputError: a name that no folder should have, one that is taken, or a served folder that is a campaign itself.
+        """
+        if (self.root / CAMPAIGN).is_file():
+            raise InputError(
+                str(self.root),
+                found="a campaign, in which no other is looked for",
+                expected="a folder of campaigns",
+                remedy=f"serve the folder above it: seatrial serve {self.root.parent}",
+            )
+        plain = unicodedata.normalize("NFC", name.strip())
+        if not _PLAIN.fullmatch(plain) or plain.endswith(".") or len(plain.encode()) > LONGEST:
+            raise InputError(
+                f"name {name[:80]!r}",
+                found="a path, or characters that names of folders do not need" if plain else "nothing",
+                expected="letters, digits, dots, hyphens and spaces, 120 at most, a letter or digit first",
+                remedy="choose another",
+            )
+        folder = self.root / plain
+        if os.path.lexists(folder):
+            raise _taken(folder)
+        return folder
+
+    def begin(self, folder: Path, text: str) -> None:
+        """Make the folder of a new campaign, and write its file.
+
+        Raises:
+            InputError: somebody else has made it meanwhile.
+            OSError: it cannot be made or written.
+        """
+        try:
+            folder.mkdir()
+        except FileExistsError as cause:
+            raise _taken(folder) from cause
+        try:
+            write_text(folder / CAMPAIGN, text)
+        except OSError:
+            folder.rmdir()
+            raise
+
     def inside(self, folder: Path, relative: str) -> Path:
         """A file of a campaign, named relative to it.
 
@@ -162,6 +206,15 @@ def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
             remedy="unpack archives first; upload the log itself",
         )
     return name
+
+
+def _taken(folder: Path) -> InputError:
+    return InputError(
+        str(folder),
+        found="a file or folder of that name",
+        expected="a new name",
+        remedy="choose another; nothing was changed",
+    )
 
 
 def _folders(folder: Path) -> list[Path]:

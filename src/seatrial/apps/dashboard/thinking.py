@@ -1,15 +1,17 @@
 """Questions that need the vehicle and so the whole package; answered in the thinking process."""
 
 import tempfile
+import tomllib
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
 from seatrial.apps.dashboard import drawings
-from seatrial.apps.dashboard.answers import Asked, Clicked, Limit, Margin, Recorded, Stage
+from seatrial.apps.dashboard.answers import Asked, Beginning, Clicked, Limit, Margin, Recorded, Stage
 from seatrial.apps.dashboard.drawings import as_plot, as_recorded
 from seatrial.apps.dashboard.thinning import Drawn, envelopes
+from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.belief import prior_draws
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.design_words import design_words
@@ -20,6 +22,7 @@ from seatrial.campaign.schedules import write_schedule
 from seatrial.campaign.simulated import chosen_of
 from seatrial.campaign.standing import standing
 from seatrial.campaign.store import Store
+from seatrial.campaign.templates import TEMPLATES, template_text
 from seatrial.campaign.trials import read_untrimmed
 from seatrial.campaign.weighing import plan_as_run, plan_of
 from seatrial.core.dataset_file import open_dataset
@@ -68,6 +71,7 @@ def asked(folder: str) -> Asked:
     return Asked(
         source.campaign.name,
         table is not None,
+        campaign.is_simulated,
         control,
         (*campaign.model(campaign.full).controls, *campaign.channels),
         tuple(limits),
@@ -76,6 +80,36 @@ def asked(folder: str) -> Asked:
         tuple(table.fit) if table else (),
         tuple(table.predict) if table else (),
     )
+
+
+def beginnings() -> tuple[Beginning, ...]:
+    """Templates to begin from, each with its published vehicle, and with others where its priors are those of the vehicle."""
+    found = []
+    for template, meaning in TEMPLATES.items():
+        table = tomllib.loads(template_text(template))["vehicle"]
+        own = (table["catalogue"],) if "catalogue" in table else ()
+        others = (one for one in vehicle_names() if one not in own and _usable(template, one))
+        found.append(Beginning(template, meaning, (*own, *(others if "published_to" in table else ()))))
+    return tuple(found)
+
+
+def begun(folder: str, template: str, name: str, vehicle: str) -> str:
+    """Text of a campaign file that a template begins, checked.
+
+    Args:
+        folder: where it is to stand.
+        template: its name.
+        name: of the campaign.
+        vehicle: of the catalogue; empty for the template's own.
+
+    Raises:
+        InputError: no such template or vehicle, or a vehicle that the template cannot be of.
+    """
+    text = set_key(template_text(template), "campaign", "name", name)
+    if vehicle:
+        text = set_key(text, "vehicle", "catalogue", vehicle)
+    check_text(Path(folder), text)
+    return text
 
 
 def check(folder: str, text: str) -> None:
@@ -125,6 +159,13 @@ def whole_log(folder: str, run: str) -> Recorded:
     curves = envelopes(found.time, lambda a, b: {name: values[a:b] for name, values in columns.items()})
     about = {channel.name: (channel.unit, channel.role) for channel in found.channels}
     return as_recorded(Drawn(curves, about, found.time.size, dict(found.provenance.options), found.provenance.source))
+
+
+def _usable(template: str, vehicle: str) -> bool:
+    try:
+        return bool(begun(".", template, template, vehicle))
+    except InputError:
+        return False
 
 
 def _of_control(campaign: Campaign, sweep: Sweep, values: np.ndarray) -> list[Margin]:

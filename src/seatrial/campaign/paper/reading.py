@@ -5,6 +5,7 @@ it is 6.28e-2 N/(rev/s)^2 at 12.5 rev/s, under reading B 6.28e-4 N/(rad/s)^2 at 
 trim thrust, and amplitudes in rpm that differ in effect by 2 pi / 10.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.resources import files
@@ -241,7 +242,7 @@ def read_vehicle(path: Path) -> Reading:
             remedy=f"begin with {EXAMPLE}, or leave --vehicle out for the paper's REMUS 100",
         )
     text = read_text(path)
-    source = parse_toml(path, text, VehicleFile, f"{EXAMPLE} shows every table")
+    source = parse_toml(path, text, VehicleFile, _example)
     return _checked(Reading(path.stem, path, source, False, text))
 
 
@@ -249,7 +250,12 @@ def paper_reading(name: str) -> Reading:
     """The paper's vehicle as read one way, `A` or `B`."""
     place = Path(str(files(__package__).joinpath(f"reading_{name.lower()}.toml")))
     text = read_text(place)
-    return Reading(name, place, parse_toml(place, text, VehicleFile), True, text)
+    return Reading(name, place, parse_toml(place, text, VehicleFile, _example), True, text)
+
+
+def _example(_: Sequence[str | int]) -> str:
+    """What to say after a missing key."""
+    return f"{EXAMPLE} shows every table"
 
 
 def _checked(reading: Reading) -> Reading:

@@ -26,21 +26,13 @@ from seatrial.report.sections.trimming import trimmed_records
 def trial_section(outcome: Outcome) -> dict[str, Any]:
     """What `trial.html` prints."""
     first = outcome.first
-    content: dict[str, Any] = {"simulated": first is not None, "records": record_rows(outcome)}
-    if first is None:
-        return content | {"figures": _coverage(outcome), "trimmed": trimmed_records(outcome)}
-    filtered = [str(name) for name in outcome.filter["coefficient"].values]
-    full = outcome.estimates[0]
-    before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
-    reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
-    return content | {
-        "figures": sweep_drawings(outcome, first, "first"),
-        "words": best_words(first),
-        "families": _families(first),
-        "structure": full.structure.label,
-        "rows": _sd_rows(outcome, filtered, before, first.best.final_sd[first.best.best], reached),
-        "promised": None if outcome.promised is None else known.rows_of(outcome.promised, labels_of(outcome)),
-        "foreseen": [] if outcome.promised is None else known.verdict_of(outcome.promised, labels_of(outcome)),
+    imported = outcome.campaign.source.imported is not None
+    return {
+        "imported": imported,
+        "records": record_rows(outcome),
+        "design": None if first is None else _designed(outcome, first),
+        "coverage": _coverage(outcome) if imported else [],
+        "trimmed": trimmed_records(outcome) if imported else [],
     }
 
 
@@ -115,6 +107,24 @@ def best_words(designs: Designs) -> str:
     row, column = sweep.best
     words = design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
     return words[:1].upper() + words[1:]
+
+
+def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
+    """The trial as it was designed, beside what the records gave."""
+    filtered = [str(name) for name in outcome.filter["coefficient"].values]
+    full = outcome.estimates[0]
+    before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
+    reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
+    promised = dict(zip(first.names, first.best.final_sd[first.best.best], strict=True))
+    return {
+        "figures": sweep_drawings(outcome, first, "first"),
+        "words": best_words(first),
+        "families": _families(first),
+        "structure": full.structure.label,
+        "rows": _sd_rows(outcome, filtered, before, [promised[name] for name in filtered], reached),
+        "promised": None if outcome.promised is None else known.rows_of(outcome.promised, labels_of(outcome)),
+        "foreseen": [] if outcome.promised is None else known.verdict_of(outcome.promised, labels_of(outcome)),
+    }
 
 
 def _families(designs: Designs) -> list[str]:

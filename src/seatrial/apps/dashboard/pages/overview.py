@@ -8,9 +8,9 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file
-from seatrial.apps.dashboard.answers import Stage
-from seatrial.apps.dashboard.frame import VIEWS, frame, link
-from seatrial.apps.dashboard.house import PATIENCE, House, fill, markup
+from seatrial.apps.dashboard.answers import Beginning, Stage
+from seatrial.apps.dashboard.frame import VIEWS, button, frame, link, section
+from seatrial.apps.dashboard.house import PATIENCE, House, fill, markup, say
 from seatrial.campaign.toml_file import toml_content
 from seatrial.core.errors import SeatrialError
 
@@ -18,17 +18,20 @@ EVERY = 2.0
 """Seconds between looks at what is running."""
 LEGEND = "✓ current: its results belong to the campaign file and logs as they are now. ↻ stale: something has changed since. ○ missing."
 
+NEW = (
+    "A new folder here with one file, campaign.toml; what is there already is never touched. Vehicle, priors and sensors are edited in "
+    "that file; limits and logs on the pages."
+)
+
 
 async def build(house: House) -> None:
     """Build the page."""
     with frame(house, ""):
         names = await asyncio.to_thread(house.places.campaigns)
         if not names:
-            words = (
-                "<section><p>No campaign here yet. Begin one in a shell, then reload this page:</p>"
-                "<pre class='output'>seatrial init {}</pre></section>"
-            )
-            markup(Markup(words).format(house.places.root / "mine"))
+            words = "<section><p>No campaign in {} yet. Begin one below, or in a shell with <code>seatrial init</code>.</p></section>"
+            markup(Markup(words).format(house.places.root))
+            await _begin_form(house)
             return
         markup(Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), house.places.root, LEGEND))
         folders = {name: house.places.folder(name) for name in names}
@@ -39,6 +42,51 @@ async def build(house: House) -> None:
             for name, folder in folders.items():
                 looks.append(await _card(house, name, folder, standing[name]))
         ui.timer(EVERY, lambda: [look() for look in looks])
+        if names != ["."]:
+            await _begin_form(house)
+
+
+async def _begin_form(house: House) -> None:
+    """Build the part where a campaign is begun."""
+    with section("Begin a campaign", NEW):
+        holder = ui.element("div")
+        await fill(holder, house.desk.think("beginnings"), lambda found: Begin(house, found))
+
+
+class Begin:
+    """The form of a new campaign: its name, the template, and of which published vehicle."""
+
+    def __init__(self, house: House, found: tuple[Beginning, ...]):
+        self.house, self.found = house, {one.template: one for one in found}
+        look, first = "outlined options-dense hide-bottom-space", found[0]
+        with ui.element("div").classes("line"):
+            self.name = ui.input("Name").props("outlined hide-bottom-space")
+            self.template = ui.select(list(self.found), value=first.template, label="Begin from").props(look)
+            self.vehicle = ui.select(list(first.vehicles), label="Published vehicle").props(look)
+            button("Begin", self._begin, main=True)
+        self.meaning = markup("").props('aria-live="polite"')
+        self.said = ui.element("div")
+        self.template.on_value_change(self._of_template)
+        self._of_template()
+
+    def _of_template(self) -> None:
+        chosen = self.found[str(self.template.value)]
+        vehicles = chosen.vehicles
+        self.meaning.set_content(Markup('<p class="note">{}: {}.</p>').format(chosen.template, chosen.meaning))
+        self.vehicle.set_options(list(vehicles), value=vehicles[0] if vehicles else None)
+        self.vehicle.set_visibility(bool(vehicles))
+
+    async def _begin(self) -> None:
+        self.said.clear()
+        with self.said:
+            try:
+                folder = self.house.places.new_folder(self.name.value or "")
+                about = str(folder), str(self.template.value), folder.name, self.vehicle.value or ""
+                self.house.places.begin(folder, await self.house.desk.think("begun", *about))
+            except (SeatrialError, OSError) as error:
+                say(error)
+                return
+        ui.navigate.to(link("design", folder.name))
 
 
 async def _card(house: House, name: str, folder: Path, standing: Awaitable[tuple[Stage, ...]]) -> Callable[[], None]:

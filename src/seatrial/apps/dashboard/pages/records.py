@@ -19,6 +19,8 @@ from seatrial.apps.dashboard.places import CAMPAIGN, logs_of
 from seatrial.campaign.store import Store
 from seatrial.core.errors import SeatrialError
 
+FEW = 20
+"""Columns of a log that are shown at once."""
 _SEND = """async (e) => {
   const file = e.target.files[0];
   if (!file) return;
@@ -63,7 +65,7 @@ async def again(house: House, folder: Path, said: ui.element, live: Any) -> None
         with said:
             say(error)
         return
-    begin(house, folder, said, "import" if found.imported else "simulate")
+    begin(house, folder, said, "simulate" if found.simulated else "import")
     live.look()
 
 
@@ -78,7 +80,8 @@ class Trimming:
         """Build it."""
         runs = [run for run in (*self.found.fit, *self.found.predict) if run] or self.stored
         if not runs:
-            markup("<p>No record yet: run the campaign, or import a log below.</p>")
+            words = "run the campaign, or import" if self.found.simulated else "run the designed trial, then send"
+            markup(Markup("<p>No record yet: {} a log below.</p>").format(words))
             return
         self.run = runs[0]
         with ui.element("div").classes("line"):
@@ -248,8 +251,8 @@ class NewLog:
         rows = [[one.name, one.table, one.unit, one.spread, one.trouble] for one in log.columns]
         head = ["column", "table", "unit in the log", "least to greatest", "trouble"]
         markup(
-            Markup("<details><summary>{} columns</summary>{}</details>").format(
-                len(rows), table(head, rows, "Columns", left=2)
+            Markup("<details{}><summary>{} columns</summary>{}</details>").format(
+                Markup(" open") if len(rows) <= FEW else "", len(rows), table(head, rows, "Columns", left=2)
             )
         )
         markup(
@@ -288,7 +291,7 @@ class NewLog:
                 else:
                     markup('<p class="done" role="status">Saved in campaign.toml. Now import the records above.</p>')
 
-        if not found.imported:
+        if found.simulated:
             markup(
                 '<p class="note">This campaign simulates its vehicle; with a log it no longer does: its [truth] becomes a comment.</p>'
             )

@@ -11,7 +11,7 @@ from seatrial.apps.dashboard.jobs import COMMANDS, Job
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.core.errors import SeatrialError
 
-OFFERED = ("run", "design", "simulate", "import", "check", "estimate", "select", "next", "report")
+OFFERED = ("run", "prior", "design", "rehearse", "simulate", "import", "check", "estimate", "select", "next", "report")
 
 
 async def build(house: House, campaign: str, folder: Path) -> None:
