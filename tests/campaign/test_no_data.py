@@ -152,7 +152,7 @@ def test_a_trial_may_begin_at_rest_or_with_a_trim_of_its_own(tmp_path):
 def test_where_every_other_control_is_held_has_to_be_stated(tmp_path):
     path = init_campaign(tmp_path, "steering")
     path.write_text(path.read_text().replace(', n = "1194 rpm"', ""))
-    with pytest.raises(InputError, match=r'line \d+, key vehicle.trim.n(.|\n)*for example n = "0 rpm"'):
+    with pytest.raises(InputError, match=r'toml:\d+, key vehicle.trim.n(.|\n)*for example n = "0 rpm"'):
         load_campaign(tmp_path)
 
 

@@ -62,7 +62,7 @@ def apart(
         yield from question(*about)
         return
     ours, theirs = Pipe()
-    places = os.pathsep.join(filter(None, sys.path))
+    places = os.pathsep.join(place or os.getcwd() for place in sys.path)
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", _BEGIN, str(theirs.fileno()), str(memory), str(os.getpid())],
         pass_fds=[theirs.fileno()],
