@@ -39,6 +39,7 @@ REMUS = {
         ("D(1,1) = D(1,1) * exp(-3 * U_g);", "D(1,1) = D(1,1) * exp(-3 * U_r); D(2,2) = D(2,2) * exp(-3 * U_r);"),
         (",nu_r,'cylinder')", ",nu_r)"),
     ),
+    "coeffLiftDrag.m": (("e = 0.3;", "e = 0.7;"),),
     "spheroid.m": (("rho = 1025;", "rho = 1026;"),),
     "crossFlowDrag.m": (
         ("rho = 1025;", "rho = 1026;"),
@@ -46,8 +47,8 @@ REMUS = {
     ),
     "Hoerner.m": (("0.493252 1.21082", "0.4933 1.2108"), ("0.558473 1.08356", "0.5585 1.0836")),
 }
-"""Size and density of the spheroid, gravity, fins' limit, the speeds by which damping fades, a cylinder's drag, cross-flow in heave and
-pitch, and digits of Hoerner's curve: all in which it differs from the Python Vehicle Simulator."""
+"""Size and density of the spheroid, gravity, fins' limit, the speeds by which damping fades, a cylinder's drag, Oswald's factor of induced
+drag, cross-flow in heave and pitch, and digits of Hoerner's curve: all in which it differs from the Python Vehicle Simulator."""
 LOOP = """
 commands = dlmread('commands.txt'); x = dlmread('start.txt'); x = x(:); h = {step}; each = {each};
 rate = {rate};

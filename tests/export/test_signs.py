@@ -66,23 +66,31 @@ def uuv(exporter, vehicle, folder):
 
 
 def stonefish(exporter, vehicle, folder):
-    """Its thrusters alone: what drags and turns the box has no sign of a command."""
+    """Its thrusters and rudders alone, in forward, starboard, down: what drags and turns the box has no sign of a command."""
     root = ElementTree.fromstring(written(exporter, vehicle)["vehicle.scn"])
+    density = float(root.find(".//water").get("density"))
     mass = np.diag(vehicle.rigid_mass + vehicle.added_mass)
 
     def accelerate(nu, phi, theta, commands):
-        force = np.zeros(6)
-        for number, actuator in enumerate(root.findall(".//actuator"), 1):
-            place, (_, pitch, yaw) = (
-                np.array(actuator.find("origin").get(key).split(), float) for key in ("xyz", "rpy")
-            )
-            ahead = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)])
-            x, model = commands.get(f"f_{number}", commands.get("n")), actuator.find("thrust_model")
-            if model.get("type") == "quadratic":
-                x = float(model.find("thrust_coeff").get("value")) * x * abs(x)
+        force, thrusters = np.zeros(6), 0
+        for actuator in root.findall(".//actuator"):
+            origin = actuator.find("origin")
+            place, (roll, pitch, yaw) = (np.array(origin.get(key).split(), float) for key in ("xyz", "rpy"))
+            if actuator.get("type") == "rudder":
+                specs = actuator.find("specs")
+                angle = commands.get(actuator.get("name"), 0.0) * (-1.0 if specs.get("inverted") == "true" else 1.0)
+                strength = 0.5 * density * float(specs.get("area")) * float(specs.get("lift_coeff"))
+                push = strength * angle * nu[0] ** 2 * np.array([0.0, np.cos(roll), np.sin(roll)])
             else:
-                x = np.interp(x, *(np.array(model.find(k).get("value").split(), float) for k in ("input", "output")))
-            force += x * np.concatenate([ahead, np.cross(place, ahead)])
+                thrusters += 1
+                x, model = commands.get(f"f_{thrusters}", commands.get("n")), actuator.find("thrust_model")
+                if model.get("type") == "quadratic":
+                    x = float(model.find("thrust_coeff").get("value")) * x * abs(x)
+                else:
+                    ends = (model.find(key).get("value").split() for key in ("input", "output"))
+                    x = np.interp(x, *(np.array(end, float) for end in ends))
+                push = x * np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)])
+            force += np.concatenate([push, np.cross(place, push)])
         return force / mass
 
     return accelerate

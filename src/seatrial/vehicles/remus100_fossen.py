@@ -26,8 +26,9 @@ from seatrial.vehicles.model import Params, VehicleModel
 NOTES = """REMUS 100 of T. I. Fossen's Python Vehicle Simulator (MIT licence), by lift, drag and cross-flow of shapes.
 The simulator's text gives 31.9 kg, its spheroid 31.03 kg. Its integrator is Euler's; its speed of advance is that over ground,
 here that through the water. The Munk moments are left out there and here. Cross-flow drag is summed as there, over 21 sections of
-1/20 of the length each. The variant in the Marine Systems Simulator differs: 31.9 kg from a larger spheroid, drag of a cylinder in
-place of Hoerner's, cross-flow in heave and pitch too, with a sign of pitch at odds with the rigid body, and planes to 20 degrees."""
+1/20 of the length each. The variant in the Marine Systems Simulator differs: 31.9 kg from a larger spheroid, induced drag by a factor
+of 0.3 in place of 0.7, drag of a cylinder in place of Hoerner's, cross-flow in heave and pitch too, with a sign of pitch at odds with
+the rigid body, linear damping in sway that does not fade, gravity of Trondheim, and fins to 20 degrees."""
 DENSITY, LENGTH, DIAMETER = 1026.0, 1.6, 0.19
 ACTUATORS = {
     "n": Actuator(1.0, -1525 * pi / 30, 1525 * pi / 30),
