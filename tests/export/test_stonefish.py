@@ -3,7 +3,10 @@
 Numbers of the library are those of Stonefish 1.6 (b21eb8e), as `release/simulators/stonefish.py` runs it, at 2000 steps a second.
 """
 
+import importlib.util
+import sys
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,6 +19,7 @@ from seatrial.export.targets.stonefish import Stonefish
 from seatrial.vehicles.actuators import Actuator
 from tests.export.cases import own_force, published, rich, with_terms, written
 
+FILE = Path(__file__).parents[2] / "release" / "simulators" / "stonefish.py"
 DENSITY = 1025.0
 REMUS, BLUEROV2 = "remus100_hall_anstee", "bluerov2_heavy"
 LIBRARY = {
@@ -229,3 +233,30 @@ def test_inertia_that_stonefish_exceeds_is_said():
     words = " ".join(Stonefish().carries(light).lost)
     assert "M_qdot" in words
     assert "K_pdot" not in words
+
+
+def test_the_laboratory_tells_the_driver_our_commands_by_the_names_of_the_scenario(tmp_path):
+    """With a driver of our own that answers the start at each sample."""
+    spec = importlib.util.spec_from_file_location("stonefish_laboratory", FILE)
+    laboratory = sys.modules["stonefish_laboratory"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(laboratory)
+    driver = tmp_path / "driver"
+    driver.write_text(
+        f"#!{sys.executable}\n"
+        "import sys\n"
+        "words = open(sys.argv[2]).read().split()\n"
+        "print('mass 1 0 2 3')\n"
+        "for _ in range(int(words[1])): print('state', *words[3:11])\n"
+    )
+    driver.chmod(0o755)
+    twin = laboratory.twin_of(published(), driver, "1", tmp_path)
+    assert twin.actuators == {"n": "propeller", "delta_r": "delta_r", "delta_s": "delta_s"}
+    assert {path.name for path in twin.folder.iterdir()} >= {"vehicle.scn", "part.obj"}
+    start = np.linspace(0.1, 0.8, 8)
+    found = twin.run(start, lambda t: {"n": 90.0 + t, "delta_r": 0.1, "delta_s": -0.1}, 0.2)
+    np.testing.assert_array_equal(found, np.tile(start, (3, 1)))
+    lines = (twin.folder / "plan.txt").read_text().splitlines()
+    assert lines[2] == "3 propeller delta_r delta_s"
+    assert len(lines) == 3 + 0.2 * laboratory.RATE
+    np.testing.assert_allclose(np.array(lines[53].split(), float), [90.1, 0.1, -0.1])
+    np.testing.assert_array_equal(twin.added_mass(), [1, 0, 2, 3])

@@ -57,7 +57,7 @@ class Stonefish:
     """See the module; `density` is the water's, kg/m^3."""
 
     name: str = "stonefish"
-    target: str = "Stonefish 1.6"
+    target: str = "Stonefish 1.4 to 1.6 (checked in 1.6)"
     density: float = DENSITY
 
     def check(self, vehicle: ExportedVehicle) -> None:
