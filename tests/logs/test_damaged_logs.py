@@ -320,3 +320,47 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
     source = LogSource(written(tmp_path, GOOD.replace("1.14", "fast")), "t", "s", channels)
     with refusal('row 16, column "speed"', "'fast'"):
         read_log(source)
+
+
+def mcap_of(compression, size, packed):
+    """An MCAP file of one chunk that says what size it has."""
+    text = compression.encode()
+    chunk = struct.pack("<QQQII", 0, 1, size, 0, len(text)) + text + struct.pack("<Q", len(packed)) + packed
+    header = struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 0)
+    records = [(1, header), (6, chunk), (15, bytes(4)), (2, bytes(20))]
+    magic = b"\x89MCAP0\r\n"
+    return magic + b"".join(bytes([kind]) + struct.pack("<Q", len(body)) + body for kind, body in records) + magic
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+@pytest.mark.parametrize("declared", [1 << 30, 1000])
+def test_a_chunk_that_unpacks_to_gigabytes_is_refused_in_little_memory(tmp_path, compression, declared):
+    lz4, zstd = pytest.importorskip("lz4.frame"), pytest.importorskip("backports.zstd")
+    packed = (lz4.compress if compression == "lz4" else zstd.compress)(bytes((1 << 28) + 1))
+    path = tmp_path / "run.mcap"
+    path.write_bytes(mcap_of(compression, declared, packed))
+
+    def work():
+        with refusal("run.mcap", "larger than"):
+            inspect_log(path)
+
+    assert peak(work)[0] < {"lz4": 600_000_000, "zstd": 50_000_000}[compression]
+
+
+def test_a_packed_database_that_grows_without_end_is_refused(tmp_path, monkeypatch):
+    zstd = pytest.importorskip("backports.zstd")
+    written = WRITERS["ros 2, sqlite"](tmp_path)
+    (database,) = written.path.glob("*.db3")
+    database.with_name(database.name + ".zstd").write_bytes(zstd.compress(database.read_bytes() + bytes(1 << 26)))
+    information = written.path / "metadata.yaml"
+    text = information.read_text().replace(database.name, database.name + ".zstd")
+    text = text.replace("compression_format: ''", "compression_format: zstd").replace(
+        "compression_mode: ''", "compression_mode: FILE"
+    )
+    information.write_text(text)
+    database.unlink()
+    assert read_log(mapped(written)).time.size > 1, "one of an honest size is read"
+    monkeypatch.setattr("seatrial.logs.formats.ros_bag._SMALL_FILE", 1 << 20)
+    monkeypatch.setattr("seatrial.logs.formats.ros_bag._MOST_TIMES_LARGER", 10)
+    with refusal("run_sqlite3", "larger than any recorder packs"):
+        read_log(mapped(written))

@@ -21,7 +21,7 @@ from seatrial.logs.formats.protocol import (
     Wanted,
     optional,
 )
-from seatrial.logs.formats.ros_bag import message_counts, messages, open_bag
+from seatrial.logs.formats.ros_bag import message_counts, messages, open_bag, open_rosbag2
 from seatrial.logs.formats.ros_decode import Decoder
 from seatrial.logs.formats.ros_layout import Definitions, Step, Undefined, columns_of, steps_of
 
@@ -86,7 +86,7 @@ def _opened(log: LogFile) -> Any:
             is_first = stream.read(len(_ROS_1)) == _ROS_1
         if is_first:
             return open_bag(log)
-    return optional("rosbags.rosbag2", "ros", log.path).Reader(log.path)
+    return open_rosbag2(log.path)
 
 
 def _is_cdr(reader: Any) -> bool:

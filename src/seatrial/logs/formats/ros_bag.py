@@ -1,14 +1,16 @@
-"""A ROS 1 bag opened by `rosbags` and read chunk by chunk, in the order of recording.
+"""Bags opened by `rosbags`, what they unpack held within bounds; a ROS 1 bag is read chunk by chunk, in the order of recording.
 
-The library's own iteration keeps an index of every message, which takes more memory than a log of short messages takes on
-disk. Source: ROS wiki, "Bags/Format/2.0".
+The library's own iteration of a ROS 1 bag keeps an index of every message, which takes more memory than a log of short messages takes
+on disk. Source: ROS wiki, "Bags/Format/2.0".
 """
 
 import bz2
 import struct
+import sys
 from collections.abc import Iterator
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
 from seatrial.logs.formats.protocol import LogFile, optional
 
@@ -17,10 +19,22 @@ _SIZE = struct.Struct("<I").unpack_from
 _TIME = struct.Struct("<II").unpack_from
 _MOST_BYTES = 1 << 28
 """Of one chunk, unpacked."""
+_SMALL_BYTES, _MOST_TIMES_LARGER = 1 << 23, 1000
+"""Of a chunk that may be all zeros, and how many times larger than packed a larger one may be; numbers of sensors reach some tens."""
+_SMALL_FILE = 1 << 30
+"""The same of a whole database that was packed."""
+
+
+def open_rosbag2(path: Path) -> Any:
+    """Return the library's reader of a ROS 2 bag or an MCAP file, which then unpacks no more than a recorder would have packed."""
+    library = optional("rosbags.rosbag2", "ros", path)
+    library.reader.zstd = _BoundedZstd
+    library.storage_mcap.DECOMPRESSORS.update({"lz4": _unpacked_chunk, "zstd": _unpacked_chunk})
+    return library.Reader(path)
 
 
 def open_bag(log: LogFile) -> Any:
-    """Reader of a bag that reads its connections and chunks, but not the index of its messages."""
+    """Reader of a ROS 1 bag that reads its connections and chunks, but not the index of its messages."""
     return _lean(optional("rosbags.rosbag1", "ros", log.path).Reader)(log.path)
 
 
@@ -89,19 +103,80 @@ def _places(header: bytes) -> dict[str, int] | None:
 
 
 def _unpacked(data: bytes) -> bytes:
+    """Unpack a chunk by what it begins with.
+
+    Raises:
+        ValueError: it is cut off, or larger than a recorder makes it.
+    """
     if data.startswith(b"BZh"):
-        unpack, part = bz2.BZ2Decompressor(), b""
-        part = unpack.decompress(data, _MOST_BYTES)
+        unpack: Any = bz2.BZ2Decompressor()
     elif data.startswith(b"\x04\x22\x4d\x18"):
         from lz4.frame import LZ4FrameDecompressor
 
         unpack = LZ4FrameDecompressor()
-        part = unpack.decompress(data, _MOST_BYTES)
+    elif data.startswith(b"\x28\xb5\x2f\xfd"):
+        unpack = _zstd().ZstdDecompressor()
     else:
         return data
+    most = min(_MOST_BYTES, _SMALL_BYTES + _MOST_TIMES_LARGER * len(data))
+    part = unpack.decompress(data, most)
     if not unpack.eof:
-        raise ValueError(f"a chunk that is cut off, or larger than {_MOST_BYTES >> 20} MB")
+        raise ValueError(f"a chunk that is cut off, or larger than {most >> 20} MB")
     return part
+
+
+def _unpacked_chunk(data: bytes, _: int) -> bytes:
+    return _unpacked(data)
+
+
+def _zstd() -> Any:
+    """The module that `rosbags` itself unpacks with."""
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    return zstd
+
+
+class _BoundedZstd:
+    """What `rosbags` uses of zstd, within bounds: single messages and whole databases."""
+
+    decompress = staticmethod(_unpacked)
+
+    @staticmethod
+    def open(packed: BinaryIO, mode: str) -> "_BoundedFile":
+        """Open a packed database."""
+        return _BoundedFile(packed, mode)
+
+
+class _BoundedFile:
+    """A packed file that is read no farther than a recorder would have written it."""
+
+    def __init__(self, packed: BinaryIO, mode: str) -> None:
+        """Open it."""
+        self.left = _SMALL_FILE + _MOST_TIMES_LARGER * packed.seek(0, 2)
+        packed.seek(0)
+        self.file = _zstd().open(packed, mode)
+
+    def __enter__(self) -> "_BoundedFile":
+        """Begin."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self.file.close()
+
+    def read(self, size: int = -1) -> bytes:
+        """Read on.
+
+        Raises:
+            ValueError: it is larger than it can be.
+        """
+        data = self.file.read(size)
+        self.left -= len(data)
+        if self.left < 0:
+            raise ValueError("a packed database that is larger than any recorder packs")
+        return data
 
 
 @cache
