@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from seatrial.campaign import calibrate as module
-from seatrial.campaign.calibrate import calibrate
+from seatrial.campaign.calibrate import Calibrated, calibrate
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.store import Store
 from seatrial.campaign.trials import get_trials
 from seatrial.core.errors import InputError
-from seatrial.estimation.calibration import DRAWS
+from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.report.calibration_picture import write_calibration_picture
 from tests.campaign.small import write_small
 
@@ -32,7 +32,12 @@ def test_ranks_of_every_parameter(found, small):
     assert found.calibration.names == ("X_uabsu", "T_nabsn", "X_u", "sigma_u", "log-likelihood")
     assert found.calibration.ranks.shape == (24, 5)
     assert found.calibration.outside() == ()
-    assert found.lines()[-1].startswith("calibrated: the ranks of all 5 quantities")
+    assert found.lines()[-1].startswith(
+        "calibrated: the ranks lie inside the band that holds all 5 quantities with 99 %"
+    )
+    assert found.health.shape == (24, 4)
+    assert np.isnan(found.health).all(0).tolist() == [False, False, False, True]
+    assert "the draws mixed well in all 24 replicates (R-hat up to 1.0" in found.lines()[-2]
     assert write_calibration_picture(small[0], found).read_text().lstrip().startswith("<?xml")
 
 
@@ -55,6 +60,7 @@ def test_resumes_to_the_same_bits(found, small, monkeypatch):
     assert set(numbers) == set(range(24))
     assert len(numbers) < 24 + 12
     assert np.array_equal(again.calibration.ranks, found.calibration.ranks)
+    assert np.array_equal(again.health, found.health, equal_nan=True)
 
 
 def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
@@ -63,14 +69,16 @@ def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
 
     def narrow(posterior, key):
         drawn = draw(posterior, key)
-        return drawn.mean(0) + 0.3 * (drawn - drawn.mean(0))
+        return drawn._replace(z=drawn.z.mean(0) + 0.3 * (drawn.z - drawn.z.mean(0)))
 
     Store(campaign.folder).calibration(METHOD).unlink(missing_ok=True)
     monkeypatch.setattr(module, "find_method", lambda name: narrow)
     spoilt = calibrate(campaign, trials, 32, METHOD)
     Store(campaign.folder).calibration(METHOD).unlink()
     assert {"X_uabsu", "T_nabsn", "X_u"} <= set(spoilt.calibration.outside())
-    assert "too small" in " ".join(spoilt.lines())
+    said = " ".join(spoilt.lines())
+    assert "the posterior is overconfident" in said
+    assert "it is not the sampling that makes the ranks uneven" in said
 
 
 def test_unknown_method(small):
@@ -81,7 +89,57 @@ def test_unknown_method(small):
 def test_truths_that_cannot_be_simulated_are_drawn_again(small):
     campaign, trials = small
     posterior = module.Study(campaign, trials.fit).posterior(campaign.structures[0])
-    ranks, tried = module._replicate(posterior, module.find_method(METHOD), jax.random.key(5))
-    assert tried >= 1
-    assert ranks.min() >= 0
-    assert ranks.max() <= DRAWS
+    found = module._replicate(posterior, module.find_method(METHOD), jax.random.key(5))
+    assert found.tries >= 1
+    assert found.rank.min() >= 0
+    assert found.rank.max() <= DRAWS
+
+
+def spoken(health, ranks=None):
+    """What is said of the sampling in a calibration of one quantity whose replicates have these diagnostics."""
+    health = np.asarray(health, float)
+    ranks = np.arange(len(health))[:, None] % (DRAWS + 1) if ranks is None else ranks
+    return Calibrated(Calibration(("a",), ranks), "given", "M-0", 0.0, health).mixing_words()
+
+
+GOOD = (1.01, 800.0, 0.0, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ((1.3, 800.0, 0.0, np.nan), "R-hat up to 1.30, 800 effective draws at least, 0.00% of transitions diverged"),
+        ((1.01, 24.0, 0.0, np.nan), "24 effective draws at least"),
+        ((1.01, 800.0, 0.01, np.nan), "1.00% of transitions diverged at most"),
+        ((np.nan, np.nan, np.nan, 0.02), "2% of the moves made at least"),
+        ((np.nan, np.nan, np.nan, np.nan), "R-hat up to 1.01"),
+    ],
+)
+def test_poor_mixing_is_told_from_a_wrong_posterior(bad, words):
+    """Two poor replicates in a hundred may be why ranks are uneven; one may not."""
+    said = spoken([GOOD] * 98 + [bad] * 2)
+    assert said.startswith("the draws mixed poorly in 2 of 100 replicates")
+    assert words in said
+    assert said.endswith(
+        "uneven ranks may be the sampling's and not the posterior's; try another method, or narrower priors"
+    )
+    assert spoken([GOOD] * 99 + [bad]).endswith("too few to make ranks uneven")
+
+
+def test_good_mixing_is_not_blamed():
+    assert spoken([GOOD] * 100).startswith(
+        "the draws mixed well in all 100 replicates (R-hat up to 1.01, 800 effective"
+    )
+    assert spoken([GOOD] * 100, np.zeros((100, 1), int)).endswith("it is not the sampling that makes the ranks uneven")
+    assert "30% of the moves made at least" in spoken([(np.nan, np.nan, np.nan, 0.3)] * 40)
+
+
+def test_diagnostics_of_each_kind_of_method(small):
+    """Chains have R-hat, effective draws and divergences; a population has its moves."""
+    posterior = module.Study(small[0], small[1].fit).posterior(small[0].structures[0])
+    chains, population = (module.find_method(name)(posterior, jax.random.key(2)) for name in (METHOD, "tempered-smc"))
+    assert chains.r_hat < 1.05
+    assert 400 < chains.ess < len(chains.z)
+    assert (chains.diverged, np.isnan(chains.moved)) == (0.0, True)
+    assert np.isnan(population[1:4]).all()
+    assert 0.1 < population.moved < 0.5

@@ -4,11 +4,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool, Float
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.study import Study
@@ -22,8 +24,8 @@ from seatrial.campaign.watch import SILENT, Watch
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.lanes import map_lanes
-from seatrial.estimation.calibration import Calibration, ranks_of, spread_evenly
-from seatrial.estimation.draw_posterior import Draw, find_method
+from seatrial.estimation.calibration import DRAWS, Calibration, ranks_of, spread_evenly
+from seatrial.estimation.draw_posterior import Draw, Drawn, find_method
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
 from seatrial.sampling.target import VECTOR, Progress
@@ -35,6 +37,17 @@ TRIES = 200
 LIKELIHOOD = "log-likelihood"
 MANY_REFUSED = 0.05
 """Share of the prior beyond which a reader is told."""
+MAX_R_HAT, MIN_ESS, MIN_MOVED = 1.05, DRAWS, 0.05
+"""What a replicate's chains have at most and at least where they mixed well: runs are short, and ranks are among 99 draws."""
+WORST = (
+    ("R-hat up to {:.2f}", np.max),
+    ("{:.0f} effective draws at least", np.min),
+    ("{:.2%} of transitions diverged at most", np.max),
+    ("{:.0%} of the moves made at least", np.min),
+)
+"""How the worst of each diagnostic is told."""
+MANY_POOR = 0.02
+"""Share of the replicates that did not mix well from which on they may be why ranks are uneven."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,27 +59,59 @@ class Calibrated:
         method: how posteriors were drawn.
         structure: label of the structure.
         refused: share of the prior's draws that could not be simulated, and were drawn again.
+        health: of each replicate, r of them: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN
+            where the method has no such number, shape (r, 4).
     """
 
     calibration: Calibration
     method: str
     structure: str
     refused: float
+    health: Float[np.ndarray, "r 4"]
+
+    def poor(self) -> Bool[np.ndarray, " r"]:
+        """Replicates whose draws did not mix well, by the method's own diagnostics."""
+        r_hat, ess, diverged, moved = self.health.T
+        return (
+            (r_hat > MAX_R_HAT)
+            | (ess < MIN_ESS)
+            | (diverged > 0.0)
+            | (moved < MIN_MOVED)
+            | np.isnan(self.health).all(1)
+        )
 
     def lines(self) -> list[str]:
         """What was found, in words."""
-        outside = self.calibration.outside()
+        outside, k = self.calibration.outside(), len(self.calibration.names)
+        band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
         verdict = (
-            f"calibrated: the ranks of all {len(self.calibration.names)} quantities lie inside their 99 % bands"
+            f"calibrated: the ranks lie inside {band}"
             if not outside
-            else f"not calibrated: the ranks of {', '.join(outside)} leave their 99 % bands"
+            else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
         )
-        said = self.calibration.lines()
+        said = [*self.calibration.lines(), self.mixing_words()]
         if self.refused > MANY_REFUSED:
             said.append(
                 f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
             )
         return [*said, f"{verdict} (structure {self.structure}, {self.method})"]
+
+    def mixing_words(self) -> str:
+        """Whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
+        poor, r = self.poor(), len(self.health)
+        worst = [
+            text.format(extreme(column[~np.isnan(column)]))
+            for (text, extreme), column in zip(WORST, self.health.T, strict=True)
+            if not np.isnan(column).all()
+        ]
+        numbers = ", ".join(worst)
+        if not poor.any():
+            end = ": it is not the sampling that makes the ranks uneven" if self.calibration.outside() else ""
+            return f"the draws mixed well in all {r} replicates ({numbers}){end}"
+        said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
+        if poor.mean() < MANY_POOR:
+            return f"{said}: too few to make ranks uneven"
+        return f"{said}: uneven ranks may be the sampling's and not the posterior's; try another method, or narrower priors"
 
 
 def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, watch: Watch = SILENT) -> Calibrated:
@@ -88,7 +133,7 @@ def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, 
     structure, _ = campaign.full, find_method(method)
     store = Store(campaign.folder)
     path = store.calibration(method)
-    stamp = key_of("calibration", estimate_key(campaign, structure, trials), method)
+    stamp = key_of("calibration with diagnostics", estimate_key(campaign, structure, trials), method)
     key = key_of(stamp, replicates)
     if not is_current(path, key):
         workers, study = workers_of(campaign, watch), Study(campaign, trials.fit, method)
@@ -96,10 +141,11 @@ def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, 
         progress = watch.progress(f"calibrate {structure.label} by {method}")
         found = _Found(store.checkpoint(f"calibration-{method}"), key_of(stamp, "by number"))
         _replicate_all(study, found, replicates, progress, workers)
-        ranks, tries = found.arrays(range(replicates))
+        arrays = found.arrays(range(replicates))
+        dims = {"rank": ("replicate", "quantity"), "tries": ("replicate",), "health": ("replicate", "diagnostic")}
         dataset = xr.Dataset(
-            {"rank": (("replicate", "quantity"), ranks), "tries": ("replicate", tries)},
-            {"quantity": [*names, LIKELIHOOD]},
+            {name: (dims[name], value) for name, value in arrays.items()},
+            {"quantity": [*names, LIKELIHOOD], "diagnostic": list(Drawn._fields[1:])},
             {"structure": structure.label, "method": method},
         )
         write_dataset(path, dataset, key)
@@ -107,20 +153,29 @@ def calibrate(campaign: Campaign, trials: Trials, replicates: int, method: str, 
     data = open_dataset(path)
     names = tuple(map(str, data["quantity"].values))
     refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
-    return Calibrated(Calibration(names, data["rank"].values), method, data.attrs["structure"], refused)
+    ranks = Calibration(names, data["rank"].values)
+    return Calibrated(ranks, method, data.attrs["structure"], refused, data["health"].values)
+
+
+class _Replicate(NamedTuple):
+    """Ranks of one truth, the log-likelihood's last, draws until one could be simulated, and the diagnostics of the draws."""
+
+    rank: np.ndarray
+    tries: int
+    health: np.ndarray
 
 
 class _Found:
-    """Ranks and tries of the replicates that are there, by their numbers, and the checkpoint that keeps them."""
+    """The replicates that are there, by their numbers, and the checkpoint that keeps them."""
 
     def __init__(self, path: Path, key: str):
         self.path, self.key = path, key
-        stored = load_checkpoint(path, key) or {"number": (), "ranks": (), "tries": ()}
-        columns = zip(stored["number"], stored["ranks"], stored["tries"], strict=True)
-        self.results = {int(number): (ranks, int(tries)) for number, ranks, tries in columns}
+        stored = load_checkpoint(path, key) or dict.fromkeys(("number", *_Replicate._fields), ())
+        rows = zip(*(stored[name] for name in _Replicate._fields), strict=True)
+        self.results = {int(number): _Replicate(*row) for number, row in zip(stored["number"], rows, strict=True)}
         self.kept = len(self.results)
 
-    def add(self, number: int, result: tuple[np.ndarray, int]) -> None:
+    def add(self, number: int, result: _Replicate) -> None:
         self.results[number] = result
         there = len(self.results)
         if there - self.kept >= max(AT_ONCE, there // 50):  # the more there are, the longer it takes to write them
@@ -129,13 +184,12 @@ class _Found:
     def keep(self) -> None:
         if len(self.results) > self.kept:
             numbers = sorted(self.results)
-            ranks, tries = self.arrays(numbers)
-            save_checkpoint(self.path, self.key, {"number": np.array(numbers), "ranks": ranks, "tries": tries})
+            save_checkpoint(self.path, self.key, {"number": np.array(numbers)} | self.arrays(numbers))
             self.kept = len(numbers)
 
-    def arrays(self, numbers: Iterable[int]) -> tuple[np.ndarray, np.ndarray]:
-        ranks, tries = zip(*(self.results[number] for number in numbers), strict=True)
-        return np.array(ranks), np.array(tries)
+    def arrays(self, numbers: Iterable[int]) -> dict[str, np.ndarray]:
+        columns = zip(*(self.results[number] for number in numbers), strict=True)
+        return {name: np.array(column) for name, column in zip(_Replicate._fields, columns, strict=True)}
 
 
 def _replicate_all(study: Study, found: _Found, replicates: int, progress: Progress, workers: Workers) -> None:
@@ -143,7 +197,7 @@ def _replicate_all(study: Study, found: _Found, replicates: int, progress: Progr
     missing = [number for number in range(replicates) if number not in found.results]
     there = count(replicates - len(missing) + 1)
 
-    def done(index: int, result: tuple[np.ndarray, int]) -> None:
+    def done(index: int, result: _Replicate) -> None:
         found.add(missing[index], result)
         progress(next(there), replicates)
 
@@ -154,14 +208,14 @@ def _replicate_all(study: Study, found: _Found, replicates: int, progress: Progr
         found.keep()
 
 
-def _numbered(study: Study, number: int, report: Progress) -> tuple[np.ndarray, int]:
+def _numbered(study: Study, number: int, report: Progress) -> _Replicate:
     """One replicate by its number, by the method that the study says."""
     key = jax.random.fold_in(random_key(study.campaign, "calibration"), number)
     return _replicate(study.posterior(study.campaign.full), find_method(study.extra), key)
 
 
-def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> tuple[np.ndarray, int]:
-    """Ranks of one truth, the log-likelihood's last, and how many draws it took to find one that can be simulated."""
+def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> _Replicate:
+    """Draw a truth that can be simulated, make data, and rank it among draws of their posterior."""
     truth_key, data_key, draw_key = jax.random.split(key, 3)
     for tried in range(1, TRIES + 1):
         z = posterior.sample_prior(jax.random.fold_in(truth_key, tried), 1)[0]
@@ -176,9 +230,10 @@ def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> tuple[np.nda
         raise NumericalError(
             f"none of {TRIES} draws from the prior can be simulated over these records: narrow the priors; `seatrial prior` shows why"
         )
-    chosen = jnp.asarray(spread_evenly(draw(made, draw_key)))
+    drawn = draw(made, draw_key)
+    chosen = jnp.asarray(spread_evenly(drawn.z))
     values = np.column_stack([made.constrain(chosen), _log_likelihoods(made, chosen)])
-    return ranks_of(np.append(np.asarray(truth), at_truth), values), tried
+    return _Replicate(ranks_of(np.append(np.asarray(truth), at_truth), values), tried, np.array(drawn[1:]))
 
 
 @jax.jit

@@ -3,7 +3,8 @@
 Parameters are drawn from the prior, data from the parameters, and a posterior from the data. The rank of each parameter among
 its own posterior draws is then uniform, whatever the model (Talts et al., arXiv 1804.06788). Ranks are judged by the largest
 distance of their distribution from the diagonal, against a band that holds all of it with stated probability
-(Saeilynoja, Buerkner and Vehtari, Statistics and Computing 32, 2022).
+(Saeilynoja, Buerkner and Vehtari, Statistics and Computing 32, 2022). That probability is of all quantities together: of k, each has
+the k-th part of the allowance (Bonferroni), whatever their ranks have to do with each other.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,11 @@ from scipy import stats
 DRAWS = 99
 """Posterior draws that a rank is taken among: ranks run from 0 to 99."""
 BINS = 20
-LEVEL = 0.99
+FALSE_ALARMS = 0.01
+"""Share of right posteriors of which any quantity is called uneven."""
+CLEAR = 2.6
+"""Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of."""
+AT = np.arange(1, DRAWS + 1) / (DRAWS + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,23 +41,24 @@ class Calibration:
         return np.array([np.bincount(column * BINS // (DRAWS + 1), minlength=BINS) for column in self.ranks.T])
 
     def count_band(self) -> tuple[int, int]:
-        """Counts between which one bin lies with probability 0.99 if ranks are uniform."""
-        low, high = stats.binom(len(self.ranks), 1 / BINS).ppf([0.5 * (1 - LEVEL), 0.5 * (1 + LEVEL)])
+        """Counts between which all bins of all quantities lie with probability 0.99 if ranks are uniform."""
+        tail = 0.5 * FALSE_ALARMS / (BINS * len(self.names))
+        low, high = stats.binom(len(self.ranks), 1 / BINS).ppf([tail, 1 - tail])
         return int(low), int(high)
 
     def p_values(self) -> Float[np.ndarray, " k"]:
-        """Chi-squared probability of histograms as uneven as these, if ranks are uniform."""
-        return np.array([stats.chisquare(counts).pvalue for counts in self.counts()])
+        """Probability that of all quantities any has ranks so far from even, if all are uniform; an upper bound."""
+        single = np.array([1.0 - stays_within(len(self.ranks), away) for away in self._farthest() * (1 - 1e-9)])
+        return np.minimum(1.0, len(self.names) * np.maximum(single, 0.0))
 
     def distance(self) -> Float[np.ndarray, "k ranks"]:
         """Distribution of each quantity's ranks less the uniform one, at 1/100, 2/100, ..., 99/100."""
         at = np.arange(1, DRAWS + 1)
-        return (self.ranks.T[:, None, :] < at[:, None]).mean(2) - at / (DRAWS + 1)
+        return (self.ranks.T[:, None, :] < at[:, None]).mean(2) - AT
 
     def distance_band(self) -> Float[np.ndarray, " ranks"]:
-        """Half width of the band that holds the whole of `distance` with probability 0.99, if ranks are uniform."""
-        at = np.arange(1, DRAWS + 1) / (DRAWS + 1)
-        return _widest(len(self.ranks)) * np.sqrt(at * (1 - at) / len(self.ranks))
+        """Half width of the band that holds the whole of `distance` of all quantities with probability 0.99, if ranks are uniform."""
+        return _widest(len(self.ranks), FALSE_ALARMS / len(self.names)) * _sd(len(self.ranks))
 
     def coverage(self, share: float) -> Float[np.ndarray, " k"]:
         """Share of replicates whose truth lies inside the central interval of this posterior probability."""
@@ -61,19 +67,25 @@ class Calibration:
 
     def outside(self) -> tuple[str, ...]:
         """Quantities whose ranks leave the band."""
-        left = (np.abs(self.distance()) > self.distance_band()).any(1)
+        left = self._farthest() > _widest(len(self.ranks), FALSE_ALARMS / len(self.names))
         return tuple(name for name, bad in zip(self.names, left, strict=True) if bad)
 
     def lines(self) -> list[str]:
         """What the ranks say, in words."""
-        r, (low, high) = len(self.ranks), stats.binom(len(self.ranks), 0.9).ppf([0.005, 0.995]) / len(self.ranks)
-        covered, p = self.coverage(0.9), self.p_values()
+        r, k, tail = len(self.ranks), len(self.names), 0.5 * FALSE_ALARMS / len(self.names)
+        low, high = stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
         said = [
             f"{name}: the 90 % interval holds the truth in {share:.1%} of {r} replicates (chance allows {low:.1%} to {high:.1%}), "
-            f"histogram p = {value:.3f}"
-            for name, share, value in zip(self.names, covered, p, strict=True)
+            f"p = {value:.3f} for ranks so uneven"
+            for name, share, value in zip(self.names, self.coverage(0.9), self.p_values(), strict=True)
         ]
-        return said + [f"{name}: {_shape(self.distance()[self.names.index(name)])}" for name in self.outside()]
+        if k > 1:
+            said.append(f"both are for the worst of {k} quantities, whatever they have to do with each other")
+        return said + [f"{name}: {_shape(self.ranks[:, self.names.index(name)])}" for name in self.outside()]
+
+    def _farthest(self) -> Float[np.ndarray, " k"]:
+        """Largest distance of each quantity in standard deviations."""
+        return (np.abs(self.distance()) / _sd(len(self.ranks))).max(1)
 
 
 def ranks_of(truth: Float[np.ndarray, " k"], draws: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " k"]:
@@ -86,28 +98,54 @@ def spread_evenly(draws: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "ranks k
     return draws[np.linspace(0, len(draws) - 1, DRAWS).round().astype(int)]
 
 
-@lru_cache(maxsize=16)
-def _widest(replicates: int) -> float:
-    """Quantile of the largest standardised distance from the diagonal over all ranks, by simulation with a fixed seed."""
-    random, at = np.random.default_rng(0), np.arange(1, DRAWS + 1) / (DRAWS + 1)
-    largest = []
-    for _ in range(4000):
-        counts = np.bincount(random.integers(0, DRAWS + 1, replicates), minlength=DRAWS + 1)
-        away = np.abs(np.cumsum(counts)[:-1] / replicates - at)
-        largest.append((away / np.sqrt(at * (1 - at) / replicates)).max())
-    return float(np.quantile(largest, LEVEL))
+def stays_within(replicates: int, width: float) -> float:
+    """Probability that uniform ranks stay within so many standard deviations of the diagonal, all along.
+
+    Exact: counts up to one rank after another are sums of Poisson numbers, given that all of them add up to `replicates`.
+    """
+    mean, sd = replicates * AT, replicates * _sd(replicates)
+    low = np.maximum(np.ceil(mean - width * sd), 0).astype(int)
+    high = np.minimum(np.floor(mean + width * sd), replicates).astype(int)
+    most = int((np.append(high, replicates) - np.append(0, low)).max())
+    before, weight, step = 0, np.ones(1), stats.poisson.pmf(np.arange(most + 1), replicates / (DRAWS + 1))
+    for first, last in zip([*low, replicates], [*high, replicates], strict=True):
+        if first > last:
+            return 0.0
+        weight = np.convolve(weight, step[: last - before + 1])[first - before : last - before + 1]
+        before = first
+    return float(weight[0] / stats.poisson.pmf(replicates, replicates))
 
 
-def _shape(distance: Float[np.ndarray, " ranks"]) -> str:
-    """What a deviation means."""
-    half = distance.size // 2
-    low, high = distance[:half].mean(), distance[half:].mean()
-    if low > 0 > high:
-        return "too many truths in the tails: the stated uncertainty is too small"
-    if low < 0 < high:
-        return "too few truths in the tails: the stated uncertainty is too large"
+@lru_cache(maxsize=64)
+def _widest(replicates: int, allowed: float) -> float:
+    """Standard deviations that uniform ranks exceed anywhere with this probability at most."""
+    low, high = 0.0, 40.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if 1.0 - stays_within(replicates, middle) <= allowed else (middle, high)
+    return high
+
+
+def _sd(replicates: int) -> Float[np.ndarray, " ranks"]:
+    """Standard deviation of the distribution of uniform ranks."""
+    return np.sqrt(AT * (1 - AT) / replicates)
+
+
+def _shape(ranks: Int[np.ndarray, " r"]) -> str:
+    """What a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
+    scores = stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
+    even = stats.norm.ppf((np.arange(DRAWS + 1) + 0.5) / (DRAWS + 1)).std()
+    shift, width = float(scores.mean()), float(scores.std() / even)
+    said = []
+    if abs(shift) * np.sqrt(ranks.size) > CLEAR:
+        side, where = ("downwards", "above") if shift > 0 else ("upwards", "below")
+        said.append(
+            f"the posterior is biased {side}: truths lie {abs(shift):.1f} of its standard deviations {where} it"
+        )
+    if (width - 1) * np.sqrt(2 * ranks.size) > CLEAR:
+        said.append(f"the posterior is overconfident: truths scatter {width:.1f} times as far as it states")
+    elif (1 - width) * np.sqrt(2 * ranks.size) > CLEAR:
+        said.append(f"the posterior is too wide: truths scatter {width:.1f} times as far as it states")
     return (
-        "truths lie too low among the draws: the posterior is biased upwards"
-        if low + high > 0
-        else ("truths lie too high among the draws: the posterior is biased downwards")
+        "; ".join(said) or "the shape of the posterior is wrong, and neither its place nor its width: see the picture"
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.uncoupled import coupled, uncouple
+from seatrial.sampling.diagnostics import mixing
 from seatrial.sampling.names import METHODS
 from seatrial.sampling.nested import sample_nested
 from seatrial.sampling.run import ChainSettings
@@ -19,8 +21,26 @@ from seatrial.sampling.sampler import SAMPLERS, Sampler, sample
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
-PosteriorDraws = Float[np.ndarray, "n d"]
-Draw = Callable[[Posterior, jax.Array], PosteriorDraws]
+
+class Drawn(NamedTuple):
+    """Draws of a posterior, and what the method that made them says of itself, NaN where it has no such number.
+
+    Attributes:
+        z: draws, shape (n, d).
+        r_hat: largest R-hat of all parameters.
+        ess: smallest effective sample size.
+        diverged: share of the transitions that diverged.
+        moved: smallest share of the moves of a population that were made.
+    """
+
+    z: Float[np.ndarray, "n d"]
+    r_hat: float = np.nan
+    ess: float = np.nan
+    diverged: float = np.nan
+    moved: float = np.nan
+
+
+Draw = Callable[[Posterior, jax.Array], Drawn]
 SIZES = {
     "independence-metropolis": ChainSettings(32, 300, 200),
     "adaptive-metropolis": ChainSettings(32, 500, 500),
@@ -54,19 +74,23 @@ def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> ja
     return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
 
 
-def _by_chains(sampler: Sampler, settings: ChainSettings, posterior: Posterior, key: jax.Array) -> PosteriorDraws:
+def _by_chains(sampler: Sampler, settings: ChainSettings, posterior: Posterior, key: jax.Array) -> Drawn:
     mode_key, start_key, key = jax.random.split(key, 3)
     target, mode = uncouple(posterior, find_mode(posterior, mode_key))
     starts = spread_starts(target, mode, settings.chains, start_key)
-    draws = sample(sampler, target, starts, jnp.asarray(mode.cov), key, settings).z
+    draws = sample(sampler, target, starts, jnp.asarray(mode.cov), key, settings)
+    z = np.asarray(coupled(target, draws.z))
+    chains, kept, d = z.shape
     # Chain after chain: draws taken at even distances are then as far apart as can be.
-    return np.asarray(coupled(target, draws)).reshape(-1, posterior.dim)
+    return Drawn(z.reshape(-1, d), *mixing(z), diverged=draws.divergences / (chains * kept))
 
 
-def _by_smc(posterior: Posterior, key: jax.Array) -> PosteriorDraws:
-    return sample_tempered_smc(posterior, key, SMCSettings(PARTICLES)).particles
+def _by_smc(posterior: Posterior, key: jax.Array) -> Drawn:
+    run = sample_tempered_smc(posterior, key, SMCSettings(PARTICLES))
+    return Drawn(run.particles, moved=float(run.acceptance.min()))
 
 
-def _by_nested(posterior: Posterior, key: jax.Array) -> PosteriorDraws:
+def _by_nested(posterior: Posterior, key: jax.Array) -> Drawn:
     run_key, draw_key = jax.random.split(key)
-    return sample_nested(posterior, run_key, live=LIVE).draws(PARTICLES, draw_key)
+    run = sample_nested(posterior, run_key, live=LIVE)
+    return Drawn(run.draws(PARTICLES, draw_key), moved=1.0 - run.stuck)

@@ -41,6 +41,15 @@ def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
     )
 
 
+def mixing(draws: Float[np.ndarray, "chains draws d"]) -> tuple[float, float]:
+    """Return the largest R-hat and the smallest effective sample size of all parameters; NaN where a chain never moved."""
+    from arviz_stats.base.array import array_stats
+
+    each = [np.ascontiguousarray(draws[:, :, i]) for i in range(draws.shape[2])]
+    r_hat, ess = [array_stats.rhat(x) for x in each], [array_stats.ess(x, method="bulk") for x in each]
+    return float(np.max(r_hat)), float(np.min(ess))
+
+
 def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float = 0.5) -> float:
     """Geweke's convergence score of one chain (Bayesian Statistics 4, 1992).
 

@@ -189,7 +189,7 @@ def _steps(settings: SMCSettings, dim: int):
     @jax.jit
     def begin(target: Target, particles: Array, temperature: Array):
         state = kernel(target).init(particles)
-        begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature))
+        begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature, float))
         return state._replace(sampler_state=begun, parameter_override=factor_of(particles))
 
     @jax.jit
