@@ -81,7 +81,10 @@ class Uuv:
             f"quadratic damping: at the centre of gravity of the hull, {distance:.2g} m from the origin",
         )
         return Carried(
-            motion_with(rest, force_of(rest), _plugin_force(plugin)), lost, changed if shifted else changed[:1], actuators
+            motion_with(rest, force_of(rest), _plugin_force(plugin)),
+            lost,
+            changed if shifted else changed[:1],
+            actuators,
         )
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
