@@ -134,7 +134,10 @@ def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[Fin, ...]) 
     """What is wrong in a current, in words."""
     parts = []
     if engine == "dart" and vehicle.added_mass.any():
-        parts.append("M_A (omega x current) is missing, since DART's added mass follows the velocity over ground")
+        parts.append(
+            "M_A (omega x current) is missing, since DART's added mass follows the velocity over ground, "
+            "as before gz-sim 8.12 and 10.2 its Coriolis forces do too"
+        )
     if fins:
         parts.append("fins do not feel it")
     return ("in a current: " + ", and ".join(parts),) if parts else ()
@@ -325,7 +328,7 @@ def _world(options: Gz, vehicle: ExportedVehicle, model: str) -> str:
     lines = [
         '  <world name="water">',
         f"    <gravity>0 0 {number(-gravity_of(vehicle))}</gravity>",
-        '    <physics name="steps" type="ignored"><max_step_size>0.002</max_step_size></physics>',
+        '    <physics name="steps" type="ignored"><max_step_size>0.001</max_step_size></physics>',
         *(
             f'    <plugin filename="gz-sim-{file}-system" name="gz::sim::systems::{name}">'
             + (f"<engine><filename>{engine}</filename></engine>" if file == "physics" else "")
