@@ -145,6 +145,18 @@ def test_lags_that_a_target_lacks_count_in_the_loss(monkeypatch):
     assert surge.largest > 0.01
 
 
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_every_lag_rate_and_limit_is_carried_or_named(name):
+    vehicle = rich()
+    carried = make_exporter(name).carries(vehicle)
+    for control, own in vehicle.actuators.items():
+        there = carried.actuators.get(control, Actuator(0.0))
+        (line,) = [line for line in carried.lost if line.endswith(f" of {control}")] or [""]
+        assert ("lag" in line) == (there.time_constant != own.time_constant), line
+        assert ("rate" in line) == (there.rate != own.rate), line
+        assert ("limits" in line) == ((there.lower, there.upper) != (own.lower, own.upper)), line
+
+
 def test_a_lagging_actuator_follows_as_the_vehicle_s_own_does():
     actuators = {"n": Actuator(0.5, -3.0, 3.0, 4.0)}
 

@@ -69,7 +69,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement) -> list[str]:
         lines += [f"{title}: {item}" for item in items]
     lines += [f"cannot carry: {item}" for item in carried.lost] or ["carries everything that is known"]
     lines += [f"carried in another form: {item}" for item in carried.changed]
-    lines.append(f"loss in predicted motion ({statement.manoeuvre}): {loss_words(statement.loss)}")
+    lines.append(f"loss in predicted motion ({statement.manoeuvre}, in still water): {loss_words(statement.loss)}")
     if statement.loss_in_current is not None:
         words = loss_words(statement.loss_in_current)
         lines.append(

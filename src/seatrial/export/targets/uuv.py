@@ -73,7 +73,7 @@ class Uuv:
             *term_losses(
                 vehicle, fins, ": its fins lift by the local angle of attack too, which Y_uv and Z_uw hold here"
             ),
-            *product_losses(plugin.own, plugin.products),
+            *product_losses(plugin.own, plugin.products, "about the hull's centre of gravity"),
             *actuator_losses(vehicle, actuators),
         )
         shifted = plugin.quadratic.any() and plugin.centre.any()
