@@ -3,7 +3,7 @@
 FOLDER holds a checkout of gazebosim/gz-sim; g++, DART, Ignition Math 6, TinyXML 2 and Eigen are needed (Debian: libdart-dev
 libignition-math-dev libtinyxml2-dev libeigen3-dev). Compiled unchanged are the systems Hydrodynamics, LiftDrag and Thruster; `gz/shim.hh`
 stands for gz-sim's calls, and `gz/world.cc` sets inertia, added mass, buoyancy, fins and steps as gz-physics and gz-sim do. Steps are
-the 2 ms of the exported world.
+the exported world's.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from worlds import compile_world, run_world
 
 from seatrial.export.drives import drives_of
 from seatrial.export.fins import fins_of
-from seatrial.export.manoeuvre import Controls
+from seatrial.export.manoeuvre import STILL, Controls, Current
 from seatrial.export.target import Carried, Statement
 from seatrial.export.targets.gz import Gz
 from seatrial.export.terms import sorted_terms
@@ -33,7 +33,7 @@ class GzTwin:
 
     target = "gz-sim"
 
-    def __init__(self, world: Path, version: str, vehicle: ExportedVehicle, folder: Path, current=(0.0, 0.0, 0.0)):
+    def __init__(self, world: Path, version: str, vehicle: ExportedVehicle, folder: Path, current: Current):
         self.world, self.version, self.vehicle, self.folder = world, version, vehicle, folder
         self.current = current
         statement = Statement(self.target, Provenance("", ""), Carried(Gz().carries(vehicle).motion), (), "", ())
@@ -65,10 +65,10 @@ def main() -> int:
         folder = Path(name)
         program = build(options.source, folder)
 
-        def twin(vehicle: ExportedVehicle) -> Twin:
-            return GzTwin(program, options.version, vehicle, folder)
+        def twin(vehicle: ExportedVehicle, current: Current = STILL) -> Twin:
+            return GzTwin(program, options.version, vehicle, folder, current)
 
-        return laboratory.run("gz", Gz(), twin, "python release/simulators/gz.py --source FOLDER")
+        return laboratory.run("gz", Gz(), twin, "python release/simulators/gz.py --source FOLDER", in_current=twin)
 
 
 if __name__ == "__main__":

@@ -4,13 +4,13 @@
 
 What the export keeps is `Exporter.carries`; what it loses is stated by the export itself, and stands beside the difference. A driver of
 a target (`gz.py`, `uuv.py`, ...) builds a `Twin` from the exported files and calls `run`. `python release/simulators/laboratory.py`
-prints the table of all results. None of it runs in CI: the targets' sources stay outside.
+prints the table of all results, and with `--write` puts it into docs/export.md. None of it runs in CI: the targets' sources stay outside.
 """
 
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES, signal_unit
-from seatrial.export.manoeuvre import Controls, plan_for, simulate
+from seatrial.export.manoeuvre import STILL, Controls, Current, plan_for, simulate
 from seatrial.export.motion import motion_of
 from seatrial.export.published import of_catalogue
 from seatrial.export.target import Carried, Exporter
@@ -44,7 +44,11 @@ EXACT = 0.02
 """Share of a channel's range within which a target has to follow what its export keeps: steps of time take that much."""
 FLOOR = 1e-3
 """Difference, m/s, rad/s and rad, below which nothing is said."""
+ABEAM: Current = (0.0, 0.36, 0.0)
+"""Current of the scenario in one, m/s north, east, down."""
 RESULTS = Path(__file__).parent / "results"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "export.md"
+_BEGIN, _END_OF_TABLE = "<!-- results: python release/simulators/laboratory.py --write -->", "<!-- end of results -->"
 _TILT, _START, _END = np.radians(10.0), 1.0, 25.0
 """Angle of the roll release, and when controls change and change back, s."""
 _STEPS = {"n": 0.2, "delta_r": np.radians(4.0), "delta_s": np.radians(2.0)}
@@ -97,12 +101,13 @@ class Subject:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A start and controls by time; `words` say what happens."""
+    """A start and controls by time; `words` say what happens; velocities are through the water of a current, m/s north, east, down."""
 
     name: str
     start: State
     controls: Controls
     words: str
+    current: Current = STILL
 
 
 @dataclass(frozen=True)
@@ -180,6 +185,7 @@ def run(
     build: Callable[[ExportedVehicle], Twin],
     command: str,
     vehicles: Sequence[str] = VEHICLES,
+    in_current: Callable[[ExportedVehicle, Current], Twin] | None = None,
 ) -> int:
     """Compare every vehicle that the exporter takes, print and store the results; returns the number of failures.
 
@@ -189,6 +195,7 @@ def run(
         build: twin of a vehicle, from the files that the exporter writes of it.
         command: that is printed in the table.
         vehicles: names of the catalogue.
+        in_current: twin of a vehicle in a current, for a target that has one.
     """
     found = Results(command)
     for label in vehicles:
@@ -199,6 +206,11 @@ def run(
             print(f"-- {label}: refused: {error.found}", flush=True)
             continue
         add_vehicle(found, subject, build(subject.vehicle))
+        if in_current is not None:
+            scenario = scenario_in_current(subject.vehicle)
+            rows = compare(subject, in_current(subject.vehicle, scenario.current), scenario)
+            found.rows += rows
+            print_rows(rows)
     store(name, found)
     return found.failures
 
@@ -254,6 +266,19 @@ def scenarios_of(vehicle: ExportedVehicle) -> tuple[list[Scenario], list[str]]:
     return found, absent
 
 
+def scenario_in_current(vehicle: ExportedVehicle) -> Scenario:
+    """Ahead and turning, in a current from abeam."""
+    speed, hold = _steady(vehicle)
+    start = np.zeros(8)
+    start[0] = speed
+    parts = [_change(vehicle, name, control, hold) for name, control in (("thrust step", "n"), ("turn", "delta_r"))]
+    change: dict[str, float] = {}
+    for part in parts:
+        change = {key: change.get(key, 0.0) + (part or {}).get(key, 0.0) for key in {*change, *(part or {})}}
+    words = f"{speed:.2f} m/s ahead, {_words(change)} from {_START:g} to {_END:g} s, {ABEAM[1]:g} m/s of current to the east"
+    return Scenario("turn in a current", start, _pulse(hold, change, _START, _END), words, ABEAM)
+
+
 def compare(subject: Subject, twin: Twin, scenario: Scenario) -> list[Row]:
     """Run a scenario in the target and beside it; a row for each channel."""
     span, note = meaningful_span(subject.carried.motion, subject.carried.actuators, scenario)
@@ -296,8 +321,8 @@ def meaningful_span(
     A vehicle that is unstable without control magnifies the rounding of any integrator: the span ends where a disturbance of the start
     has grown 300 times.
     """
-    kept = _run(motion, actuators, scenario.controls, scenario.start, DURATION)
-    moved = _run(motion, actuators, scenario.controls, scenario.start + _SEED, DURATION)
+    kept = _ours(motion, actuators, scenario, DURATION)
+    moved = _ours(motion, actuators, replace(scenario, start=scenario.start + _SEED), DURATION)
     apart = np.abs(moved - kept).max(axis=1)
     grown = np.flatnonzero(~(apart < _GROWN * _SEED))
     if grown.size == 0:
@@ -403,6 +428,13 @@ def all_results() -> list[Results]:
     return [load(path) for path in sorted(RESULTS.glob("*.json"))]
 
 
+def documented(text: str) -> str:
+    """The document with the table of all results between its marks."""
+    head, rest = text.split(_BEGIN, 1)
+    _, tail = rest.split(_END_OF_TABLE, 1)
+    return f"{head}{_BEGIN}\n{table(all_results())}{_END_OF_TABLE}{tail}"
+
+
 def _steady(vehicle: ExportedVehicle) -> tuple[float, dict[str, float]]:
     """Speed ahead at which scenarios begin, and the controls that hold it."""
     plan = plan_for(vehicle, motion_of(vehicle))
@@ -435,14 +467,19 @@ def _words(change: Mapping[str, float]) -> str:
 
 
 def _ours(motion: Callable[..., Any], actuators: Mapping[str, Actuator], scenario: Scenario, span: float) -> History:
-    return _run(motion, actuators, scenario.controls, scenario.start, span)
+    return _run(motion, actuators, scenario.controls, scenario.start, span, scenario.current)
 
 
 def _run(
-    motion: Callable[..., Any], actuators: Mapping[str, Actuator], controls: Controls, start: State, duration: float
+    motion: Callable[..., Any],
+    actuators: Mapping[str, Actuator],
+    controls: Controls,
+    start: State,
+    duration: float,
+    current: Current = STILL,
 ) -> History:
     """Our simulation, every SAMPLE s."""
-    return simulate(motion, actuators, controls, start, duration, STEP)[:: round(SAMPLE / STEP)]
+    return simulate(motion, actuators, controls, start, duration, STEP, current)[:: round(SAMPLE / STEP)]
 
 
 def _largest(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"]) -> float:
@@ -474,3 +511,5 @@ def _rounded(row: dict[str, Any]) -> dict[str, Any]:
 
 if __name__ == "__main__":
     print(table(all_results()), end="")
+    if "--write" in sys.argv:
+        DOCUMENT.write_text(documented(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")

@@ -16,7 +16,7 @@ from worlds import compile_world, run_world
 
 from seatrial.export.drives import drives_of
 from seatrial.export.exact import gravity_of
-from seatrial.export.manoeuvre import Controls
+from seatrial.export.manoeuvre import STILL, Controls, Current
 from seatrial.export.target import Carried, Statement
 from seatrial.export.targets.uuv import Uuv, plugin_of
 from seatrial.export.vehicle import ExportedVehicle, Provenance
@@ -38,8 +38,8 @@ class UuvTwin:
 
     target = "UUV Simulator"
 
-    def __init__(self, world: Path, version: str, vehicle: ExportedVehicle, folder: Path):
-        self.world, self.version, self.vehicle, self.folder = world, version, vehicle, folder
+    def __init__(self, world: Path, version: str, vehicle: ExportedVehicle, folder: Path, current: Current):
+        self.world, self.version, self.vehicle, self.folder, self.current = world, version, vehicle, folder, current
         statement = Statement(self.target, Provenance("", ""), Carried(Uuv().carries(vehicle).motion), (), "", ())
         (folder / "vehicle.urdf").write_text(Uuv().write(vehicle, statement)["vehicle.urdf"], encoding="utf-8")
 
@@ -47,7 +47,8 @@ class UuvTwin:
         """See `Twin`."""
         names = [drive.control for drive in drives_of(self.vehicle)[0]]
         command = [self.world, self.folder / "vehicle.urdf", gravity_of(self.vehicle), STEP]
-        return run_world(command, self.folder, start, controls, duration, names, plugin_of(self.vehicle).centre)
+        centre = plugin_of(self.vehicle).centre
+        return run_world(command, self.folder, start, controls, duration, names, centre, self.current)
 
 
 def build(source: Path, folder: Path) -> Path:
@@ -67,10 +68,10 @@ def main() -> int:
         folder = Path(name)
         program = build(options.source, folder)
 
-        def twin(vehicle: ExportedVehicle) -> Twin:
-            return UuvTwin(program, options.version, vehicle, folder)
+        def twin(vehicle: ExportedVehicle, current: Current = STILL) -> Twin:
+            return UuvTwin(program, options.version, vehicle, folder, current)
 
-        return laboratory.run("uuv", Uuv(), twin, "python release/simulators/uuv.py --source FOLDER")
+        return laboratory.run("uuv", Uuv(), twin, "python release/simulators/uuv.py --source FOLDER", in_current=twin)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,11 @@ import re
 import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from laboratory import SAMPLE, History, State
+from scipy.spatial.transform import Rotation
 
 from seatrial.export.exact import SIGN
 from seatrial.export.manoeuvre import Controls
@@ -36,11 +38,8 @@ def compile_world(
     program = folder / "world"
     paths = [f"-I{path}" for path in (folder, own, *includes, "/usr/include/eigen3", "/usr/include/ignition/math6")]
     files = [str(path) for path in (own / "world.cc", *sources)]
-    subprocess.run(
-        ["g++", "-std=c++17", "-O1", "-w", "-DdDOUBLE", *paths, *files, *(f"-l{name}" for name in libraries)]
-        + ["-o", str(program)],
-        check=True,
-    )
+    options = ["-std=c++17", "-O1", "-w", "-DdDOUBLE", "-o", str(program)]
+    subprocess.run(["g++", *options, *paths, *files, *(f"-l{name}" for name in libraries)], check=True)
     return program
 
 
@@ -64,11 +63,12 @@ def run_world(
         duration: s.
         names: controls in the order of the world's.
         place: of the target's link, m forward, starboard, down of our origin.
-        current: of the water, m/s north, east, down.
+        current: of the water, m/s north, east, down; the velocities are through it.
     """
     count = round(duration / SAMPLE)
     angles = SIGN[3:] * np.array([start[6], start[7], 0.0])
-    head = [0.0, 0.0, -DEPTH, *angles, *(SIGN * moved(start[:6], place)), *(SIGN[:3] * np.array(current))]
+    over_ground = start[:6] + np.array([*_in_body(current, start[6], start[7], 0.0), 0.0, 0.0, 0.0])
+    head = [0.0, 0.0, -DEPTH, *angles, *(SIGN * moved(over_ground, place)), *(SIGN[:3] * np.array(current))]
     rows = [[controls(i * SAMPLE)[name] for name in names] for i in range(count)]
     lines = [str(count), *(" ".join(repr(float(x)) for x in row) for row in [head, *rows])]
     commands, result = folder / "commands.txt", folder / "result.txt"
@@ -76,8 +76,15 @@ def run_world(
     arguments = [str(part) for part in (*command, SAMPLE, commands, result)]
     subprocess.run(arguments, check=True, stdout=subprocess.DEVNULL)
     found = np.loadtxt(result)
-    velocities = moved((SIGN * found[:, 6:12]).T, -place)
-    return np.concatenate([velocities, (SIGN[3:] * found[:, 3:6]).T[:2]]).T
+    velocities, (phi, theta, psi) = moved((SIGN * found[:, 6:12]).T, -place), (SIGN[3:] * found[:, 3:6]).T
+    velocities[:3] -= _in_body(current, phi, theta, psi)
+    return np.concatenate([velocities, [phi, theta]]).T
+
+
+def _in_body(current: tuple[float, float, float], phi: Any, theta: Any, psi: Any) -> np.ndarray:
+    """The current in body axes, (3,) or (3, n)."""
+    angles = np.stack(np.broadcast_arrays(psi, theta, phi), axis=-1)
+    return Rotation.from_euler("ZYX", angles).inv().apply(np.array(current)).T
 
 
 def moved(nu: np.ndarray, place: np.ndarray) -> np.ndarray:

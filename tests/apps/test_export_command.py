@@ -61,7 +61,7 @@ def test_a_campaign(monkeypatch, capsys, tmp_path):
     assert (code, err) == (Exit.OK, "")
     assert "X_uabsu = " in out
     assert " ± " in out
-    assert "loss in predicted motion (1.54 m/s ahead, a doublet of 20 % in n): none" in out
+    assert "loss in predicted motion (1.54 m/s ahead, a doublet of 20 % in n, in still water): none" in out
     vehicle, _ = read_exported(tmp_path / "elsewhere" / "vehicle.json")
     assert vehicle.estimated.names == ("X_uabsu", "T_nabsn", "X_u")
     code, out, _ = run(monkeypatch, capsys, "export", "c", "--to", "fossen", "--rest", "remus100_hall_anstee")

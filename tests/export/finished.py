@@ -13,17 +13,25 @@ from seatrial.campaign.trials import Trials
 from seatrial.export import from_campaign
 from tests.campaign.small import write_small
 
-MEAN = {"X_u": -1.3, "X_uabsu": -2.9, "T_nabsn": 6.3e-4, "M_q": -1.0, "Y_v": -3.0}
+MEAN = {
+    "X_u": -1.3,
+    "X_uabsu": -2.9,
+    "T_nabsn": 6.3e-4,
+    "M_q": -1.0,
+    "Y_v": -3.0,
+    "current[1]": -0.3,
+    "current[2]": 0.1,
+}
 TRIALS = Trials((), (), "made up")
 
 
-def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=()) -> Path:
+def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(), beside=()) -> Path:
     """Write the small campaign with a posterior of every structure; the first is chosen."""
     monkeypatch.setattr(from_campaign, "get_trials", lambda _: TRIALS)
     write_small(folder, *replacements)
     campaign = load_campaign(folder)
     for structure in campaign.structures:
-        names = [*structure.terms, "sigma_u"]
+        names = [*structure.terms, "sigma_u", *beside]
         mean = np.array([MEAN.get(name, 0.05) for name in names])
         root = np.random.default_rng(0).normal(size=(len(names), len(names))) * 0.03
         z = np.random.default_rng(1).normal(size=(4, 500, len(names)))

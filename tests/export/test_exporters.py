@@ -14,6 +14,7 @@ from seatrial.export.registry import EXPORTERS, make_exporter
 from seatrial.export.statement import loss_words, state
 from seatrial.export.vehicle import of_published, rest_for
 from seatrial.export.write import export_vehicle
+from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue.whole import load_vehicle
 from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, with_terms
 
@@ -143,6 +144,62 @@ def test_the_loss_is_that_of_the_manoeuvre(monkeypatch):
     assert by_rate["u"].range == pytest.approx(np.ptp(own[:, 0]))
     assert "cannot carry: half of the thrust" in statement.lines
     assert loss_words(state(make_exporter("json"), vehicle, PROVENANCE).loss) == "none"
+
+
+def test_lags_that_a_target_lacks_count_in_the_loss(monkeypatch):
+    """BlueROV2 in gz loses nothing else in still water; Fossen's simulator has the lags."""
+    monkeypatch.setattr(manoeuvre, "DURATION", 8.0)
+    vehicle = published("bluerov2_heavy")
+    assert loss_words(state(make_exporter("gz"), vehicle, PROVENANCE).loss) == "none"
+    late = replace(vehicle, actuators={name: Actuator(0.5, -40.0, 40.0) for name in vehicle.controls})
+    kept, lost = (state(make_exporter(name), late, PROVENANCE) for name in ("fossen", "gz"))
+    assert loss_words(kept.loss) == "none"
+    assert "lag 0.5 s of f_1" in " ".join(lost.carried.lost)
+    (surge,) = (change for change in lost.loss if change.rate == "u")
+    plan = manoeuvre.plan_for(vehicle, motion_of(vehicle))
+    slow = manoeuvre.run_manoeuvre(motion_of(vehicle), late.actuators, plan)
+    fast = manoeuvre.run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan)
+    assert surge.largest == pytest.approx(np.abs(slow - fast)[:, 0].max())
+    assert surge.largest > 0.01
+
+
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_every_lag_rate_and_limit_is_carried_or_named(name):
+    vehicle = rich()
+    carried = make_exporter(name).carries(vehicle)
+    for control, own in vehicle.actuators.items():
+        there = carried.actuators.get(control, Actuator(0.0))
+        (line,) = [line for line in carried.lost if line.endswith(f" of {control}")] or [""]
+        assert ("lag" in line) == (there.time_constant != own.time_constant), line
+        assert ("rate" in line) == (there.rate != own.rate), line
+        assert ("limits" in line) == ((there.lower, there.upper) != (own.lower, own.upper)), line
+
+
+def test_a_lagging_actuator_follows_as_the_vehicle_s_own_does():
+    actuators = {"n": Actuator(0.5, -3.0, 3.0, 4.0)}
+
+    def motion(nu, phi, theta, controls):
+        return np.array([controls["n"], 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    found = manoeuvre.simulate(motion, actuators, lambda t: {"n": 9.0 * (t >= 1.0)}, np.zeros(8), 4.0, 0.01)
+    actual, speed = 0.0, 0.0
+    for i in range(40000):
+        wanted = 3.0 if i >= 10000 else 0.0
+        speed += 1e-4 * actual
+        actual += 1e-4 * min(max((wanted - actual) / 0.5, -4.0), 4.0)
+    assert found[-1, 0] == pytest.approx(speed, rel=1e-3)
+
+
+def test_the_loss_in_a_current_is_stated_where_the_campaign_has_one(monkeypatch):
+    monkeypatch.setattr(manoeuvre, "DURATION", 20.0)
+    vehicle, provenance = published("bluerov2_heavy"), replace(PROVENANCE, current=0.36)
+    lines = state(make_exporter("gz"), vehicle, provenance).lines
+    (line,) = (line for line in lines if "in the campaign's current" in line)
+    assert "0.36 m/s" in line
+    assert "u by" in line
+    assert not any("the campaign's current" in line for line in state(make_exporter("gz"), vehicle, PROVENANCE).lines)
+    found = state(make_exporter("fossen"), vehicle, provenance)
+    assert loss_words(found.loss_in_current) == "none"
 
 
 def test_a_target_that_runs_away_is_said_to(monkeypatch):

@@ -40,6 +40,15 @@ def test_estimates_are_the_posterior_s_means_and_covariance(monkeypatch, tmp_pat
     assert (vehicle.actuators["n"].lower, vehicle.actuators["n"].upper) == (0.0, pytest.approx(1500 * np.pi / 30))
 
 
+def test_the_largest_estimated_current_goes_with_the_vehicle(monkeypatch, tmp_path):
+    _, provenance = of_campaign(finished(monkeypatch, tmp_path / "c"))
+    assert provenance.current == 0
+    folder = finished(monkeypatch, tmp_path / "d", beside=("current[1]", "current[2]"))
+    vehicle, provenance = of_campaign(folder)
+    assert provenance.current == pytest.approx(0.3, rel=0.1)
+    assert not any("current" in name for name in vehicle.estimated.names)
+
+
 def test_another_structure_says_what_it_drops(monkeypatch, tmp_path):
     folder = finished(monkeypatch, tmp_path / "c")
     vehicle, provenance = of_campaign(folder, structure="M-1")

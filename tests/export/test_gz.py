@@ -174,6 +174,24 @@ def test_fins_are_ours_head_on_and_as_predicted_elsewhere():
     assert_equal(found, own_force(bare, ahead, phi, theta, controls))
 
 
+@pytest.mark.parametrize("vehicle", [rich(), published("bluerov2_heavy")], ids=["rich", "frame"])
+def test_the_motion_in_a_current_is_as_predicted(vehicle):
+    """DART's mass and rigid Coriolis forces go with the velocity over ground, the plugin's and C_A with that through the water."""
+    target, state = simulated(vehicle), states(vehicle)
+    nu, phi, theta, controls = state
+    water = np.array([0.2, -0.3, 0.1])[:, None] * np.ones_like(nu[:3])
+    over = np.concatenate([nu[:3] + water, nu[3:]])
+    through, ground = SIGN[:, None] * nu, SIGN[:, None] * over
+    force = target.damping(through) + target.lift(ground, controls) + target.thrust(controls)
+    force += target.restoring(phi, theta) - rigid_coriolis(target.rigid, ground) - rigid_coriolis(target.added, through)
+    rates = SIGN[:, None] * np.linalg.solve(target.rigid + target.added, force)
+    rates[:3] += cross(nu[3:], water)
+    told = dict(zip(("current_u", "current_v", "current_w"), water[:, 0], strict=True))
+    assert_equal(Gz().carries(vehicle).motion(nu, phi, theta, {**controls, **told}), rates)
+    assert "in a current: M_A (omega x current) is missing" in " ".join(Gz().carries(vehicle).lost)
+    assert ("fins do not feel it" in " ".join(Gz().carries(vehicle).lost)) == ("delta_r" in controls)
+
+
 def test_another_engine_gets_the_same_forces_without_added_mass_under_inertial():
     vehicle = with_terms(
         published(),

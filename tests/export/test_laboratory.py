@@ -91,6 +91,14 @@ def test_the_span_of_an_unstable_vehicle_ends_where_rounding_would_show():
     assert "unstable" in note
 
 
+def test_a_current_is_in_the_comparison():
+    """What the export keeps in a current is not what the vehicle does, and a twin without the current is caught."""
+    one, scenario = subject(), laboratory.scenario_in_current(subject().vehicle)
+    rows = {row.channel: row for row in laboratory.compare(one, Mirror(one.carried.motion), scenario)}
+    assert rows["u"].stated > 1e-3
+    assert max(row.largest for row in rows.values()) > 1e-3
+
+
 def test_what_a_vehicle_cannot_do_is_said():
     scenarios, absent = laboratory.scenarios_of(subject("remus100_prestero").vehicle)
     assert [scenario.name for scenario in scenarios] == ["turn", "heave", "roll release"]
@@ -101,3 +109,8 @@ def test_a_twin_that_samples_otherwise_is_refused():
     short, long = np.zeros((3, 8)), np.zeros((4, 8))
     with pytest.raises(ValueError, match="samples"):
         laboratory.rows_of("t", "1", "v", "turn", (short, long, long), 0.3)
+
+
+def test_the_document_has_the_table_of_the_stored_results():
+    text = laboratory.DOCUMENT.read_text(encoding="utf-8")
+    assert laboratory.documented(text) == text

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.export.motion import Motion
+from seatrial.export.motion import Motion, current_in
 from seatrial.export.terms import Sorted
 from seatrial.vehicles.hull import AXES
 
@@ -58,10 +58,11 @@ def fins_of(terms: Sorted) -> tuple[tuple[Fin, ...], tuple[str, ...]]:
 
 
 def fin_force(fins: tuple[Fin, ...]) -> Motion:
-    """Forces of the fins, in our axes."""
+    """Forces of the fins, in our axes; they feel the velocity over ground, since LiftDrag knows no current."""
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
-        u, v, w, _, q, r = nu
+        u, v, w = (one + water for one, water in zip(nu[:3], current_in(controls), strict=True))
+        q, r = nu[4:]
         found = np.zeros_like(np.asarray(nu, float))
         for fin in fins:
             across = v + r * fin.place if fin.axis == 1 else w - q * fin.place

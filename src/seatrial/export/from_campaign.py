@@ -21,6 +21,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
+from seatrial.estimation.simulation import CURRENT
 from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published, rest_for, same_mass
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.actuators import Actuator
@@ -138,6 +139,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
             *_limit_words(campaign, found),
         ),
         tuple(estimate.alarms),
+        _current(estimate),
     )
 
 
@@ -221,6 +223,12 @@ def _estimated(estimate: Estimate, structure: Structure) -> Estimated:
     draws = estimate.draws(names)
     covariance = np.cov(draws.T, bias=True).reshape(len(names), len(names))
     return Estimated(names, draws.mean(0), np.sqrt(np.diag(covariance)), covariance)
+
+
+def _current(estimate: Estimate) -> float:
+    """Largest current of its trials by its mean, m/s; 0 where none was estimated."""
+    names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
+    return float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0
 
 
 def _stale(campaign: Campaign, found: str, remedy: str) -> InputError:

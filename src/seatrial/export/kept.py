@@ -19,14 +19,14 @@ def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
     return replace(vehicle, coefficients={name: x for name, x in vehicle.coefficients.items() if name not in gone})
 
 
-def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float]) -> tuple[str, ...]:
-    """One sentence about the products whose value differs from the vehicle's own; none where all agree."""
+def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], where: str) -> tuple[str, ...]:
+    """One sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
     found = []
     for key in sorted({*own, *products}):
         here, there = own.get(key, 0.0), products.get(key, 0.0)
         if abs(here - there) > _ROUNDING * max(abs(here), abs(there)):
             found.append(f"{product_name(key)} = {here:.4g} as {there:.4g}")
-    return ("products of velocities that the target sets itself: " + ", ".join(found),) if found else ()
+    return (f"products of velocities {where} that the target sets itself: " + ", ".join(found),) if found else ()
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 from seatrial.core.signals import RATES, signal_unit
-from seatrial.export.motion import Motion
+from seatrial.export.motion import CURRENT_IN_BODY, Motion
 from seatrial.export.target import Change
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
@@ -21,6 +22,8 @@ from seatrial.vehicles.thrusters import allocation
 
 Controls = Callable[[float], Mapping[str, float]]
 """Commands by time, SI."""
+Current = tuple[float, float, float]
+STILL: Current = (0.0, 0.0, 0.0)
 DURATION, STEP = 40.0, 0.05
 SPEED = 1.5
 """Speed ahead, m/s, where the vehicle has no trim speed of its own."""
@@ -65,11 +68,13 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
     return Plan(speed, controls, ", ".join(parts))
 
 
-def run_manoeuvre(motion: Motion, actuators: Mapping[str, Actuator], plan: Plan) -> Float[np.ndarray, "n 6"]:
-    """Velocities of a motion through the manoeuvre; NaN from where it runs away."""
+def run_manoeuvre(
+    motion: Motion, actuators: Mapping[str, Actuator], plan: Plan, current: Current = STILL
+) -> Float[np.ndarray, "n 6"]:
+    """Velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away."""
     start = np.zeros(8)
     start[0] = plan.speed
-    return simulate(motion, actuators, plan.controls, start, DURATION, STEP)[:, :6]
+    return simulate(motion, actuators, plan.controls, start, DURATION, STEP, current)[:, :6]
 
 
 def simulate(
@@ -79,22 +84,33 @@ def simulate(
     start: Float[np.ndarray, " 8"],
     duration: float,
     step: float,
+    current: Current = STILL,
 ) -> Float[np.ndarray, "n 8"]:
-    """Velocities, roll and pitch at each step, by RK4 with the commands held over a step; NaN from where the motion runs away.
+    """Velocities through the water, roll and pitch at each step, by RK4; NaN from where the motion runs away.
 
-    Actuators begin at rest in the first commands; controls without one act at once.
+    Actuators begin at rest in the first commands; controls without one act at once. Commands are held over a step.
+
+    Args:
+        motion: which finds the current in body axes among its controls.
+        actuators: by control.
+        controls: commands by time.
+        start: velocities, roll and pitch; the heading is north.
+        duration: s.
+        step: s.
+        current: of the water, m/s north, east and down.
     """
     count = round(duration / step)
     lagging = [name for name, actuator in actuators.items() if actuator.time_constant > 0]
     first = _within(controls(0.0), actuators)
-    state = np.concatenate([start, [first[name] for name in lagging]])
+    state = np.concatenate([start, [0.0], [first[name] for name in lagging]])
     found = np.full((count + 1, 8), np.nan)
     found[0] = start
 
     def rate(x: np.ndarray, wanted: dict[str, float]) -> np.ndarray:
-        actual = dict(zip(lagging, x[8:], strict=True))
+        actual = dict(zip(lagging, x[9:], strict=True))
         speeds = [_follow(actuators[name], wanted[name], actual[name]) for name in lagging]
-        return np.concatenate([_rates(motion, x[:8], {**wanted, **actual}), speeds])
+        water = _in_body(current, x[6:9]) if any(current) else {}
+        return np.concatenate([_rates(motion, x[:9], {**wanted, **actual, **water}), speeds])
 
     with np.errstate(all="ignore"):
         for i in range(count):
@@ -112,10 +128,12 @@ def simulate(
 
 def growth_rate(motion: Motion, plan: Plan) -> float:
     """Largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
-    start = np.zeros(8)
+    start = np.zeros(9)
     start[0] = plan.speed
-    held = plan.controls(0.0)
-    columns = [_rates(motion, start + h, held) - _rates(motion, start - h, held) for h in _SMALL * np.eye(8)]
+    held = dict(plan.controls(0.0))
+    columns = [
+        _rates(motion, start + h, held)[:8] - _rates(motion, start - h, held)[:8] for h in _SMALL * np.eye(9)[:8]
+    ]
     return float(np.linalg.eigvals(np.array(columns).T / (2 * _SMALL)).real.max())
 
 
@@ -132,13 +150,19 @@ def changes(
     return tuple(found)
 
 
-def _rates(motion: Motion, x: Float[np.ndarray, " 8"], controls: dict[str, float]) -> Float[np.ndarray, " 8"]:
-    """Rates of the velocities, roll and pitch."""
+def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float]) -> Float[np.ndarray, " 9"]:
+    """Rates of the velocities, roll, pitch and heading."""
     phi, theta = float(x[6]), float(x[7])
     p, q, r = (float(part) for part in x[3:6])
     turn = q * np.sin(phi) + r * np.cos(phi)
-    angles = (p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi))
+    angles = (p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi), turn / np.cos(theta))
     return np.concatenate([motion(x[:6], phi, theta, controls), angles])
+
+
+def _in_body(current: Current, angles: Float[np.ndarray, " 3"]) -> dict[str, float]:
+    """The current in body axes, by name."""
+    found = Rotation.from_euler("ZYX", angles[::-1]).inv().apply(np.array(current))
+    return dict(zip(CURRENT_IN_BODY, map(float, found), strict=True))
 
 
 def _within(wanted: Mapping[str, float], actuators: Mapping[str, Actuator]) -> dict[str, float]:

@@ -19,7 +19,9 @@ from seatrial.vehicles.hull import AXES
 
 Velocity = Float[np.ndarray, "6 *n"]
 Motion = Callable[[Velocity, Any, Any, Mapping[str, Any]], Velocity]
-"""(velocities, roll, pitch, controls) to accelerations, SI."""
+"""(velocities through the water, roll, pitch, controls) to accelerations through it, SI; a current may be among the controls."""
+CURRENT_IN_BODY = ("current_u", "current_v", "current_w")
+"""Names under which a motion finds the water's velocity in body axes, m/s; ours needs none, since all its forces are through the water."""
 
 
 def motion_of(vehicle: ExportedVehicle) -> Motion:
@@ -72,6 +74,11 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
         return found
 
     return force
+
+
+def current_in(controls: Mapping[str, Any]) -> Float[np.ndarray, " 3"]:
+    """The water's velocity among the controls of a motion, m/s; still water where there is none."""
+    return np.array([controls.get(name, 0.0) for name in CURRENT_IN_BODY], float)
 
 
 def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:

@@ -163,8 +163,9 @@ def _provenance(path: Path, content: dict[str, Any]) -> Provenance:
     try:
         table = content["provenance"]
         lists = {key: tuple(table[key]) for key in ("dropped", "absent", "sources", "cautions")}
-        return Provenance(table["run"], table["title"], table["structure"], table["seatrial"], **lists)
-    except (KeyError, TypeError) as cause:
+        current = _number(table.get("current", 0.0))
+        return Provenance(table["run"], table["title"], table["structure"], table["seatrial"], **lists, current=current)
+    except (KeyError, TypeError, ValueError) as cause:
         raise _refusal(path, f"no provenance ({cause})") from cause
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from seatrial import __version__
 from seatrial.core.coefficients import CoefficientName
 from seatrial.export.commands import command_line
-from seatrial.export.manoeuvre import changes, growth_rate, plan_for, run_manoeuvre
+from seatrial.export.manoeuvre import Plan, changes, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
-from seatrial.export.target import Change, Exporter, Statement
+from seatrial.export.target import Carried, Change, Exporter, Statement
 from seatrial.export.vehicle import ExportedVehicle, Provenance
 
 _SLOW = 0.05
@@ -26,8 +26,19 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) 
     same = not (carried.lost or carried.changed)
     after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
     loss = changes(vehicle, before, after)
-    found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan))
+    drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
+    found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
     return found._replace(lines=tuple(_lines(vehicle, found, command_line(vehicle, carried, plan))))
+
+
+def _loss_in_current(
+    vehicle: ExportedVehicle, carried: Carried, plan: Plan, current: float
+) -> tuple[Change, ...] | None:
+    """Changes of the velocities through the water, in a current to the east; None without one."""
+    if current == 0:
+        return None
+    own = run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan, (0.0, current, 0.0))
+    return changes(vehicle, own, run_manoeuvre(carried.motion, carried.actuators, plan, (0.0, current, 0.0)))
 
 
 def loss_words(loss: Iterable[Change]) -> str:
@@ -60,7 +71,12 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
     lines += [f"cannot carry: {item}" for item in carried.lost] or ["carries everything that is known"]
     lines += [f"carried in another form: {item}" for item in carried.changed]
     lines += [f"a positive command: {commands}"] if commands else []
-    lines.append(f"loss in predicted motion ({statement.manoeuvre}): {loss_words(statement.loss)}")
+    lines.append(f"loss in predicted motion ({statement.manoeuvre}, in still water): {loss_words(statement.loss)}")
+    if statement.loss_in_current is not None:
+        words = loss_words(statement.loss_in_current)
+        lines.append(
+            f"the same through the water in the campaign's current, {provenance.current:.2g} m/s from abeam: {words}"
+        )
     if statement.growth > _SLOW and loss_words(statement.loss) != "none":
         lines.append(
             "ahead at that speed the vehicle itself is unstable without control: small differences grow "

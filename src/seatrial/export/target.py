@@ -51,6 +51,7 @@ class Statement(NamedTuple):
         manoeuvre: the standard manoeuvre in words.
         lines: all of it as text.
         growth: rate at which the vehicle itself leaves straight motion ahead without control, 1/s; negative where it returns.
+        loss_in_current: as `loss`, in the current that was estimated; None where there was none.
     """
 
     target: str
@@ -60,6 +61,7 @@ class Statement(NamedTuple):
     manoeuvre: str
     lines: tuple[str, ...]
     growth: float = 0.0
+    loss_in_current: tuple[Change, ...] | None = None
 
 
 class Exporter(Protocol):

@@ -50,6 +50,7 @@ class Provenance:
         absent: what is not known, in words.
         sources: where the rest comes from, in words.
         cautions: what the estimate's own checks complain about.
+        current: largest that was estimated beside the coefficients, m/s.
     """
 
     run: str
@@ -60,6 +61,7 @@ class Provenance:
     absent: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    current: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

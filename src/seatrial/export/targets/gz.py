@@ -6,8 +6,10 @@ are written as what is left after them. Other engines get the plugin's own added
 Sources: gz-sim `src/systems/{hydrodynamics,thruster,lift_drag,buoyancy}`, sdformat `sdf/1.11/inertial.sdf`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from seatrial.export.drives import Drive, drive_name, drives_of
 from seatrial.export.exact import DENSITY, SIGN, body_of, flip, flu, gravity_of, point_mass, volume_of
 from seatrial.export.fins import Fin, fin_force, fin_words, fins_of
 from seatrial.export.kept import actuator_losses, is_asymmetric, term_losses, without
-from seatrial.export.motion import force_of, motion_with
+from seatrial.export.motion import Motion, current_in, force_of, motion_with
 from seatrial.export.stability import check_explicit_added_mass, check_stable
 from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import all_products, automatic_products, sorted_terms
@@ -98,19 +100,22 @@ class Gz:
         fins, odd = fins_of(terms)
         kept = without(vehicle, [*terms.other, *thrust, *_fin_terms(vehicle)])
         actuators = {name: Actuator(0.0, one.lower, one.upper) for name, one in vehicle.actuators.items()}
+        drifting = _drift_losses(self.engine, vehicle, fins)
         lost = (
             *term_losses(vehicle, terms.other),
             *term_losses(vehicle, thrust),
             *odd,
             *actuator_losses(vehicle, actuators),
+            *drifting,
         )
         changed = [fin_words(fins)] if fins else []
         if self.engine == "dart" and vehicle.added_coriolis == "named":
             changed.append(
                 "products of velocities: less what DART adds of the added mass's Coriolis forces, together the same"
             )
+        forces = [force_of(kept), fin_force(fins)] + ([_drift_force(vehicle)] if self.engine == "dart" else [])
         return Carried(
-            motion_with(kept, force_of(kept), fin_force(fins)),
+            motion_with(kept, *forces),
             lost,
             tuple(changed),
             actuators,
@@ -129,6 +134,31 @@ class Gz:
             f'  <sdf version="1.11">model.sdf</sdf>\n  <description>{text(vehicle.name)}</description>\n</model>\n',
             "world.sdf": f'{head}<sdf version="1.11">\n{_world(self, vehicle, model)}</sdf>\n',
         }
+
+
+def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[Fin, ...]) -> tuple[str, ...]:
+    """What is wrong in a current, in words."""
+    parts = []
+    if engine == "dart" and vehicle.added_mass.any():
+        parts.append(
+            "M_A (omega x current) is missing, since DART's added mass follows the velocity over ground, "
+            "as before gz-sim 8.12 and 10.2 its Coriolis forces do too"
+        )
+    if fins:
+        parts.append("fins do not feel it")
+    return ("in a current: " + ", and ".join(parts),) if parts else ()
+
+
+def _drift_force(vehicle: ExportedVehicle) -> Motion:
+    """M_A (omega x current) too much: nudot_r = nudot + omega x current, and DART has M_A nudot."""
+    added = vehicle.added_mass[:, :3]
+
+    def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
+        water, (p, q, r) = current_in(controls), nu[3:]
+        turned = np.array([q * water[2] - r * water[1], r * water[0] - p * water[2], p * water[1] - q * water[0]])
+        return np.tensordot(added, turned, 1)
+
+    return force
 
 
 def plugin_terms(vehicle: ExportedVehicle, engine: str) -> dict[str, float]:
@@ -187,7 +217,7 @@ def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
     return [
         *lines,
         "Gazebo warns of parameters like yUV: they are products without modulus, and meant as such",
-        "the fins do not feel a current; the box is one of the displaced volume, not the hull's shape",
+        "the box is one of the displaced volume, not the hull's shape",
     ]
 
 
@@ -313,7 +343,7 @@ def _world(options: Gz, vehicle: ExportedVehicle, model: str) -> str:
     lines = [
         '  <world name="water">',
         f"    <gravity>0 0 {number(-gravity_of(vehicle))}</gravity>",
-        '    <physics name="steps" type="ignored"><max_step_size>0.002</max_step_size></physics>',
+        '    <physics name="steps" type="ignored"><max_step_size>0.001</max_step_size></physics>',
         *(
             f'    <plugin filename="gz-sim-{file}-system" name="gz::sim::systems::{name}">'
             + (f"<engine><filename>{engine}</filename></engine>" if file == "physics" else "")

@@ -61,6 +61,7 @@ def document(vehicle: ExportedVehicle, statement: Statement) -> dict[str, Any]:
             "absent": list(provenance.absent),
             "sources": list(provenance.sources),
             "cautions": list(provenance.cautions),
+            "current": provenance.current,
         },
         **described(vehicle),
     }

@@ -32,6 +32,8 @@ from seatrial.vehicles.actuators import Actuator
 
 FILTERED = 1.7 / 0.3
 """Added mass over the vehicle's own at which the simulator's filtered acceleration runs away."""
+_NO_LIMIT = 1e9
+"""Reach of a thruster's table where no limit is known, N."""
 PART, PART_INERTIA = 1e-3, 1e-6
 """Mass, kg, and moments of inertia, kg m^2, of a propeller; they are taken out of the hull's."""
 
@@ -71,7 +73,7 @@ class Uuv:
             *term_losses(
                 vehicle, fins, ": its fins lift by the local angle of attack too, which Y_uv and Z_uw hold here"
             ),
-            *product_losses(plugin.own, plugin.products),
+            *product_losses(plugin.own, plugin.products, "about the hull's centre of gravity"),
             *actuator_losses(vehicle, actuators),
         )
         shifted = plugin.quadratic.any() and plugin.centre.any()
@@ -268,9 +270,10 @@ def _thruster_plugin(vehicle: ExportedVehicle, name: str, index: int, drive: Dri
         f"<type>FirstOrder</type><timeConstant>{number(lag)}</timeConstant>" if lag > 0 else "<type>ZeroOrder</type>"
     )
     if drive.factor is None:
+        top = min(max(abs(drive.lower), abs(drive.upper)), _NO_LIMIT)
         conversion = (
-            f"<type>LinearInterp</type><inputValues>-1000.0 1000.0</inputValues>"
-            f"<outputValues>{numbers((-1000.0 * drive.share, 1000.0 * drive.share))}</outputValues>"
+            f"<type>LinearInterp</type><inputValues>{numbers((-top, top))}</inputValues>"
+            f"<outputValues>{numbers((-top * drive.share, top * drive.share))}</outputValues>"
         )
     else:
         conversion = f"<type>Basic</type><rotorConstant>{number(drive.factor)}</rotorConstant>"
