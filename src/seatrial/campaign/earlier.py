@@ -5,7 +5,10 @@ again, and fixed where it is not. Their correlations are left behind. Records th
 fitted again with its result as prior: they would count twice.
 """
 
+from pathlib import Path
+
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.named_files import find
 from seatrial.campaign.schema import PriorTable
 from seatrial.campaign.store import Store, read_json
 from seatrial.core.coefficients import CoefficientName
@@ -42,15 +45,19 @@ def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of every coefficient that earlier campaigns found, SI; the last one counts."""
     found = {}
     for item in campaign.source.vehicle.known_from:
-        folder = campaign.folder / item
+        where = campaign.where("vehicle.known_from")
+        folder = find(campaign.folder, item, where)
+        store = Store(folder)
         if not folder.is_dir():
             raise InputError(
-                campaign.where("vehicle.known_from"),
-                found=f"no folder {folder}",
-                expected="a campaign that has been run, relative to this one's folder",
+                where,
+                found=f"the file {item}",
+                expected="the folder of a campaign that has been run, relative to this one's folder",
                 remedy="correct the path",
             )
-        summary = read_json(Store(folder).summary, f"seatrial run {folder}")
+        if store.summary.exists():  # a link may lead outside
+            find(campaign.folder, str(Path(item) / store.summary.relative_to(folder)), where)
+        summary = read_json(store.summary, f"seatrial run {folder}")
         terms = set(summary["terms"])
         found |= {row["name"]: (row["mean"], row["sd"]) for row in summary["coefficients"] if row["name"] in terms}
     return found
