@@ -9,7 +9,6 @@ import pytest
 from seatrial.apps.cli import Exit
 from tests.apps.test_cli import run
 
-
 WITHOUT = """
 import sys
 sys.modules.update(dict.fromkeys(("nicegui", "uvicorn", "fastapi", "starlette")))

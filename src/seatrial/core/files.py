@@ -48,7 +48,8 @@ def remove_orphans(folder: Path) -> None:
 
     On a system or a disk without locks nobody can tell, and they stay.
     """
-    for base, _, names in os.walk(folder):
+    for base, folders, names in os.walk(folder):
+        folders[:] = [one for one in folders if not one.startswith(".")]
         orphans = [Path(base, name) for name in names if _TEMPORARY.fullmatch(name)]
         if not orphans:
             continue
