@@ -63,7 +63,7 @@ def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _about(campaign: Campaign, text: str, name: str, value: float) -> PriorTable:
+def _about(campaign: Campaign, text: str | float, name: str, value: float) -> PriorTable:
     share = campaign.si(text, "1", "vehicle.published_to")
     if not (0 < share < 10 and value != 0):
         raise InputError(
