@@ -1,10 +1,13 @@
+import errno
 import hashlib
 import json
+import os
 import subprocess
 import sys
 
 import pytest
 
+from seatrial.core.errors import file_error
 from seatrial.core.files import atomic_path, remove_orphans, sha256_of, sha256_of_json, write_json, write_text
 
 
@@ -61,9 +64,33 @@ def test_hashes(tmp_path):
     assert sha256_of_json({"a": 1}) != sha256_of_json({"a": 2})
 
 
+@pytest.mark.parametrize(
+    ("error", "named"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "a.nc"),
+        (OSError(errno.ENOSPC, "Can't write data (file write failed: errno = 28)"), "a.nc"),
+        (OSError(errno.EROFS, "Read-only file system", "/x/.a.nc.abcdefgh.part"), "a.nc"),
+        (FileNotFoundError(errno.ENOENT, "No such file", "/x/log.csv"), "/x/log.csv"),
+    ],
+)
+def test_what_the_disk_refuses_is_named(tmp_path, error, named):
+    def refused():
+        with atomic_path(tmp_path / "a.nc") as temporary:
+            temporary.write_text("half")
+            raise error
+
+    with pytest.raises(type(error)) as raised:
+        refused()
+    said = file_error(raised.value)
+    assert said.where.endswith(named)
+    assert said.found in os.strerror(error.errno)
+    assert not list(tmp_path.iterdir())
+
+
 WRITES = """
 import sys, time
 from pathlib import Path
+from seatrial.core.errors import file_error
 from seatrial.core.files import atomic_path
 with atomic_path(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")

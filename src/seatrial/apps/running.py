@@ -33,6 +33,7 @@ def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -
     """
     from seatrial.apps.occupied import occupying
     from seatrial.campaign.load import load_campaign
+    from seatrial.campaign.named_files import folders_outside
     from seatrial.core.files import remove_orphans
 
     def alone(watch: Any) -> Exit:
@@ -41,6 +42,8 @@ def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -
             if held is not None:
                 watch.also = held.progress
                 remove_orphans(campaign.folder)
+            for outside in folders_outside(campaign.folder, campaign.source):
+                watch.say(f"reads files outside the campaign's folder, in {outside}")
             return work(campaign, watch)
 
     watched(quiet, alone)

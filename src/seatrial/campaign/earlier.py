@@ -6,8 +6,10 @@ fitted again with its result as prior: they would count twice.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.named_files import find
 from seatrial.campaign.schema import PriorTable
 from seatrial.campaign.store import Store, read_json
 from seatrial.core.coefficients import CoefficientName
@@ -52,21 +54,25 @@ def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of every coefficient that earlier campaigns found, SI; the last one counts."""
     found = {}
     for item in campaign.source.vehicle.known_from:
-        folder = campaign.folder / item
+        where = campaign.where("vehicle.known_from")
+        folder = find(campaign.folder, item, where)
+        store = Store(folder)
         if not folder.is_dir():
             raise InputError(
-                campaign.where("vehicle.known_from"),
-                found=f"no folder {folder}",
-                expected="a campaign that has been run, relative to this one's folder",
+                where,
+                found=f"the file {item}",
+                expected="the folder of a campaign that has been run, relative to this one's folder",
                 remedy="correct the path",
             )
-        summary = read_json(Store(folder).summary, f"seatrial run {folder}")
+        if store.summary.exists():  # a link may lead outside
+            find(campaign.folder, str(Path(item) / store.summary.relative_to(folder)), where)
+        summary = read_json(store.summary, f"seatrial run {folder}")
         terms = set(summary["terms"])
         found |= {row["name"]: (row["mean"], row["sd"]) for row in summary["coefficients"] if row["name"] in terms}
     return found
 
 
-def _about(campaign: Campaign, text: str, name: str, value: float) -> PriorTable:
+def _about(campaign: Campaign, text: str | float, name: str, value: float) -> PriorTable:
     share = campaign.si(text, "1", "vehicle.published_to")
     if not (0 < share < 10 and value != 0):
         raise InputError(

@@ -1,11 +1,11 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.campaign.config import Campaign
+from seatrial.campaign.named_files import find
 from seatrial.campaign.no_record import no_record
 from seatrial.campaign.schema import FileTable
 from seatrial.campaign.simulated import check_simulated, simulated_records
@@ -220,7 +220,10 @@ def _located(campaign: Campaign, run: str) -> list[Path]:
             expected="a plain name",
             remedy="it becomes a file name: use letters and digits",
         )
-    return [_locate(campaign, file, run, index) for index, file in enumerate(table.files)]
+    return [
+        find(campaign.folder, file.path, campaign.where(f"import.files[{index}].path"), run)
+        for index, file in enumerate(table.files)
+    ]
 
 
 def _key(campaign: Campaign, run: str, paths: list[Path], hash_of: Callable[[Path], str]) -> str:
@@ -228,30 +231,20 @@ def _key(campaign: Campaign, run: str, paths: list[Path], hash_of: Callable[[Pat
     assert table is not None
     options = table.model_dump(include={"step", "files"}) | _ends(campaign, run)
     curves = [
-        campaign.folder / column.curve for file in table.files for column in file.channels.values() if column.curve
+        _curve(campaign, index, name)
+        for index, file in enumerate(table.files)
+        for name, column in file.channels.items()
+        if column.curve
     ]
-    return key_of("record", run, [hash_of(path) for path in (*paths, *filter(Path.is_file, curves))], options)
+    return key_of("record", run, [hash_of(path) for path in (*paths, *curves)], options)
 
 
-def _locate(campaign: Campaign, file: FileTable, run: str, index: int) -> Path:
-    where = campaign.where(f"import.files[{index}].path")
-    text = os.path.expandvars(file.path.replace("{run}", run))
-    if "$" in text:
-        raise InputError(
-            where,
-            found=f'"{file.path}" with a variable that is not set',
-            expected="environment variables that are set",
-            remedy="export the variable, or write the path out",
-        )
-    path = campaign.folder / Path(text).expanduser()
-    if not path.exists():
-        raise InputError(
-            where,
-            found=f"no file {path}",
-            expected="an existing file",
-            remedy="correct the path; it is relative to the campaign's folder",
-        )
-    return path
+def _curve(campaign: Campaign, index: int, name: str) -> Path:
+    """Curve of a channel of a file, which has one."""
+    table = campaign.source.imported
+    assert table is not None
+    key = f"import.files[{index}].channels.{name}.curve"
+    return find(campaign.folder, str(table.files[index].channels[name].curve), campaign.where(key))
 
 
 def _roles(campaign: Campaign) -> dict[str, Role]:
@@ -280,11 +273,11 @@ def _source(campaign: Campaign, file: FileTable, path: Path, index: int) -> LogS
             roles.get(name, "measurement"),
             scale=column.scale,
             offset=column.offset,
-            curve=None
-            if column.curve is None
-            else read_curve(
-                campaign.folder / column.curve, campaign.where(f"import.files[{index}].channels.{name}.curve")
-            ),
+            curve=read_curve(
+                _curve(campaign, index, name), campaign.where(f"import.files[{index}].channels.{name}.curve")
+            )
+            if column.curve
+            else None,
         )
         for name, column in file.channels.items()
     }

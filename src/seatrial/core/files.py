@@ -29,11 +29,8 @@ _UNFINISHED: set[Path] = set()
 def atomic_path(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; move it into place when the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _locked(path.parent, alone=False):
-        try:
-            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        except OSError as cause:  # which names the temporary file
-            raise OSError(cause.errno, cause.strerror, str(path)) from cause
+    with _locked(path.parent, alone=False), _named(path):
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
         os.close(handle)
         temporary = Path(name)
         _UNFINISHED.add(temporary)
@@ -52,7 +49,8 @@ def remove_orphans(folder: Path) -> None:
 
     On a system or a disk without locks nobody can tell, and they stay.
     """
-    for base, _, names in os.walk(folder):
+    for base, folders, names in os.walk(folder):
+        folders[:] = [one for one in folders if not one.startswith(".")]
         orphans = [Path(base, name) for name in names if _TEMPORARY.fullmatch(name)]
         if not orphans:
             continue
@@ -111,6 +109,17 @@ def sha256_of_json(content: Any) -> str:
 def _flush(path: Path) -> None:
     with path.open("rb") as stream:
         os.fsync(stream.fileno())
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Name the file in errors of the system that name none, such as of a full disk, or only its temporary one."""
+    try:
+        yield
+    except OSError as cause:
+        if cause.errno is None or not (cause.filename is None or _TEMPORARY.fullmatch(Path(cause.filename).name)):
+            raise
+        raise OSError(cause.errno, os.strerror(cause.errno), str(path)) from cause
 
 
 @contextmanager

@@ -18,6 +18,12 @@ def serve(
     token: Annotated[
         str | None, typer.Option(help="Token that every request has to show; made and printed if needed and not given.")
     ] = None,
+    also: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR", help="Another folder that campaigns may read, such as that of the records; repeatable."
+        ),
+    ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
     """Serve a web page of campaigns: design, run, look at results, compare and export; no internet needed."""
@@ -36,4 +42,4 @@ def serve(
         ) from cause
     from seatrial.apps.dashboard.server import serve as run_server
 
-    run_server(folder, host, port, shown, browser=not no_browser)
+    run_server(folder, host, port, shown, browser=not no_browser, also=also or ())

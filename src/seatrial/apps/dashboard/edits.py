@@ -5,6 +5,7 @@ from pathlib import Path
 
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.toml_edit import comment_out, set_key, written
+from seatrial.campaign.named_files import place_of
 from seatrial.campaign.toml_file import toml_content
 from seatrial.core.errors import InputError
 
@@ -52,8 +53,10 @@ def _check_map(folder: Path, run: str, channel_map: str) -> None:
         content = toml_content(where, channel_map)
         files = content["import"]["files"]
         paths = [str(one["path"]) for one in files]
+        columns = [column for one in files for column in one.get("channels", {}).values()]
+        paths += [str(column["curve"]) for column in columns if "curve" in column]
         alone = set(content) == {"import"} and set(content["import"]) == {"files"}
-    except (KeyError, TypeError) as cause:
+    except (KeyError, TypeError, AttributeError) as cause:
         raise InputError(
             where, found=f"{cause}", expected="[[import.files]] tables, each with a path", remedy="mend it"
         ) from cause
@@ -63,15 +66,14 @@ def _check_map(folder: Path, run: str, channel_map: str) -> None:
         )
     for path in paths:
         try:
-            inside = "$" not in path and (folder / path.replace("{run}", run)).resolve().is_relative_to(
-                folder.resolve()
-            )
-        except (OSError, ValueError):
+            plain = "$" not in path and not path.startswith("~") and not Path(path).is_absolute()
+            inside = plain and place_of(folder, path, where, run, [folder.resolve()]).name != ""
+        except InputError:
             inside = False
-        if not inside or path.startswith("~"):
+        if not inside:
             raise InputError(
                 f"{where}, path {path[:80]!r}",
                 found="a file outside the campaign's folder",
                 expected="one inside it",
-                remedy="copy the log there, or name it in the file by hand",
+                remedy="copy it there, or name it in the file by hand",
             )

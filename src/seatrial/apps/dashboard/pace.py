@@ -9,8 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from uvicorn.protocols.http.auto import AutoHTTPProtocol
-
 LARGEST_HEAD = 64 * 1024
 """Bytes of the head of a request, at most."""
 _LATE = b"HTTP/1.1 408 Request Timeout\r\nconnection: close\r\ncontent-length: 0\r\n\r\n"
@@ -100,6 +98,8 @@ def counted(receive: Any, most: int, pace: Pace) -> Any:
 
 def punctual(pace: Pace) -> type[asyncio.Protocol]:
     """Uvicorn's protocol, with a limit on how long and how large the head of a request may be, which it has not itself."""
+    from uvicorn.protocols.http.auto import AutoHTTPProtocol
+
     base: Any = AutoHTTPProtocol
 
     class Punctual(base):

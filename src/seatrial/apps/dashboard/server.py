@@ -5,7 +5,7 @@ import logging
 import socket
 import threading
 import webbrowser
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
@@ -24,6 +24,7 @@ from seatrial.apps.dashboard.pages import compare, design, overview, records, re
 from seatrial.apps.dashboard.places import Places
 from seatrial.apps.dashboard.uploads import receive
 from seatrial.apps.dashboard.words import words_of
+from seatrial.campaign.named_files import keep_within
 from seatrial.core.apart import end_all
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.report.figures.style import PALETTE
@@ -47,19 +48,22 @@ VIEWS = {
 }
 
 
-def serve(folder: Path, host: str, port: int, token: str | None, browser: bool) -> None:
-    """Serve a folder until interrupted.
+def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, also: Sequence[Path] = ()) -> None:
+    """Serve a folder until interrupted; its campaigns may read files below it and below the folders `also`, whoever looks.
 
     Raises:
         InputError: no such folder, or an address that cannot be listened on.
     """
     house = House(Places.of(folder))
+    others = [Places.of(other).root for other in also]
+    keep_within([house.places.root, *others])
     here = _listen(host, port)
     port = here.getsockname()[1]
     app = build(house, Gate(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
     anywhere = host in ("0.0.0.0", "::")
     shown = _address(socket.gethostname() if anywhere else host, port, token)
     print(f"{house.places.root} is served at {shown}", flush=True)
+    print(f"its campaigns read files below {' and '.join(map(str, [house.places.root, *others]))} only", flush=True)
     if not is_loopback(host):
         print(
             "the token is all that keeps others out, and travels unencrypted: use a network you trust, or ssh -L",

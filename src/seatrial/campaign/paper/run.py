@@ -14,7 +14,7 @@ from seatrial.campaign.paper.registry import ENTRIES
 from seatrial.campaign.paper.study import Sizes, Study
 from seatrial.campaign.watch import SILENT, Watch, run_side_by_side
 from seatrial.core.errors import InputError
-from seatrial.core.files import write_json
+from seatrial.core.files import remove_orphans, write_json
 
 FILE_NAME = "paper.json"
 
@@ -73,6 +73,7 @@ def run_paper(
         items: keys, see `seatrial.campaign.paper.registry`.
         watch: receives what happens.
     """
+    remove_orphans(folder)
     study = Study(folder, reading, sizes, PARTS, watch)
     needed = {part for key in items for part in ENTRIES[key].parts}
     begun = time.monotonic()

@@ -1,0 +1,57 @@
+"""The dashboard, and whatever it starts, reads what campaign files name below the folders that are served, and nowhere else."""
+
+import asyncio
+import os
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+
+import uvicorn
+
+from seatrial.apps.dashboard.desk import Desk
+from seatrial.apps.dashboard.jobs import Jobs
+from seatrial.apps.dashboard.server import serve
+from seatrial.apps.dashboard.words import Worded
+from seatrial.campaign.named_files import VARIABLE, keep_within
+from tests.campaign.small import write_small
+from tests.campaign.test_named_files import FILE, TRUTH
+
+
+def test_the_server_keeps_all_it_starts_to_what_it_serves(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(VARIABLE, "/")
+    (tmp_path / "served").mkdir()
+    (tmp_path / "records").mkdir()
+    kept = []
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: kept.append(os.environ[VARIABLE]))
+    serve(tmp_path / "served", "127.0.0.1", 0, None, browser=False)
+    serve(tmp_path / "served", "127.0.0.1", 0, None, browser=False, also=[tmp_path / "records"])
+    assert kept == [f"{tmp_path}/served", f"{tmp_path}/served\n{tmp_path}/records"]
+    assert f"read files below {tmp_path}/served and {tmp_path}/records only" in capsys.readouterr().out
+
+
+@pytest.mark.thorough
+def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "")
+    (tmp_path / "secret.txt").write_text("the secret\n1,2\n3,4\n")
+    folder = tmp_path / "boat"
+    folder.mkdir()
+    (folder / "log.csv").write_text("t,pwm,u\n0,1,1\n1,2,1\n2,3,1\n")
+    write_small(folder, (TRUTH, FILE.format(path="log.csv", curve="../secret.txt")))
+    keep_within([folder])
+
+    async def shown():
+        desk = Desk()
+        try:
+            await desk.think("whole_log", str(folder), "a")
+        finally:
+            desk.close()
+
+    with pytest.raises(Worded, match="which lies outside"):
+        asyncio.run(shown())
+    jobs = Jobs()
+    jobs.start(folder, "import")
+    jobs.started[folder].wait(120)
+    output = jobs.look(folder).output
+    assert "which lies outside" in output
+    assert "the secret" not in output
