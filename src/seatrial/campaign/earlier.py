@@ -5,6 +5,7 @@ again, and fixed where it is not. Their correlations are left behind. Records th
 fitted again with its result as prior: they would count twice.
 """
 
+import os
 from dataclasses import replace
 
 from seatrial.campaign.config import Campaign
@@ -53,7 +54,7 @@ def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
     found = {}
     for item in campaign.source.vehicle.known_from:
         folder = campaign.folder / item
-        if not folder.is_dir():
+        if not os.path.isdir(folder):  # Path.is_dir raises where the name is too long
             raise InputError(
                 campaign.where("vehicle.known_from"),
                 found=f"no folder {folder}",
