@@ -7,6 +7,7 @@ import pytest
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign import toml_file
 from seatrial.campaign.load import load_campaign
+from seatrial.campaign.trials import import_trials
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
 from tests.campaign.test_whole_vehicle import pitch
@@ -129,6 +130,10 @@ IMPORTS = {
         ("[[import.files]]", '[import.trim.1]\nend = "-1 s"\n[[import.files]]'),
         "import.trim.1.end",
     ),
+    "a run named twice": (('fit = ["1", "2"]', 'fit = ["1", "1"]'), "import.fit"),
+    "a run in another folder": (('fit = ["1", "2"]', 'fit = ["../1"]'), "import.fit"),
+    "a run on two lines": (('fit = ["1", "2"]', 'fit = ["1", "a\\nb"]'), "import.fit"),
+    "a run too long for a file": (('fit = ["1", "2"]', f'fit = ["{"a" * 300}"]'), "import.fit"),
     "a header of a file without one": (('{ column = "t"', '{ column = "t"'), "header_rows"),
 }
 
@@ -150,3 +155,18 @@ def test_an_import_is_checked_before_any_log_is_opened(tmp_path, name):
     assert re.search(rf"campaign\.toml:{line}, key import\..*{re.escape(key.removeprefix('import.'))}$", error.where), (
         error.where
     )
+
+
+@pytest.mark.parametrize("path", ["a" * 300, "~nobody-of-this-name/a.csv", "a\\u0000b", "$NOT_SET/a.csv"])
+def test_a_path_that_no_file_can_have(tmp_path, path):
+    folder = write_yaw(tmp_path)
+    text = (folder / "campaign.toml").read_text().replace("zigzag_{run}.csv", path)
+    (folder / "campaign.toml").write_text(text)
+    campaign = load_campaign(folder)
+    with pytest.raises(InputError, match=r"campaign\.toml:\d+, key import\.files\[0\]\.path"):
+        import_trials(campaign)
+
+
+def test_an_earlier_campaign_that_no_folder_can_hold(tmp_path):
+    error = refused(write_small(tmp_path, ('"remus100_surge"', f'"remus100_surge"\nknown_from = ["{"a" * 300}"]')))
+    assert error.where.endswith("campaign.toml:8, key vehicle.known_from")

@@ -3,6 +3,7 @@
 import pytest
 
 from seatrial.campaign.load import load_campaign
+from seatrial.campaign.trials import import_trials
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
 from tests.campaign.test_whole_vehicle import BY_HAND, pitch
@@ -90,3 +91,16 @@ def test_an_attitude_of_what_does_not_turn(tmp_path):
     whole = 'catalogue = "remus100_prestero"\nmoves = ["u"]\nattitude = "euler"\n' + TRIM
     error = refused(load_campaign, write_small(tmp_path, (CATALOGUE, whole)))
     assert error.where.endswith("campaign.toml:9, key vehicle.attitude")
+
+
+def test_the_layout_of_text_where_the_log_is_none(tmp_path):
+    folder = write_yaw(tmp_path)
+    for run in "12":
+        (folder / f"zigzag_{run}.csv").write_bytes(b"PAR1 and so on")
+    text = (folder / "campaign.toml").read_text().replace("[[import.files]]", "[[import.files]]\nskip_rows = 2")
+    (folder / "campaign.toml").write_text(text)
+    error = refused(import_trials, load_campaign(folder))
+    assert error.where.endswith(
+        f"campaign.toml:{text.splitlines().index('skip_rows = 2') + 1}, key import.files[0].skip_rows"
+    )
+    assert "a Parquet file" in error.found

@@ -46,7 +46,7 @@ def check_idle_keys(campaign: Campaign, fixed: Iterable[str]) -> None:
 def _vehicle(campaign: Campaign) -> Iterator[Idle]:
     table = campaign.source.vehicle
     thrusts = {CoefficientName.parse(name).axis for name in (*campaign.full.terms, *campaign.hull.fixed)}
-    for key in {"thrust_deduction", "wake"} & table.model_fields_set:
+    for key in sorted({"thrust_deduction", "wake"} & table.model_fields_set):
         if "T" not in thrusts:
             yield Idle(f"vehicle.{key}", "no thrust T_… is sought or fixed", "remove it, or add thrust such as T_nabsn")
     if "attitude" in table.model_fields_set and table.moves and not set(table.moves) & set("pqr"):
@@ -69,7 +69,7 @@ def _fixed(campaign: Campaign, fixed: Iterable[str]) -> Iterator[Idle]:
 
 
 def _structure(campaign: Campaign) -> Iterator[Idle]:
-    for key in {"shortlist", "g"} & campaign.source.structure.model_fields_set:
+    for key in sorted({"shortlist", "g"} & campaign.source.structure.model_fields_set):
         if 2 ** len(campaign.source.structure.optional) <= MAX_STRUCTURES:
             yield Idle(
                 f"structure.{key}", f"all of {MAX_STRUCTURES} structures or fewer are simulated, and none screened"

@@ -24,6 +24,8 @@ from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.logs.to_body import SOURCES, to_body
 
+LONGEST = 80
+"""Characters of a run's name."""
 LAYOUT = {"delimiter", "encoding", "skip_rows", "header_rows", "names"}
 """Keys of `[[import.files]]` for text alone."""
 
@@ -71,13 +73,6 @@ def import_trials(campaign: Campaign, watch: Watch = SILENT) -> Trials:
             str(campaign.path), found="[truth]", expected="[import], to read logs", remedy="use `seatrial simulate`"
         )
     runs = [*table.fit, *table.predict]
-    if len(set(runs)) < len(runs):
-        raise InputError(
-            campaign.where("import"),
-            found="a run named twice in fit and predict",
-            expected="each run once",
-            remedy="a run that was fitted cannot also be a test of prediction",
-        )
     length = None if table.split is None else campaign.si(table.split, "s", "import.split")
     pieces, keys = {}, []
     for run in runs:
@@ -107,7 +102,22 @@ def check_import(campaign: Campaign) -> None:
                 expected="more than 0 s",
                 remedy="correct it, or leave the key out",
             )
-    for run in (*table.fit, *table.predict):
+    runs = (*table.fit, *table.predict)
+    if len(set(runs)) < len(runs):
+        raise InputError(
+            campaign.where("import.predict" if table.predict else "import.fit"),
+            found="a run named twice in fit and predict",
+            expected="each run once",
+            remedy="a run that was fitted cannot also be a test of prediction",
+        )
+    for run in runs:
+        if not (0 < len(run) <= LONGEST and run.isprintable()) or set(run) & set("/\\") or run.startswith("."):
+            raise InputError(
+                campaign.where("import.fit" if run in table.fit else "import.predict"),
+                found=f"run {run[: 2 * LONGEST]!r}",
+                expected=f"a plain name of at most {LONGEST} characters",
+                remedy="it becomes a file name: use letters and digits",
+            )
         _ends(campaign, run)
     known = tuple(_roles(campaign))
     for index, file in enumerate(table.files):
@@ -213,13 +223,6 @@ def _aligned(campaign: Campaign, run: str, paths: list[Path], ends: Mapping[str,
 def _located(campaign: Campaign, run: str) -> list[Path]:
     table = campaign.source.imported
     assert table is not None
-    if not run or any(character in run for character in "/\\\0") or run.startswith("."):
-        raise InputError(
-            campaign.where("import"),
-            found=f"run {run!r}",
-            expected="a plain name",
-            remedy="it becomes a file name: use letters and digits",
-        )
     return [
         find(campaign.folder, file.path, campaign.where(f"import.files[{index}].path"), run)
         for index, file in enumerate(table.files)

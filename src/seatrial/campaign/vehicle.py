@@ -60,13 +60,13 @@ def check_alone(campaign: "Campaign", keys: Sequence[str]) -> None:
     Raises:
         InputError: one that does.
     """
-    twice = [key for key in campaign.source.vehicle.model_fields_set if key in keys]
+    twice = sorted(campaign.source.vehicle.model_fields_set & set(keys))
     if twice:
         raise InputError(
             campaign.where(f"vehicle.{twice[0]}"),
-            found=f"catalogue together with {', '.join(sorted(twice))}",
+            found=f"catalogue together with {', '.join(twice)}",
             expected="a vehicle of the catalogue, or one by hand",
-            remedy=f"remove {', '.join(sorted(twice))}, or remove catalogue and give all of it",
+            remedy=f"remove {', '.join(twice)}, or remove catalogue and give all of it",
         )
 
 

@@ -21,6 +21,8 @@ SECONDS = 300.0
 """Of waiting for the next answer."""
 _BEGIN = "import sys; from seatrial.core.apart import _answer; _answer(*map(int, sys.argv[1:]))"
 _MORE, _FAILED, _END = range(3)
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Each thread would take address space, whether it works or not."""
 _is_apart = False
 """Whether this process answers for another one."""
 
@@ -62,12 +64,13 @@ def apart(
         yield from question(*about)
         return
     ours, theirs = Pipe()
-    places = os.pathsep.join(place or os.getcwd() for place in sys.path)
+    places = {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)}
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", _BEGIN, str(theirs.fileno()), str(memory), str(os.getpid())],
         pass_fds=[theirs.fileno()],
-        env={**os.environ, "PYTHONPATH": places},
+        env={**os.environ, **places, **_ONE_THREAD},
         stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
     _AT_WORK.add(process)
