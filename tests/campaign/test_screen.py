@@ -126,7 +126,7 @@ def test_rules_shrink_it_until_all_can_be_simulated(tmp_path):
 
 
 def test_rules_that_contradict_each_other_name_both_and_the_file(tmp_path):
-    with pytest.raises(InputError, match=r"campaign.toml, key structure") as refused:
+    with pytest.raises(InputError, match=r"campaign.toml, line \d+, key structure") as refused:
         many(tmp_path, ["never X_uabsu"])
     assert "never X_uabsu" in str(refused.value)
     assert "always X_uabsu" in str(refused.value)
