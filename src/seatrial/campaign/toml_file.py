@@ -68,7 +68,7 @@ def with_lines(path: Path, text: str) -> Iterator[None]:
         yield
     except InputError as error:
         key = error.where.rpartition(before)[2] if error.where.startswith(before) else ""
-        line = line_of(text, key) if key else None
+        line = line_of(text, key.partition(":")[0]) if key else None
         if line is None:
             raise
         where = f"{path}, line {line}, key {key}"
