@@ -244,7 +244,11 @@ def test_a_log_goes_on_with_the_design(gone_on):
 def test_the_report_has_both_the_design_and_the_log(gone_on):
     section, page = trial_section(gone_on[2]), write_report(gone_on[2]).read_text()
     assert [row["name"] for row in section["design"]["rows"]] == ["X_uabsu", "T_nabsn"]
-    for words in ("The first trial was designed without any data: among", "Real records", "Measured u against control n"):
+    for words in (
+        "The first trial was designed without any data: among",
+        "Real records",
+        "Measured u against control n",
+    ):
         assert words in page
 
 
