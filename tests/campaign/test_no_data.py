@@ -117,8 +117,7 @@ def test_check_says_where_a_campaign_without_records_stands(monkeypatch, capsys,
     code, out, err = run(monkeypatch, capsys, "check", designed[0], "--quiet")
     assert (code, err) == (Exit.OK, "")
     assert "can be used; there is no record to judge yet" in out
-    assert "design: current" in out
-    assert "import: missing" in out
+    assert "design: current; import: missing" in out
     assert "[[import.files]]" in out
 
 

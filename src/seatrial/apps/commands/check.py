@@ -35,8 +35,8 @@ def _say_what_is_missing(campaign: Any) -> Exit:
     from seatrial.campaign.standing import standing
 
     typer.echo(f"{campaign.path} can be used; there is no record to judge yet")
-    for step in standing(campaign.folder):
-        typer.echo(f"  {step.name}: {step.state}")
+    design, records, *_ = standing(campaign.folder)
+    typer.echo(f"  {design.name}: {design.state}; {records.name}: {records.state}")
     typer.echo(f"to go on: {no_record(campaign).remedy}")
     return Exit.OK
 
