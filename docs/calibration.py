@@ -147,7 +147,7 @@ def write_trials(folder: Path) -> None:
 def table(found: dict[str, Calibration]) -> str:
     """Coverage of 50 % and 90 % intervals over all quantities, the least p-value, and the verdict."""
     rows = [
-        "| case | quantities | 50 % intervals hold | 90 % intervals hold | least p of a histogram | ranks inside the 99 % band |"
+        "| case | quantities | 50 % intervals hold | 90 % intervals hold | least p, all quantities together | ranks inside the bands |"
     ]
     rows.append("|---|---|---|---|---|---|")
     for name, ranks in found.items():

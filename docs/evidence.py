@@ -70,6 +70,7 @@ BRIDGE_CHAINS = ChainSettings(chains=32, warmup=3000, draws=12000, thin=4)
 PRIOR_DRAWS = 100_000
 LEAST = {
     ("smc", "normal, 20"): 12,
+    ("agreement", "normal, 20"): 8,
     ("ladder", "normal, 20"): 8,
     ("nested", "normal, 20"): 8,
     ("ladder", "phase transition, 10"): 8,

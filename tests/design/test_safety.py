@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from seatrial.core.errors import InputError
 from seatrial.design.conflicts import check_some_allowed, conflicting_pairs, least_miss
 from seatrial.design.duty import Duty, away_share, duty_excess, reversals_per_minute
-from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, StateBound
+from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, StateBound, _between
 from seatrial.design.plan import plan_trial
 from seatrial.design.safety import Safety, judge_safety, least_rooms, probability_at_least
 from seatrial.vehicles.axes import axes_vehicle
@@ -328,3 +328,15 @@ def test_duty_that_is_exceeded():
     found = duty_excess(Duty(0.0, 0.1, reversals=30.0), control, 0.6)
     assert found == {"reversals per minute": (99.0, 30.0)}
     assert duty_excess(Duty(0.0, 0.1), control, 0.6) == {}
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "words"),
+    [
+        (-0.1, 0.2, "pitch from -10 to 20 cdeg"),
+        (-np.inf, 0.2, "pitch at most 20 cdeg"),
+        (-0.1, np.inf, "pitch at least -10 cdeg"),
+    ],
+)
+def test_limits_are_told_in_the_unit_they_are_shown_in(lower, upper, words):
+    assert _between("pitch", lower, upper, (100.0, "cdeg")) == words

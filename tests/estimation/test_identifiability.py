@@ -12,6 +12,7 @@ from seatrial.core.errors import InputError
 from seatrial.design.fisher import fisher_information
 from seatrial.estimation.combinations import known_combinations
 from seatrial.estimation.identifiability import (
+    _expected_cov,
     identifiability_of_design,
     identifiability_of_fit,
     identifiability_of_plan,
@@ -23,6 +24,7 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.remedies import what_separates
 from seatrial.estimation.sensors import Sensor
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
@@ -314,3 +316,17 @@ def test_drag_and_thrust_give_their_ratio():
     assert ratio.relative_sd == pytest.approx(0.034 * np.sqrt(2 * 0.008))
     draws = np.random.default_rng(1).multivariate_normal(values, cov, 100_000)
     assert (draws[:, 0] / draws[:, 1]).std() == pytest.approx(ratio.sd, rel=0.01)
+
+
+def test_expected_covariance_is_that_of_both_informations():
+    """What a normal prior and the data know together: the inverse of the sum of both."""
+    information, prior_sd = np.array([[40.0, -6.0], [-6.0, 2.0]]), np.array([0.5, 3.0])
+    expected = np.linalg.inv(information + np.diag(prior_sd**-2.0))
+    assert _expected_cov(information, prior_sd) == pytest.approx(expected, rel=1e-12)
+
+
+def test_thrust_and_drag_are_separated_without_the_propeller():
+    assert what_separates(("X_u", "T_nabsn")) == (
+        "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
+    )
+    assert "bollard" not in what_separates(("T_nabsn", "T_n"))

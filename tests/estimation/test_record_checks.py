@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.record_checks import best_lag, check_excitation, check_motion, check_samples, says_direction
+from seatrial.estimation.record_checks import (
+    _scatter,
+    best_lag,
+    check_excitation,
+    check_motion,
+    check_samples,
+    says_direction,
+)
 
 STEP = 0.1
 TIME = np.arange(600) * STEP
@@ -108,3 +115,11 @@ def test_coefficients_that_a_record_cannot_tell():
     found = check_excitation(["X_u", "X_uabsu"], np.array([1.0, 2.0]), np.array([0.1, 1.9]))
     assert [finding.level for finding in found] == ["pass", "caution"]
     assert "95% of the prior's sd" in found[1].line
+
+
+def test_scatter_of_white_noise_is_its_standard_deviation():
+    """Also beside spikes, of which a quartile knows nothing; within 5 %, of 20 000 samples; three spiked bends of 51 raise a quartile by 5 % more."""
+    noise = 0.3 * np.random.default_rng(1).normal(size=20_000)
+    spiked = noise + np.where(np.arange(noise.size) % 400 == 7, 50.0, 0.0)
+    assert np.median(_scatter(noise)) == pytest.approx(0.3, rel=0.05)
+    assert np.median(_scatter(spiked)) == pytest.approx(0.3, rel=0.08)

@@ -8,7 +8,7 @@ from scipy import stats
 
 from seatrial.estimation.filter_error import filter_error
 from seatrial.estimation.output_error import output_error
-from seatrial.estimation.replicate import replicate
+from seatrial.estimation.replicate import motions, replicate
 from seatrial.estimation.sensors import Sensor
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation.test_filter_error import LINEAR, MEASURED, REV, SPEED, TIME, N, dense, record
@@ -70,3 +70,13 @@ def test_sensors_and_trials_of_their_own():
     made = replicate(likelihood, {name: jnp.asarray(float(x)) for name, x in values.items()}, data, KEYS[0])
     clean = naive_speed(REV, np.diff(TIME))[THERE]
     assert np.allclose(np.asarray(made.channels[0].measured)[:, THERE] - clean, [[0.1], [-0.2]], atol=1e-6)
+
+
+def test_the_start_is_drawn_with_the_spread_that_the_filter_gives_it():
+    """Before any process noise has acted: normal about the trim, within 4 standard errors of 4000 draws."""
+    likelihood, data = filter_error(paper_model(), [record(u=U)], ["u"], [(U0,)], [0.4])
+    values = {name: jnp.asarray(float(value)) for name, value in LINEAR.items()}
+    keys = jax.random.split(jax.random.key(8), 4000)
+    first = np.asarray(jax.vmap(lambda key: motions(likelihood, values, data, key)[0, 0, 0])(keys))
+    assert first.mean() == pytest.approx(U0, abs=4 * 0.4 / np.sqrt(4000))
+    assert first.std() == pytest.approx(0.4, rel=4 / np.sqrt(8000))

@@ -1,7 +1,10 @@
 """Verdicts on trials whose errors are known to be right, too large, too small, slow, lopsided, or not there at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.estimation.judgement import Verdict, judge, worst
 from seatrial.estimation.validation import score_channel
@@ -156,3 +159,11 @@ def test_the_worst_channel_speaks_for_the_trial():
     ]
     assert worst(levels).reason == "c"
     assert worst(levels[:2]).reason == "b"
+
+
+@pytest.mark.parametrize(("inside", "narrow"), [(11, True), (12, False)])
+def test_so_few_samples_in_the_band_are_no_chance_by_the_binomial_law(inside, narrow):
+    """Of 18 independent samples, each inside with probability 0.9, 11 or fewer are in 0.12 % of trials, 12 or fewer in 0.64 %."""
+    assert (stats.binom(18, 0.9).cdf(inside) < 0.00135) == narrow
+    score = replace(scored(white()), effective=18.0, coverage=inside / 18, variance=1.0)
+    assert (verdict(score).about == "band too narrow") == narrow

@@ -2,12 +2,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.noise import noise_from_high_pass
 from seatrial.filters.run import run_filter
-from seatrial.filters.tuning import check_tuning
+from seatrial.filters.tuning import LEVEL, _band, check_tuning
 from tests.cases import X_U, naive_rk4, surge_rate
 from tests.estimation_cases import golden_motion
 from tests.filters.surge_trial import MEASUREMENT_SD, TRUE_STATE, surge_space
@@ -187,3 +188,18 @@ def test_unit_carries_over():
 def test_data_without_visible_noise_are_refused(measured, words):
     with pytest.raises(InputError, match=words):
         noise_from_high_pass(np.arange(measured.size) * 0.1, measured)
+
+
+@pytest.mark.parametrize("freedom", [1, 10, 400])
+def test_band_leaves_out_as_much_on_either_side(freedom):
+    low, high = _band(freedom)
+    law = stats.chi2(freedom)
+    assert law.cdf(low * freedom) == pytest.approx(LEVEL / 2)
+    assert law.sf(high * freedom) == pytest.approx(LEVEL / 2)
+
+
+def test_order_of_the_differences_is_the_first_that_is_enough():
+    """White noise about a level needs first differences, about a steep line second ones."""
+    noise, time = 0.1 * np.random.default_rng(4).normal(size=4000), 0.1 * np.arange(4000)
+    assert noise_from_high_pass(time, noise).order == 1
+    assert noise_from_high_pass(time, noise + 50.0 * time).order == 2

@@ -107,3 +107,9 @@ def test_complaints(given, words):
     said = "; ".join(_complaints(*given))
     assert words in said
     assert bool(words) == bool(said)
+
+
+def test_eight_draws_of_each_chain_are_enough():
+    problem = linear_gaussian(2)
+    found = bridge_evidence(problem.posterior, exact_draws(problem, chains=100, length=8), KEY)
+    assert abs(found.log_value - problem.log_evidence) < 4 * found.std_error < 0.5

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import softmax
 
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure, all_structures, structure_rules
-from seatrial.selection.verdict import Shortlist, pair_verdicts, select, term_verdict
+from seatrial.selection.verdict import Shortlist, _doubt, pair_verdicts, select, term_verdict
 
 OPTIONAL = ("X_u", "X_uabsu")
 STRUCTURES = all_structures(structure_rules(["T_nabsn"], OPTIONAL))
@@ -117,3 +119,35 @@ def test_terms_that_no_simulated_structure_decides_are_the_screenings():
     assert found.verdicts[3] == "no simulated structure has X_u3: by the screening its probability is 0.11"
     assert found.verdicts[-1].startswith("probabilities are among the 2 structures that were simulated, to which")
     assert "0.70 of all" in found.verdicts[-1]
+
+
+def doubtful(difference=0.0, error=0.01):
+    """An evidence in doubt, the other method of which is so far away."""
+    table = {"importance": {"difference": 0.0}, "smc": {"difference": difference}}
+    return Evidence(0.0, error, "given", {"methods": table}, "in doubt")
+
+
+def test_doubt_is_the_largest_of_what_may_be_wrong():
+    assert _doubt(Evidence(0.0, 0.9, "given")) == 0.0
+    assert _doubt(doubtful()) == 3.0
+    assert _doubt(doubtful(-4.6)) == 4.6
+    assert _doubt(doubtful(np.inf)) == 3.0
+    assert _doubt(doubtful(error=0.7)) == pytest.approx(7.0)
+    assert _doubt(Evidence(0.0, 0.01, "given", status="repeats differ")) == 3.0
+
+
+def test_a_verdict_that_hangs_on_a_doubtful_evidence_is_withheld():
+    """X_u leads by 4 nats; 4.6 less, and it does not. Where it leads by 20, nothing hangs on it."""
+    structures = [Structure("M-0", ("X_u", "X_uabsu")), Structure("M-1", ("X_uabsu",))]
+    reached = softmax([4.0 - 4.6, 0.0])[0]
+    shaken, sure = (
+        select(structures, [replace(doubtful(-4.6), log_value=lead), Evidence(0.0, 0.01, "given")], ("X_u",))
+        for lead in (4.0, 20.0)
+    )
+    assert shaken.verdicts[0] == (
+        "it cannot be said whether the data support X_u: its probability is 0.98 by evidences of which one is not to be trusted, "
+        f"and may be anything from {reached:.2f} to 1.00"
+    )
+    assert len(shaken.alarms) == 1
+    assert sure.verdicts[0].startswith("the data support X_u: probability 1.00")
+    assert sure.alarms == ()

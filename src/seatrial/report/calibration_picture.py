@@ -15,7 +15,7 @@ def write_calibration_picture(campaign: Campaign, found: Calibrated) -> Path:
     path = campaign.folder / f"calibration-{found.method}.svg"
     words = (
         f"{campaign.source.campaign.name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
-        "pale bands hold 99 %"
+        f"pale bands hold all {len(found.calibration.names)} in 99 % of cases"
     )
     with own_settings():
         write_text(path, draw_svg(rank_figure(found.calibration, words), "calibration"))

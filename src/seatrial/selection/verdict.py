@@ -125,8 +125,8 @@ def _doubt(evidence: Evidence) -> float:
 
 def _shifted(logs: np.ndarray, index: int, doubt: float) -> list[Float[np.ndarray, " m"]]:
     """Probabilities if one evidence is too high by so much, and if it is too low."""
-    moved = [logs + sign * doubt * (np.arange(logs.size) == index) for sign in (-1.0, 1.0)]
-    return [np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in moved]
+    step = doubt * (np.arange(logs.size) == index)
+    return [np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in (logs - step, logs + step)]
 
 
 def _decides(logs: np.ndarray, index: int, doubt: float) -> bool:

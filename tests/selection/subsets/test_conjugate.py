@@ -104,3 +104,9 @@ def test_bad_physical_prior():
         physical_prior(np.array([1.0, 0.0]), 1.0)
     with pytest.raises(InputError, match="noise"):
         physical_prior(np.ones(2), 1.0, shape=1.0)
+
+
+def test_unit_information_expects_the_noise_that_is_given():
+    """The mean of an inverse gamma is its rate over its shape less one."""
+    prior = unit_information(gram(np.eye(4), np.ones(4)), 0.3)
+    assert prior.rate / (prior.shape - 1) == pytest.approx(0.09)

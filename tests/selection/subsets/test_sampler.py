@@ -1,6 +1,7 @@
 """Sampled posteriors over structures against the exact ones."""
 
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from seatrial.selection.subsets.prior import GPrior, physical_prior
 from seatrial.selection.subsets.prior_mass import allowed_mass
 from seatrial.selection.subsets.rules import Rules
 from seatrial.selection.subsets.sampler import sample_subsets, subset_posterior
+from seatrial.selection.subsets.structure_chains import _alike
+from seatrial.selection.subsets.tour import half_of, presence_r_hat
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
 RULES = Rules(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
@@ -197,3 +200,31 @@ def test_too_many_terms():
     phi = np.random.default_rng(0).normal(size=(100, 64))
     with pytest.raises(InputError, match=r"64 terms(.|\n)*at most 63"):
         subset_posterior(gram(phi, phi[:, 0]), physical_prior(np.ones(64), 1.0), MANY)
+
+
+def test_r_hat_of_presence_by_a_naive_twin():
+    """Shares of the moves in which a term was there, in the halves of two chains, and the variances within and between them."""
+    moves, presence = 80, np.array([[[10.0, 20.0], [12.0, 20.0]], [[30.0, 40.0], [4.0, 40.0]]])
+    lengths = np.array([half_of(moves) - moves // 4, moves - half_of(moves)])
+    shares = [presence[half, chain, 0] / lengths[half] for half in (0, 1) for chain in (0, 1)]
+    within = sum(share * (1 - share) for share in shares) / 4
+    between = sum((share - sum(shares) / 4) ** 2 for share in shares) / 3
+    assert presence_r_hat(presence, moves)[0] == pytest.approx(np.sqrt(1 + between / within), rel=1e-12)
+    always = np.broadcast_to(lengths[:, None, None], (2, 2, 1)).astype(float)
+    assert presence_r_hat(always, moves) == [1.0]
+
+
+def test_likeness_is_the_squared_cosine_of_regressors():
+    random = np.random.default_rng(3)
+    phi = random.normal(size=(30, 3)) * np.array([1.0, 50.0, 0.01])
+    cosines = [
+        [(phi[:, i] @ phi[:, j]) ** 2 / (phi[:, i] @ phi[:, i]) / (phi[:, j] @ phi[:, j]) for j in range(3)]
+        for i in range(3)
+    ]
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3] = phi.T @ phi
+    matrix[3, 3] = 1.0
+    alike = _alike(SimpleNamespace(matrix=matrix), np.array([[0], [1], [2]]))
+    assert alike == pytest.approx(np.array(cosines), rel=1e-12)
+    pair = _alike(SimpleNamespace(matrix=matrix), np.array([[0, 3], [1, 2]]))
+    assert pair[0, 1] == pytest.approx(max(cosines[0][1], cosines[0][2]), rel=1e-12)

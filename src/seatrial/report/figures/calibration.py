@@ -15,7 +15,7 @@ WIDTH, ROW, TOP, BOTTOM, LEFT, GAP = 640.0, 84.0, 26.0, 40.0, 110.0, 20.0
 
 
 def rank_figure(found: Calibration, words: str) -> "Figure":
-    """Draw a row for each quantity: histogram left, distance from the diagonal right, bands that hold 99 %.
+    """Draw a row for each quantity: histogram left, distance from the diagonal right, bands that hold all of them in 99 % of cases.
 
     Args:
         found: ranks.

@@ -1,0 +1,29 @@
+"""Residuals of one channel, sample by sample, against the joint density of all of them."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from seatrial.estimation.residuals import Coloured
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_coloured_residuals_are_jointly_normal(complete):
+    """Against the dense covariance sd^2 exp(-|t - s| / tau) of the samples that are there."""
+    random = np.random.default_rng(2)
+    present = np.ones(30) if complete else (random.uniform(size=30) < 0.6).astype(float)
+    present[0] = 1.0
+    time, e, sd, tau = np.arange(30) * 0.2, random.normal(size=30), 0.7, 0.5
+    at = np.flatnonzero(present)
+    gaps = np.append(np.inf, np.diff(time[at]))
+    distinct, kinds = np.unique(gaps.round(9), return_inverse=True)
+    memory = np.exp(-distinct / tau)
+    kind = np.zeros(30, int)
+    kind[at] = kinds
+    shape = Coloured(sd, np.bincount(kinds), memory, 1 / (1 - memory**2))
+    carry = shape.empty()
+    for k in range(30):
+        carry = shape.absorb(carry, e[k], present[k], kind[k], complete)
+    cov = sd**2 * np.exp(-np.abs(np.subtract.outer(time[at], time[at])) / tau)
+    exact = stats.multivariate_normal(np.zeros(at.size), cov).logpdf(e[at])
+    assert float(shape.log_likelihood(carry)) == pytest.approx(exact, abs=1e-9)
