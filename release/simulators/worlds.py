@@ -38,7 +38,7 @@ def compile_world(
     program = folder / "world"
     paths = [f"-I{path}" for path in (folder, own, *includes, "/usr/include/eigen3", "/usr/include/ignition/math6")]
     files = [str(path) for path in (own / "world.cc", *sources)]
-    options = ["-std=c++17", "-O1", "-w", "-DdDOUBLE", "-o", str(program)]
+    options = ["-std=c++17", "-O1", "-w", "-DdDOUBLE", "-DBOOST_BIND_GLOBAL_PLACEHOLDERS", "-o", str(program)]
     subprocess.run(["g++", *options, *paths, *files, *(f"-l{name}" for name in libraries)], check=True)
     return program
 
