@@ -1,6 +1,6 @@
-"""Exports in Stonefish's own code, beside what they say they keep: `python release/simulators/stonefish.py SOURCE`.
+"""Exports in Stonefish's own code, beside what they say they keep: `python release/simulators/stonefish.py --source FOLDER`.
 
-SOURCE is a checkout of Stonefish 1.6 or later (https://github.com/patrykcieslak/stonefish). Its own CMake builds the library in a folder
+FOLDER is a checkout of Stonefish 1.6 or later (https://github.com/patrykcieslak/stonefish). Its own CMake builds the library in a folder
 beside it, or in --build; the driver beside this file loads the exported scenario with Stonefish's parser, and steps Stonefish's world
 without graphics. Needs cmake, a C++ compiler, and the headers of GLM, SDL2, FreeType and OpenGL (Debian: libglm-dev libsdl2-dev
 libfreetype6-dev libgl-dev).
@@ -37,16 +37,18 @@ class StonefishTwin:
     """One exported vehicle in Stonefish; see `laboratory.Twin`.
 
     Attributes:
-        version: of the library, with the commit where SOURCE is a checkout.
+        version: of the library, with the commit where the source is a checkout.
         driver: the built driver.
         folder: of the exported files.
         actuators: name in the scenario by our control.
+        current: of the water, m/s north, east and down.
     """
 
     version: str
     driver: Path
     folder: Path
     actuators: dict[str, str]
+    current: tuple[float, float, float] = (0.0, 0.0, 0.0)
     target: str = "Stonefish"
 
     def run(self, start: State, controls: Controls, duration: float) -> History:
@@ -63,6 +65,7 @@ class StonefishTwin:
         every = round(SAMPLE * RATE)
         steps = [controls(k / RATE) for k in range((samples - 1) * every)]
         lines = [f"{1 / RATE!r} {samples} {every}", " ".join(repr(float(part)) for part in start)]
+        lines.append(" ".join(repr(float(part)) for part in self.current))
         lines.append(" ".join([str(len(self.actuators)), *self.actuators.values()]))
         lines += [" ".join(repr(float(wanted[name])) for name in self.actuators) for wanted in steps]
         plan = self.folder / "plan.txt"
@@ -81,8 +84,8 @@ class StonefishTwin:
 def main() -> int:
     """Build the library and the driver, compare all vehicles, and return 1 where one of them differs from its statement."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("source", type=Path, help="folder of Stonefish's checkout")
-    parser.add_argument("--build", type=Path, help="folder in which it is built; SOURCE-build if not given")
+    parser.add_argument("--source", type=Path, required=True, help="checkout of patrykcieslak/stonefish")
+    parser.add_argument("--build", type=Path, help="folder in which it is built; FOLDER-build if not given")
     parser.add_argument("--jobs", type=int, default=2, help="processes that compile")
     parser.add_argument(
         "--vehicle", action="append", help="only this vehicle of the catalogue; may be given more than once"
@@ -97,7 +100,9 @@ def main() -> int:
             return twin_of(vehicle, driver, version, Path(folder))
 
         vehicles = given.vehicle or laboratory.VEHICLES
-        failures = laboratory.run("stonefish", Stonefish(), twin, "release/simulators/stonefish.py SOURCE", vehicles)
+        failures = laboratory.run(
+            "stonefish", Stonefish(), twin, "python release/simulators/stonefish.py --source FOLDER", vehicles
+        )
     print(f"{failures} rows differ from what the export states, or have the wrong sign")
     return int(failures > 0)
 
