@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,8 @@ from seatrial.export.vehicle import ExportedVehicle, Provenance
 
 RATE = 500.0
 """Steps of Stonefish's world a second."""
+Current = tuple[float, float, float]
+STILL: Current = (0.0, 0.0, 0.0)
 _DRIVER = Path(__file__).parent / "stonefish_driver"
 
 
@@ -48,7 +50,7 @@ class StonefishTwin:
     driver: Path
     folder: Path
     actuators: dict[str, str]
-    current: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    current: Current = STILL
     target: str = "Stonefish"
 
     def run(self, start: State, controls: Controls, duration: float) -> History:
@@ -93,8 +95,8 @@ def main() -> int:
     driver, version = build_driver(source, build, given.jobs), version_of(source, build)
     with tempfile.TemporaryDirectory() as folder:
 
-        def twin(vehicle: ExportedVehicle) -> StonefishTwin:
-            return twin_of(vehicle, driver, version, Path(folder))
+        def twin(vehicle: ExportedVehicle, current: Current = STILL) -> StonefishTwin:
+            return replace(twin_of(vehicle, driver, version, Path(folder)), current=current)
 
         command = "python release/simulators/stonefish.py --source FOLDER"
         failures = laboratory.run("stonefish", Stonefish(), twin, command)
