@@ -1,6 +1,6 @@
-"""Exports in Stonefish's own code, beside what they say they keep: `python release/simulators/stonefish.py SOURCE`.
+"""Exports in Stonefish's own code, beside what they say they keep: `python release/simulators/stonefish.py --source FOLDER`.
 
-SOURCE is a checkout of Stonefish 1.6 or later (https://github.com/patrykcieslak/stonefish). Its own CMake builds the library in a folder
+FOLDER is a checkout of Stonefish 1.6 or later (https://github.com/patrykcieslak/stonefish). Its own CMake builds the library in a folder
 beside it, or in --build; the driver beside this file loads the exported scenario with Stonefish's parser, and steps Stonefish's world
 without graphics. Needs cmake, a C++ compiler, and the headers of GLM, SDL2, FreeType and OpenGL (Debian: libglm-dev libsdl2-dev
 libfreetype6-dev libgl-dev).
@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,8 @@ from seatrial.export.vehicle import ExportedVehicle, Provenance
 
 RATE = 500.0
 """Steps of Stonefish's world a second."""
+Current = tuple[float, float, float]
+STILL: Current = (0.0, 0.0, 0.0)
 _DRIVER = Path(__file__).parent / "stonefish_driver"
 
 
@@ -37,16 +39,18 @@ class StonefishTwin:
     """One exported vehicle in Stonefish; see `laboratory.Twin`.
 
     Attributes:
-        version: of the library, with the commit where SOURCE is a checkout.
+        version: of the library, with the commit where the source is a checkout.
         driver: the built driver.
         folder: of the exported files.
         actuators: name in the scenario by our control.
+        current: of the water, m/s north, east and down.
     """
 
     version: str
     driver: Path
     folder: Path
     actuators: dict[str, str]
+    current: Current = STILL
     target: str = "Stonefish"
 
     def run(self, start: State, controls: Controls, duration: float) -> History:
@@ -63,6 +67,7 @@ class StonefishTwin:
         every = round(SAMPLE * RATE)
         steps = [controls(k / RATE) for k in range((samples - 1) * every)]
         lines = [f"{1 / RATE!r} {samples} {every}", " ".join(repr(float(part)) for part in start)]
+        lines.append(" ".join(repr(float(part)) for part in self.current))
         lines.append(" ".join([str(len(self.actuators)), *self.actuators.values()]))
         lines += [" ".join(repr(float(wanted[name])) for name in self.actuators) for wanted in steps]
         plan = self.folder / "plan.txt"
@@ -81,23 +86,20 @@ class StonefishTwin:
 def main() -> int:
     """Build the library and the driver, compare all vehicles, and return 1 where one of them differs from its statement."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("source", type=Path, help="folder of Stonefish's checkout")
-    parser.add_argument("--build", type=Path, help="folder in which it is built; SOURCE-build if not given")
+    parser.add_argument("--source", type=Path, required=True, help="checkout of patrykcieslak/stonefish")
+    parser.add_argument("--build", type=Path, help="folder in which it is built; FOLDER-build if not given")
     parser.add_argument("--jobs", type=int, default=2, help="processes that compile")
-    parser.add_argument(
-        "--vehicle", action="append", help="only this vehicle of the catalogue; may be given more than once"
-    )
     given = parser.parse_args()
     source = given.source.resolve()
     build = (given.build or source.with_name(source.name + "-build")).resolve()
     driver, version = build_driver(source, build, given.jobs), version_of(source, build)
     with tempfile.TemporaryDirectory() as folder:
 
-        def twin(vehicle: ExportedVehicle) -> StonefishTwin:
-            return twin_of(vehicle, driver, version, Path(folder))
+        def twin(vehicle: ExportedVehicle, current: Current = STILL) -> StonefishTwin:
+            return replace(twin_of(vehicle, driver, version, Path(folder)), current=current)
 
-        vehicles = given.vehicle or laboratory.VEHICLES
-        failures = laboratory.run("stonefish", Stonefish(), twin, "release/simulators/stonefish.py SOURCE", vehicles)
+        command = "python release/simulators/stonefish.py --source FOLDER"
+        failures = laboratory.run("stonefish", Stonefish(), twin, command)
     print(f"{failures} rows differ from what the export states, or have the wrong sign")
     return int(failures > 0)
 

@@ -256,7 +256,7 @@ def test_the_laboratory_tells_the_driver_our_commands_by_the_names_of_the_scenar
     found = twin.run(start, lambda t: {"n": 90.0 + t, "delta_r": 0.1, "delta_s": -0.1}, 0.2)
     np.testing.assert_array_equal(found, np.tile(start, (3, 1)))
     lines = (twin.folder / "plan.txt").read_text().splitlines()
-    assert lines[2] == "3 propeller delta_r delta_s"
-    assert len(lines) == 3 + 0.2 * laboratory.RATE
-    np.testing.assert_allclose(np.array(lines[53].split(), float), [90.1, 0.1, -0.1])
+    assert lines[2:4] == ["0.0 0.0 0.0", "3 propeller delta_r delta_s"]
+    assert len(lines) == 4 + 0.2 * laboratory.RATE
+    np.testing.assert_allclose(np.array(lines[54].split(), float), [90.1, 0.1, -0.1])
     np.testing.assert_array_equal(twin.added_mass(), [1, 0, 2, 3])

@@ -3,7 +3,8 @@
 //     driver FOLDER PLAN            FOLDER holds vehicle.scn and part.obj
 //
 // PLAN:  step [s]  samples  steps between two samples
-//        u v w p q r phi theta at the start, of the body's origin; m/s, rad/s and rad, forward, starboard, down
+//        u v w p q r phi theta at the start, of the body's origin through the water; m/s, rad/s and rad, forward, starboard, down
+//        the water's velocity north, east and down, m/s; the heading at the start is north
 //        number of actuators and their names
 //        for each step the setpoints of the actuators
 // Output: a line "mass ADDED I_x I_y I_z" of the added mass and inertia, then a line "state u v w p q r phi theta" for each sample.
@@ -24,6 +25,8 @@
 #include <core/SimulationManager.h>
 #include <entities/FeatherstoneEntity.h>
 #include <entities/SolidEntity.h>
+#include <entities/forcefields/Ocean.h>
+#include <entities/forcefields/Uniform.h>
 
 namespace {
 
@@ -39,6 +42,7 @@ struct Plan
     int samples = 0;
     int every = 0;
     std::vector<double> start;
+    std::vector<double> current;
     std::vector<std::string> names;
     std::vector<std::vector<double>> setpoints;
 };
@@ -51,6 +55,8 @@ Plan readPlan(const std::string& path)
     file >> plan.step >> plan.samples >> plan.every;
     plan.start.resize(8);
     for (double& value : plan.start) file >> value;
+    plan.current.resize(3);
+    for (double& value : plan.current) file >> value;
     file >> count;
     plan.names.resize(count);
     for (std::string& name : plan.names) file >> name;
@@ -94,6 +100,9 @@ protected:
         if (robot == nullptr) fail("no robot in the scenario");
         body_ = robot->getDynamics()->getLink(0).solid;
         findActuators(robot);
+        water_ = sf::Vector3(plan_.current[0], plan_.current[1], plan_.current[2]);
+        manager_->getOcean()->AddVelocityField(new sf::Uniform(water_));
+        if (!water_.isZero()) manager_->getOcean()->EnableCurrents();
         place(robot->getDynamics()->getMultiBody());
         const sf::Vector3 inertia = body_->getAddedInertia();
         std::cout << std::setprecision(17) << "mass " << body_->getAugmentedMass() - body_->getMass() << " " << inertia.x() << " "
@@ -147,7 +156,7 @@ private:
         const sf::Transform centre = origin * body_->getCG2OTransform().inverse();
         const sf::Matrix3 turned = origin.getBasis();
         const sf::Vector3 spin = turned * sf::Vector3(s[3], s[4], s[5]);
-        const sf::Vector3 speed = turned * sf::Vector3(s[0], s[1], s[2]);
+        const sf::Vector3 speed = turned * sf::Vector3(s[0], s[1], s[2]) + water_;
         multibody->setBaseWorldTransform(centre);
         multibody->setBaseOmega(spin);
         multibody->setBaseVel(speed + spin.cross(centre.getOrigin() - origin.getOrigin()));
@@ -163,7 +172,7 @@ private:
         const sf::Matrix3 back = origin.getBasis().transpose();
         const sf::Vector3 spin = body_->getAngularVelocity();
         const sf::Vector3 arm = origin.getOrigin() - body_->getCGTransform().getOrigin();
-        const sf::Vector3 speed = back * (body_->getLinearVelocity() + spin.cross(arm));
+        const sf::Vector3 speed = back * (body_->getLinearVelocity() + spin.cross(arm) - water_);
         const sf::Vector3 local = back * spin;
         const sf::Matrix3& turned = origin.getBasis();
         std::cout << "state " << speed.x() << " " << speed.y() << " " << speed.z() << " " << local.x() << " " << local.y() << " "
@@ -173,6 +182,7 @@ private:
     Manager* manager_;
     const Plan& plan_;
     sf::SolidEntity* body_ = nullptr;
+    sf::Vector3 water_;
     std::vector<sf::Actuator*> actuators_;
 };
 

@@ -123,7 +123,7 @@ def printed_unit(reading: Reading, name: str) -> str:
     if name != "T_nabsn":
         return unit_text(CoefficientName.parse(name).unit)
     written = reading.source.units.printed_thrust or f"{reading.thrust_print!r} {CoefficientName.parse(name).unit}"
-    number, _, unit = written.strip().partition(" ")
+    number, _, unit = str(written).strip().partition(" ")
     exponent = log10(float(number))
     factor = times_ten(round(exponent)).removeprefix(" × ") if abs(exponent % 1) < 1e-9 else short(float(number))
     return f"{factor} {unit_text(unit)}".strip()
