@@ -44,12 +44,12 @@ def find(folder: Path, written: str, where: str, run: str = "") -> Path:
     """
     limits = _limits()
     path = place_of(folder, written, where, run, limits)
-    if path.is_file() or path.is_dir():
+    if os.path.isfile(path) or os.path.isdir(path):  # `Path.is_file` raises where a name is too long
         return path
     shown = f'"{written}"' if limits else path  # who is kept within folders is not told what variables hold
     raise InputError(
         where,
-        found=f"{'a device or a pipe' if path.exists() else 'no file'} {shown}",
+        found=f"{'a device or a pipe' if os.path.exists(path) else 'no file'} {shown}",
         expected="an existing file",
         remedy="correct the path; it is relative to the campaign's folder",
     )

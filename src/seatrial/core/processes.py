@@ -6,8 +6,11 @@ import os
 import signal
 import sys
 import threading
+import time
 from multiprocessing.connection import wait
 
+EVERY = 1.0
+"""Seconds between two looks at whether the parent is there, where nothing tells."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -18,14 +21,18 @@ def end_with_parent() -> None:
     that thread has to live as long. Elsewhere a thread watches, which sees the end when Python next changes threads.
     """
     parent = multiprocessing.parent_process()
-    assert parent is not None, "only of a process that multiprocessing started"
+    number = os.getppid() if parent is None else parent.pid
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent.pid:  # it ended before that
+        if os.getppid() != number:  # it ended before that
             os._exit(1)
 
     def watch() -> None:
-        wait([parent.sentinel])
+        if parent is not None:
+            wait([parent.sentinel])
+        else:
+            while os.getppid() == number:
+                time.sleep(EVERY)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
