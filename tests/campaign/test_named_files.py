@@ -79,7 +79,9 @@ def test_a_file_outside_is_read_in_a_shell_and_refused_where_files_are_kept_with
     assert read_untrimmed(campaign, "a").time.size == 200
 
 
-@pytest.mark.parametrize("written", ["/dev/zero", "../../../../../../dev/zero", "pipe", "nothing.csv", "a\0b", ""])
+@pytest.mark.parametrize(
+    "written", ["/dev/zero", "../../../../../../dev/zero", "pipe", "nothing.csv", "a\0b", "a" * 5000, ""]
+)
 def test_what_is_no_file_is_never_opened(here, written):
     os.mkfifo(here / "served" / "boat" / "pipe")
     folder = here / "served" / "boat"

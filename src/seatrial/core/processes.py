@@ -9,6 +9,8 @@ import threading
 import time
 from multiprocessing.connection import wait
 
+EVERY = 1.0
+"""Seconds between two looks at whether the parent is there, where nothing tells."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -19,11 +21,10 @@ def end_with_parent(parent: int | None = None) -> None:
     that thread has to live as long. Elsewhere a thread watches, which sees the end when Python next changes threads.
 
     Args:
-        parent: number of the process that started this one; not needed where multiprocessing did.
+        parent: number of the process that started this one, if it is known and may have ended by now.
     """
     starter = multiprocessing.parent_process()
-    number = parent if starter is None else starter.pid
-    assert number is not None, "only of a process that multiprocessing started, or with the number of the one that did"
+    number = (parent or os.getppid()) if starter is None else starter.pid
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
         if os.getppid() != number:  # it ended before that
@@ -33,7 +34,7 @@ def end_with_parent(parent: int | None = None) -> None:
         if starter is not None:
             wait([starter.sentinel])
         while starter is None and os.getppid() == number:
-            time.sleep(1.0)
+            time.sleep(EVERY)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

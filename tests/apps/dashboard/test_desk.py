@@ -17,9 +17,14 @@ from seatrial.core.apart import end_all
 from seatrial.core.errors import InputError, NumericalError
 
 COMPUTES = """
-import asyncio, os, sys, threading
+import asyncio, os, subprocess, sys
 from seatrial.apps.dashboard.desk import Desk
 from seatrial.apps.dashboard.isolated import isolated
+
+PLAIN = "from seatrial.core.processes import end_with_parent; end_with_parent(); from asks import hold; hold()"
+
+def plain():
+    subprocess.run([sys.executable, "-c", PLAIN], cwd=os.path.dirname(__file__))
 
 def hold():
     os.write(1, f"{os.getpid()}\\n".encode())
@@ -32,7 +37,8 @@ async def desk():
     await asyncio.sleep(60)
 
 if __name__ == "__main__":
-    asyncio.run(desk()) if sys.argv[1] == "desk" else isolated("a log", hold)
+    kind = sys.argv[1]
+    plain() if kind == "plain" else asyncio.run(desk()) if kind == "desk" else isolated("a log", hold)
 """
 
 
@@ -76,7 +82,7 @@ def test_errors_pass_between_processes_as_words(tmp_path):
     assert answered("thinning", "text_of", b"a") == ("a", None)
 
 
-@pytest.mark.parametrize("kind", ["desk", "isolated"])
+@pytest.mark.parametrize("kind", ["desk", "isolated", "plain"])
 def test_a_process_that_computes_ends_with_the_one_that_asked(tmp_path, kind):
     script = tmp_path / "asks.py"
     script.write_text(COMPUTES)

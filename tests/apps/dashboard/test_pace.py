@@ -18,7 +18,7 @@ from seatrial.apps.dashboard.pace import LARGEST_HEAD, Pace, counted, punctual
 from tests.apps.dashboard.served import served
 from tests.campaign.small import write_small
 
-QUICK = Pace(head=0.5, pause=0.5, slowest=1000.0, at_once=2, queue=3, patience=20.0, connections=4)
+QUICK = Pace(head=1.0, pause=1.0, slowest=1000.0, at_once=2, queue=3, patience=20.0, connections=4)
 HEAD = b"POST /upload/ HTTP/1.1\r\nhost: 127.0.0.1\r\n"
 
 
@@ -36,7 +36,7 @@ async def app(scope, receive, send):
         if not message.get("more_body"):
             break
     if scope["path"] == "/slow":
-        await asyncio.sleep(1.5)
+        await asyncio.sleep(2.0)
     await send({"type": "http.response.start", "status": 200, "headers": []})
     await send({"type": "http.response.body", "body": f"{len(got)}{ended}".encode()})
 
