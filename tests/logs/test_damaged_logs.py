@@ -11,12 +11,14 @@ from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial.core.errors import InputError
+from seatrial.logs.formats.hdf5 import opened
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns, stream
 from seatrial.logs.formats.ros_decode import Decoder
@@ -364,3 +366,14 @@ def test_a_packed_database_that_grows_without_end_is_refused(tmp_path, monkeypat
     monkeypatch.setattr("seatrial.logs.formats.ros_bag._MOST_TIMES_LARGER", 10)
     with refusal("run_sqlite3", "larger than any recorder packs"):
         read_log(mapped(written))
+
+
+def test_a_large_piece_of_an_array_is_unpacked_once_and_not_for_every_block(tmp_path):
+    """Blocks of 8192 rows of a piece of 4 million: what was unpacked stays."""
+    path, rows = tmp_path / "run.nc", 1 << 22
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset("u", (rows,), "f8", chunks=(rows,), compression="gzip")
+        made.id.write_direct_chunk((0,), zlib.compress(bytes(8 * rows)))
+    with opened(path) as file:
+        size = file["u"].chunks[0] * file["u"].dtype.itemsize
+        assert file["u"].id.get_access_plist().get_chunk_cache()[1] >= size

@@ -14,6 +14,8 @@ from seatrial.core.errors import InputError
 _DEEPEST = 32
 _MOST_ARRAYS = 20_000
 _MOST_CHUNK = 1 << 28
+_CACHE = 1 << 26
+"""Bytes of an array that stay unpacked: a piece of it that is larger is unpacked again for every block of rows."""
 _HEAP = b"GCOL\x01\0\0\0"
 _PIECE = 1 << 24
 _MOST_TIMES_LARGER = 2000
@@ -28,7 +30,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
         InputError: a damaged heap.
     """
     _check_heaps(path)
-    with h5py.File(path, "r", locking=False) as file:
+    with h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHE) as file:
         yield file
 
 
