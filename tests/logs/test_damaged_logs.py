@@ -377,3 +377,17 @@ def test_a_large_piece_of_an_array_is_unpacked_once_and_not_for_every_block(tmp_
     with opened(path) as file:
         size = file["u"].chunks[0] * file["u"].dtype.itemsize
         assert file["u"].id.get_access_plist().get_chunk_cache()[1] >= size
+
+
+@pytest.mark.parametrize(("version", "at"), [(0, 48), (1, 52)])
+def test_the_address_of_a_driver_is_refused_before_the_library_follows_it(tmp_path, version, at):
+    """The library took the four gigabytes that stood there."""
+    written = WRITERS["netcdf 4"](tmp_path)
+    data = bytearray(written.path.read_bytes())
+    assert data[8] == 0
+    assert data[48:56] == b"\xff" * 8
+    data[8] = version
+    data[at : at + 8] = struct.pack("<Q", 96)
+    written.path.write_bytes(data)
+    with refusal("run.nc", "the address of a driver", "copy or save it again"):
+        inspect_log(written.path)
