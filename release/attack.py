@@ -163,6 +163,7 @@ def watched(name: str, seed: int, first: int, end: int, state: Path) -> Iterator
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+            shutil.rmtree(state / "places" / f"{name}-{process.pid}", ignore_errors=True)
 
 
 def _kind(name: str) -> Kind:

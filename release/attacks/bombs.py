@@ -156,7 +156,7 @@ def _netcdf(chunked: bool) -> Callable[[Path], Callable[[], None]]:
     def made(place: Path) -> Callable[[], None]:
         import h5py
 
-        path, size = place / "run.nc", 1 << (31 if chunked else 40)
+        path, size = place / "run.nc", 1 << (27 if chunked else 40)
         with h5py.File(path, "w") as file:
             options: dict[str, Any] = (
                 {"compression": "gzip", "chunks": (1 << 22,)} if chunked else {"chunks": (1 << 16,)}
@@ -237,7 +237,7 @@ def _checkpoint(declared: bool) -> Callable[[Path], Callable[[], None]]:
 
 
 BOMBS: dict[str, Callable[[Path], Callable[[], None]]] = {
-    "gzip of short lines": _gzip(1 << 27, line=False),
+    "gzip of short lines": _gzip(1 << 26, line=False),
     "gzip of one line": _gzip(1 << 30, line=True),
     "ros 1, bz2": _ros_1("bz2"),
     "ros 1, lz4": _ros_1("lz4"),

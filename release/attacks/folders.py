@@ -55,7 +55,9 @@ def damaged_result(number: int, random: Random, place: Path, watchman: Watchman)
     """Damage one file of a finished campaign, and run it again."""
     _, reference = finished("simulated", place.parent.parent)
     shutil.copytree(reference.folder, place)
-    files = sorted(path for path in place.rglob("*") if path.is_file() and path.name != "campaign.toml")
+    files = sorted(
+        path for path in place.rglob("*") if path.is_file() and path.name not in ("campaign.toml", ".seconds")
+    )
     victim = files[number % len(files)]
     how = DAMAGES[number // len(files) % len(DAMAGES)]
     _damage(victim, how, random)

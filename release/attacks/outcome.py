@@ -19,6 +19,8 @@ MOST_MEMORY = 1_500_000_000
 """Bytes that a process may have in memory, its libraries included."""
 UNPICKLED = ("os", "posix", "nt", "subprocess", "builtins", "sys", "shutil", "runpy", "importlib")
 """Modules that a hostile pickle would use; libraries unpickle their own objects as they are imported."""
+PROGRAMS = (sys.executable, "uname")
+"""What may be started: ourselves, and what the standard library's `platform` asks."""
 ALLOWED = (sys.prefix, sys.base_prefix, "/proc", "/dev", "/sys", "/etc", "/usr")
 
 
@@ -60,7 +62,7 @@ class Watchman:
             self.seen.append(f"{event} {arguments[:1]}")
         elif event == "pickle.find_class" and str(arguments[0]) in UNPICKLED:
             self.seen.append(f"unpickled {arguments}")
-        elif event == "subprocess.Popen" and os.fspath(arguments[0]) != sys.executable:
+        elif event == "subprocess.Popen" and os.fspath(arguments[0]) not in PROGRAMS:
             self.seen.append(f"started {arguments[0]}")
 
 

@@ -11,12 +11,14 @@ from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial.core.errors import InputError
+from seatrial.logs.formats.hdf5 import opened
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns, stream
 from seatrial.logs.formats.ros_decode import Decoder
@@ -364,3 +366,28 @@ def test_a_packed_database_that_grows_without_end_is_refused(tmp_path, monkeypat
     monkeypatch.setattr("seatrial.logs.formats.ros_bag._MOST_TIMES_LARGER", 10)
     with refusal("run_sqlite3", "larger than any recorder packs"):
         read_log(mapped(written))
+
+
+def test_a_large_piece_of_an_array_is_unpacked_once_and_not_for_every_block(tmp_path):
+    """Blocks of 8192 rows of a piece of 4 million: what was unpacked stays."""
+    path, rows = tmp_path / "run.nc", 1 << 22
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset("u", (rows,), "f8", chunks=(rows,), compression="gzip")
+        made.id.write_direct_chunk((0,), zlib.compress(bytes(8 * rows)))
+    with opened(path) as file:
+        size = file["u"].chunks[0] * file["u"].dtype.itemsize
+        assert file["u"].id.get_access_plist().get_chunk_cache()[1] >= size
+
+
+@pytest.mark.parametrize(("version", "at"), [(0, 48), (1, 52)])
+def test_the_address_of_a_driver_is_refused_before_the_library_follows_it(tmp_path, version, at):
+    """The library took the four gigabytes that stood there."""
+    written = WRITERS["netcdf 4"](tmp_path)
+    data = bytearray(written.path.read_bytes())
+    assert data[8] == 0
+    assert data[48:56] == b"\xff" * 8
+    data[8] = version
+    data[at : at + 8] = struct.pack("<Q", 96)
+    written.path.write_bytes(data)
+    with refusal("run.nc", "the address of a driver", "copy or save it again"):
+        inspect_log(written.path)

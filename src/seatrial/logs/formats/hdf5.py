@@ -14,6 +14,9 @@ from seatrial.core.errors import InputError
 _DEEPEST = 32
 _MOST_ARRAYS = 20_000
 _MOST_CHUNK = 1 << 28
+_CACHE = 1 << 26
+"""Bytes of an array that stay unpacked: a piece of it that is larger is unpacked again for every block of rows."""
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _MOST_TIMES_LARGER = 2000
 """How many times larger an array may be than what the file keeps of it; deflate reaches 1032."""
 
@@ -24,9 +27,11 @@ def opened(path: Path) -> Iterator[h5py.File]:
 
     Raises:
         ValueError: a damaged heap.
+        InputError: a damaged superblock.
     """
+    _check_superblock(path)
     check_heaps(path)
-    with h5py.File(path, "r", locking=False) as file:
+    with h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHE) as file:
         yield file
 
 
@@ -69,5 +74,29 @@ def _check_size(dataset: Any) -> None:
             f'{dataset.file.filename}, array "{dataset.name}"',
             found=f"shape {dataset.shape} in pieces of {chunk} bytes, of which the file keeps {kept} bytes in all",
             expected="an array that the file holds",
+            remedy="the file is damaged: copy or save it again",
+        )
+
+
+def _check_superblock(path: Path) -> None:
+    """Refuse an address of a driver, which files in several parts have: the library takes as many gigabytes as stand there.
+
+    Source: HDF5 File Format Specification 3.0, II.A.
+    """
+    with path.open("rb") as stream:
+        data, place = b"", 0
+        while data[:8] != _SIGNATURE:
+            stream.seek(place)
+            data = stream.read(64)
+            if len(data) < 64:
+                return
+            place = max(512, 2 * place)
+    version, width = data[8], data[13]
+    at = (24 if version == 0 else 28) + 3 * width
+    if version < 2 and data[at : at + width] != b"\xff" * width:
+        raise InputError(
+            str(path),
+            found=f"the address of a driver at byte {at} of the superblock",
+            expected="a whole HDF5 file in one part",
             remedy="the file is damaged: copy or save it again",
         )
