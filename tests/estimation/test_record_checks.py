@@ -118,7 +118,7 @@ def test_coefficients_that_a_record_cannot_tell():
 
 
 def test_scatter_of_white_noise_is_its_standard_deviation():
-    """Also beside spikes, of which a quartile knows nothing; within 5 %, of 20 000 samples; three spiked bends of 51 raise a quartile by 5 % more."""
+    """Within 5 %, by 20 000 samples; three spiked bends among 51 raise their quartile by 5 % more."""
     noise = 0.3 * np.random.default_rng(1).normal(size=20_000)
     spiked = noise + np.where(np.arange(noise.size) % 400 == 7, 50.0, 0.0)
     assert np.median(_scatter(noise)) == pytest.approx(0.3, rel=0.05)

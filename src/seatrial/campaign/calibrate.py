@@ -37,8 +37,9 @@ TRIES = 200
 LIKELIHOOD = "log-likelihood"
 MANY_REFUSED = 0.05
 """Share of the prior beyond which a reader is told."""
-MAX_R_HAT, MIN_ESS, MIN_MOVED = 1.05, DRAWS, 0.05
-"""What a replicate's chains have at most and at least where they mixed well: runs are short, and ranks are among 99 draws."""
+MAX_R_HAT, MIN_ESS, MIN_MOVED = 1.3, DRAWS, 0.05
+"""What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short chains 99 effective
+draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where nothing is wrong with them."""
 WORST = (
     ("R-hat up to {:.2f}", np.max),
     ("{:.0f} effective draws at least", np.min),
