@@ -99,7 +99,7 @@ def main() -> int:
             return replace(twin_of(vehicle, driver, version, Path(folder)), current=current)
 
         command = "python release/simulators/stonefish.py --source FOLDER"
-        failures = laboratory.run("stonefish", Stonefish(), twin, command)
+        failures = laboratory.run("stonefish", Stonefish(), twin, command, in_current=twin)
     print(f"{failures} rows differ from what the export states, or have the wrong sign")
     return int(failures > 0)
 
