@@ -38,6 +38,8 @@ LIMIT = 900
 """Seconds after which a change that makes the tests hang counts as killed."""
 ENOUGH = 0.95
 EQUIVALENT: dict[str, str] = {
+    "src/seatrial/export/manoeuvre.py, _steady: top = next((top for top in 10.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)"
+    " => top = next((top for top in 15.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)": "another bracket of the same root",
     "src/seatrial/estimation/replicate.py, replicate: noise_keys = jax.random.split(keys[1], (len(output.labels), len(data.channels))) "
     "=> noise_keys = jax.random.split(keys[2], (len(output.labels), len(data.channels)))": "an index beyond two keys is that of the last",
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "

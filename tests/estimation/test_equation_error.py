@@ -6,6 +6,7 @@ import pytest
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.equation_error import (
     Accelerations,
+    _long_run,
     fit_equation_error,
     measured_accelerations,
     smoothed_accelerations,
@@ -108,3 +109,14 @@ def test_what_is_refused():
         smoothed_accelerations(MODEL, trial(0.0), 0.01)
     with pytest.raises(InputError, match='no channel "udot"'):
         measured_accelerations(MODEL, make_trial(TIME, REV, u=SPEED))
+
+
+@pytest.mark.parametrize("memory", [1, 3])
+def test_covariance_of_a_sum_of_correlated_scores_by_all_pairs(memory):
+    """Pairs of samples at a distance of k count 1 - k / (memory + 1), or not at all (Newey and West, Econometrica 55, 1987)."""
+    scores = np.random.default_rng(2).normal(size=(12, 2))
+    expected = np.zeros((2, 2))
+    for i in range(12):
+        for j in range(12):
+            expected += max(0.0, 1 - abs(i - j) / (memory + 1)) * np.outer(scores[i], scores[j])
+    assert _long_run(scores, memory) == pytest.approx(expected, abs=1e-12)

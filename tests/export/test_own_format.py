@@ -127,3 +127,12 @@ def test_the_table_holds_every_coefficient_and_the_covariance():
     surge = written(Table(), published("remus100_surge"))["coefficients.csv"]
     assert "x_g" not in surge
     assert "\nmass,30.48" in surge
+
+
+def test_thrusters_are_numbered_from_one_in_the_table():
+    vehicle = published("bluerov2_heavy")
+    lines = csv.reader(written(Table(), vehicle)["coefficients.csv"].splitlines())
+    rows = {row[0]: row[1] for row in lines if len(row) > 1}
+    for number, thruster in enumerate(vehicle.thrusters):
+        assert [float(rows[f"thruster {1 + number} {axis}"]) for axis in "xyz"] == list(thruster.place)
+    assert "thruster 9 x" not in rows

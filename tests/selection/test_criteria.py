@@ -188,7 +188,7 @@ def test_incomparable_criteria_are_refused():
 def test_error_of_waic_is_the_scatter_of_its_value():
     """Of 300 sets of independent draws the standard deviation is known to 4 %; densities whose variance matters to the error."""
     random = np.random.default_rng(7)
-    found = [waic(-0.6 * random.normal(size=(4, 500, 1)) ** 2) for _ in range(300)]
+    found = [waic(0.6 * random.normal(size=(4, 500, 2))) for _ in range(300)]
     scatter = np.std([one.value.value for one in found])
     assert np.mean([one.value.error for one in found]) == pytest.approx(scatter, rel=0.15)
 
