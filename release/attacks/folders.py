@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from functools import cache, partial
 from pathlib import Path
@@ -445,11 +446,8 @@ def _killed_page(place: Path, random: Random) -> Outcome:
         match = re.search(r"http://\S+", line)
         address = match.group().rstrip(",;.") if match else ""
         try:
-            with urllib.request.urlopen(address, timeout=120) as answer:
-                if answer.status != 200:
-                    return Outcome("traceback", f"serve answered {answer.status}")
-        except OSError as error:
-            return Outcome("abort", f"serve did not answer: {error}")
+            if (status := _answered(address)) != 200:
+                return Outcome("abort" if status == 0 else "traceback", f"serve answered {status}")
         finally:
             if attempt == 0:
                 with contextlib.suppress(OSError):
@@ -462,6 +460,19 @@ def _killed_page(place: Path, random: Random) -> Outcome:
         if before == after
         else Outcome("different", f"serve left {set(after) - set(before)}")
     )
+
+
+def _answered(address: str) -> int:
+    """Status of a page, which is told before it listens; 0 where it never answers."""
+    for _ in range(240):
+        try:
+            with urllib.request.urlopen(address, timeout=120) as answer:
+                return answer.status
+        except urllib.error.HTTPError as error:
+            return error.code
+        except OSError:
+            time.sleep(0.25)
+    return 0
 
 
 def _killed_cluster(place: Path, reference: Finished, random: Random) -> Outcome:
