@@ -390,7 +390,18 @@ def store(name: str, found: Results) -> None:
         "rows": [_rounded(asdict(row)) for row in found.rows],
         "signs": [_rounded(asdict(row)) for row in found.signs],
     }
-    (RESULTS / f"{name}.json").write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    (RESULTS / f"{name}.json").write_text(line_by_line(content), encoding="utf-8")
+
+
+def line_by_line(content: Mapping[str, Any]) -> str:
+    """Return JSON with every element of a list on a line of its own."""
+    parts = []
+    for key, value in content.items():
+        written = json.dumps(value, allow_nan=False)
+        if isinstance(value, list | tuple) and value:
+            written = "[\n  " + ",\n  ".join(json.dumps(one, allow_nan=False) for one in value) + "\n ]"
+        parts.append(f" {json.dumps(key)}: {written}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
 def load(path: Path) -> Results:
