@@ -148,3 +148,10 @@ def test_a_damaged_record_is_simulated_again_bit_by_bit(tmp_path, caplog):
     np.testing.assert_array_equal(again.measurement, before.measurement)
     assert sum("is damaged" in one.getMessage() for one in caplog.records) == 2
     shutil.rmtree(store.results)
+
+
+def test_a_checkpoint_that_swells_is_not_unpacked(tmp_path, caplog):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, key=np.array("k"), z=np.zeros(1 << 20))
+    assert load_checkpoint(path, "k") is None
+    assert "compressed" in caplog.text

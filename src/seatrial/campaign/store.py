@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_STORED
 
 import numpy as np
 import xarray as xr
@@ -232,6 +233,8 @@ def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
     """Read a checkpoint with this key; None where there is none, it belongs to other work, or it is damaged, which is said."""
     try:
         with np.load(path, allow_pickle=False) as stored:
+            if any(item.compress_type != ZIP_STORED for item in stored.zip.infolist()):
+                raise ValueError("it is compressed, which no checkpoint is")
             content = {name: stored[name] for name in stored.files}
         written, seal = str(content.pop("key")), str(content.pop(SEAL))
         if seal != _hash_of(content):

@@ -28,13 +28,14 @@ _PIECE = 1 << 24
 
 
 def write_dataset(path: Path, dataset: xr.Dataset) -> None:
-    """Write a NetCDF file atomically, with the hash of its content as the attribute `sha256_of_content`, and of its bytes behind them."""
-    with atomic_path(path) as temporary:
-        dataset.assign_attrs({SEAL: _hash(dataset)}).to_netcdf(temporary, engine="h5netcdf")
-        with temporary.open("rb+") as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            stream.seek(0, 2)
-            stream.write(_MARK + digest.encode() + b"\n")
+    """Write a NetCDF file atomically, with the hash of its content as the attribute `sha256_of_content`, and of its bytes behind them.
+
+    HDF5 writes to memory: where a disk is full it would break the interpreter at its end.
+    """
+    content = dataset.assign_attrs({SEAL: _hash(dataset)}).to_netcdf(engine="h5netcdf")
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        stream.write(content)
+        stream.write(_MARK + hashlib.sha256(content).hexdigest().encode() + b"\n")
 
 
 def open_dataset(path: Path) -> xr.Dataset:
