@@ -391,3 +391,12 @@ def test_the_address_of_a_driver_is_refused_before_the_library_follows_it(tmp_pa
     written.path.write_bytes(data)
     with refusal("run.nc", "the address of a driver", "copy or save it again"):
         inspect_log(written.path)
+
+
+def test_a_table_of_more_rows_than_memory_holds_is_refused(tmp_path, monkeypatch):
+    """Equal numbers are packed so well that a kilobyte may hold a billion of them."""
+    written = WRITERS["parquet"](tmp_path)
+    assert read_log(mapped(written)).time.size > 1, "one of an honest size is read"
+    monkeypatch.setattr("seatrial.logs.formats.parquet._MOST_ROWS", 3)
+    with refusal(".parquet", "rows", "at most 3", "cut the log"):
+        read_log(mapped(written))

@@ -24,6 +24,8 @@ from seatrial.logs.formats.protocol import (
 TABLE = "rows"
 _MOST_BYTES = 1 << 29
 """Of one row group's wanted columns: more would not fit in memory when it is opened."""
+_MOST_ROWS = 1 << 27
+"""Two weeks at 100 Hz; equal numbers are packed so well that a small file may hold more than memory does."""
 
 
 def _recognises(path: Path, head: bytes) -> bool:
@@ -106,7 +108,14 @@ def _values(batch: Any, name: str) -> np.ndarray:
 
 
 def _check_size(metadata: Any, tops: list[str], log: LogFile) -> None:
-    """Refuse row groups whose wanted columns would not fit in memory."""
+    """Refuse a table or row groups whose wanted columns would not fit in memory."""
+    if metadata.num_rows > _MOST_ROWS:
+        raise InputError(
+            str(log.path),
+            found=f"{metadata.num_rows} rows",
+            expected=f"at most {_MOST_ROWS}",
+            remedy="cut the log, or write it at a lower rate",
+        )
     for group in range(metadata.num_row_groups):
         row_group = metadata.row_group(group)
         chunks = [row_group.column(k) for k in range(row_group.num_columns)]
