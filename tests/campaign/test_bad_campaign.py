@@ -94,7 +94,11 @@ def test_a_file_in_another_encoding(tmp_path, encoding):
 
 ACTUATORS = {
     "lagg = 1": ("lagg", "one of lag, lower, upper, rate", 'did you mean "lag"?'),
-    "lag = 1": ("lag", "text in quotes", 'quantities are strings such as "200 rpm"'),
+    "lag = 1": (
+        "lag",
+        'a number with a unit like "s", as one string',
+        'write "1 s" or "1 ms" or "1 min", whichever is meant',
+    ),
 }
 
 

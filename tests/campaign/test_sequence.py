@@ -85,7 +85,7 @@ def test_a_changed_campaign_begins_anew(tmp_path):
 
 def test_real_logs_cannot_be_run(tmp_path):
     campaign = written(tmp_path, ONE)
-    real = replace(campaign, source=campaign.source.model_copy(update={"imported": object()}))
+    real = replace(campaign, source=campaign.source.model_copy(update={"imported": object(), "truth": {}}))
     with pytest.raises(InputError, match="to simulate"):
         add_trial(real, Chosen("step", 1.0, 1.0))
 
