@@ -157,6 +157,18 @@ def test_a_mistake_in_the_table_of_an_actuator(tmp_path, line):
     assert (caught.value.expected, caught.value.remedy) == (expected, remedy)
 
 
+@pytest.mark.parametrize("value", ["1", "-1"])
+def test_an_added_mass_of_the_wrong_sign_is_refused(tmp_path, value):
+    by_hand = f'mass = "30.48 kg"\nfixed = {{ X_udot = {value} }}\ntrim = {{ u = "1.5 m/s", n = "1200 rpm" }}'
+    folder = write_small(tmp_path, ('catalogue = "remus100_surge"', by_hand))
+    if value == "-1":
+        assert load_campaign(folder).vehicle is not None
+        return
+    error = refused(folder)
+    assert error.where.endswith("key vehicle.fixed.X_udot")
+    assert error.remedy.startswith("write -1,")
+
+
 IMPORTS = {
     "unit of another dimension": (('column = "r", unit = "deg/s"', 'column = "r", unit = "deg"'), "channels.r.unit"),
     "unknown unit": (('column = "t", unit = "s"', 'column = "t", unit = "sex"'), "time.unit"),
