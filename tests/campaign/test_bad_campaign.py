@@ -44,6 +44,26 @@ UNREADABLE = {
     "a string without end": (f'{SMALL}name = """', SMALL.count("\n") + 1, "malformed TOML"),
 }
 
+SLIPS = {
+    "a quantity without quotes": (DURATION, "duration = 30 s", "put a number and its unit into quotes"),
+    "a quote that is not closed": (DURATION, 'duration = "30 s', "close the quotes"),
+    "quotes of a text processor": (DURATION, "duration = “30 s”", "straight quotes"),
+    "a decimal comma": (SEED, "seed = 3,5", "decimal point"),
+    "nothing before the point": (SEED, "seed = .5", "both sides of the decimal point"),
+    "a colon for an equals sign": (SEED, "seed: 3", "write = after the key"),
+    "a comment of another language": (SEED, "seed = 3 // mine", "#"),
+    "a path of Windows": (SEED, 'seed = "C:\\logs\\a.csv"', "in place of each"),
+    "true as Python writes it": (SEED, "seed = True", "small letters"),
+    "a name without quotes": ('control = "n"', "control = n", "put text into quotes"),
+    "a key of nothing": (SEED, "seed =", "write a value"),
+}
+KINDS = {
+    "a name where a list is due": (('optional = ["X_u"]', 'optional = "X_u"'), "a list", 'write ["X_u"]'),
+    "a misspelt choice": ((DURATION, f'{DURATION}\nfilter = "extendet"'), "'extended'", 'did you mean "extended"?'),
+    "a number for a name": (('optional = ["X_u"]', 'optional = ["X_u", 3]'), "text in quotes", "put it into quotes"),
+    "double brackets": ((SEED, f"{SEED}\n[[goal]]\ntrials = 3"), "a table", "single brackets"),
+}
+
 
 def refused(folder, text=None):
     if text is not None:
@@ -72,6 +92,24 @@ def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, name):
     assert word in f"{error.found} {error.expected} {error.remedy}"
     with pytest.raises(InputError):  # as the editor of single keys reads it
         set_key(text, "campaign", "seed", 4)
+
+
+@pytest.mark.parametrize("name", SLIPS)
+def test_a_slip_of_the_pen_is_shown_with_what_to_do_about_it(tmp_path, name):
+    right, wrong, word = SLIPS[name]
+    assert right in SMALL
+    error = refused(tmp_path, SMALL.replace(right, wrong, 1))
+    assert error.where.endswith(f":{SMALL[: SMALL.index(right)].count(chr(10)) + 1}")
+    assert error.found.endswith(f"in the line: {wrong}" if right != 'control = "n"' else "control = n")
+    assert word in error.remedy
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_value_of_the_wrong_kind_has_a_remedy_that_works(tmp_path, name):
+    change, expected, remedy = KINDS[name]
+    error = refused(write_small(tmp_path, change))
+    assert expected in error.expected
+    assert remedy in error.remedy
 
 
 def test_a_file_too_large_is_not_read_to_its_end(tmp_path, monkeypatch):
@@ -117,6 +155,18 @@ def test_a_mistake_in_the_table_of_an_actuator(tmp_path, line):
         pitch(tmp_path, ("[structure]", f"[vehicle.actuators.delta_s]\n{line}\n[structure]"))
     assert re.search(rf"campaign\.toml:\d+, key vehicle\.actuators\.delta_s\.{key}$", caught.value.where)
     assert (caught.value.expected, caught.value.remedy) == (expected, remedy)
+
+
+@pytest.mark.parametrize("value", ["1", "-1"])
+def test_an_added_mass_of_the_wrong_sign_is_refused(tmp_path, value):
+    by_hand = f'mass = "30.48 kg"\nfixed = {{ X_udot = {value} }}\ntrim = {{ u = "1.5 m/s", n = "1200 rpm" }}'
+    folder = write_small(tmp_path, ('catalogue = "remus100_surge"', by_hand))
+    if value == "-1":
+        assert load_campaign(folder).vehicle is not None
+        return
+    error = refused(folder)
+    assert error.where.endswith("key vehicle.fixed.X_udot")
+    assert error.remedy.startswith("write -1,")
 
 
 IMPORTS = {

@@ -225,3 +225,10 @@ def test_an_expression_is_worth_what_its_parts_are(both):
     assume(len(text) <= 120)
     unit = _parse(text, "1", "here")
     assert float(unit._REGISTRY.get_base_units(unit)[0]) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("text", "meant"), [("0,05 m/s", "0.05 m/s"), ("-1,5m/s", "-1.5m/s"), ("1,5", "1.5")])
+def test_a_decimal_comma_is_told_apart_from_a_unit(text, meant):
+    with pytest.raises(InputError) as caught:
+        quantity(text, "m/s", "here")
+    assert f'write "{meant}"' in caught.value.remedy

@@ -207,8 +207,8 @@ def test_lags_of_thrusters_are_kept_and_those_of_fins_are_lost():
     assert carried.actuators["n"] == Actuator(0.5, -157.0, 157.0)
     assert carried.actuators["delta_r"] == Actuator(0.0, -0.25, 0.25)
     words = " ".join(carried.lost)
-    assert "greatest rate 60 SI and limits 0 to 157 SI of n" in words
-    assert "lag 0.1 s and greatest rate 1 SI and limits -0.2 to 0.25 SI of delta_r" in words
+    assert "greatest rate 573 rpm/s and limits 0 to 1499 rpm of n" in words
+    assert "lag 0.1 s and greatest rate 57.3 deg/s and limits -11.46 to 14.32 deg of delta_r" in words
     root = ElementTree.fromstring(written(Stonefish(), vehicle)["vehicle.scn"])
     assert root.find(".//actuator[@name='propeller']/rotor_dynamics/time_constant").get("value") == "0.5"
     assert root.find(".//actuator[@name='delta_r']/specs").get("max_angle") == "0.25"

@@ -144,9 +144,9 @@ def test_what_is_lost_is_named():
     for name in ("K_nabsn", *CROSSED, *FINS, "M_pr"):
         assert name in lost
     lost = " ".join(Uuv().carries(rich()).lost)
-    assert "greatest rate 60 SI of n" in lost
+    assert "greatest rate 573 rpm/s of n" in lost
     assert "lag 0.5 s" not in lost
-    assert "lag 0.1 s and greatest rate 1 SI and limits -0.2 to 0.25 SI of delta_r" in lost
+    assert "lag 0.1 s and greatest rate 57.3 deg/s and limits -11.46 to 14.32 deg of delta_r" in lost
 
 
 def test_controllers_read_the_same_numbers():

@@ -56,4 +56,4 @@ def test_a_control_without_effect_has_no_sense():
     model = whole_vehicle(hull, ("X_u", "N_r", "N_uudelta_r"), attitude="euler")
     found = control_senses(model, {"X_u": -1.0, "N_r": -1.0, "N_uudelta_r": 0.0})
     assert found == {"delta_r": {}}
-    assert sense_words(found["delta_r"]) == "nothing"
+    assert sense_words(found["delta_r"]) == "does nothing"

@@ -6,7 +6,7 @@ from seatrial.campaign.vehicle import AxesVehicle, CampaignVehicle, check_alone
 from seatrial.campaign.whole_vehicle import read_whole_vehicle
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.signals import RATES, SIGNALS, signal_unit
 from seatrial.vehicles.catalogue import catalogue_names, catalogue_vehicle
 from seatrial.vehicles.surge import SurgeHull
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_to", "known_from")
 """Keys of a vehicle by its axes."""
+OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in zip("XYZKMN", RATES, strict=True))
+"""Added masses that act against the acceleration which they are of; the others may have either sign."""
 
 
 def read_vehicle(campaign: "Campaign") -> CampaignVehicle:
@@ -24,9 +26,16 @@ def read_vehicle(campaign: "Campaign") -> CampaignVehicle:
         InputError: keys that contradict each other, or numbers that no vehicle has.
     """
     table = campaign.source.vehicle
-    for name in table.fixed:
+    for name, value in table.fixed.items():
         with located(campaign.where(f"vehicle.fixed.{name}")):
             CoefficientName.parse(name)
+        if name in OWN_ADDED_MASS and value > 0:
+            raise InputError(
+                campaign.where(f"vehicle.fixed.{name}"),
+                found=f"{value:g}, an added mass that makes the vehicle lighter",
+                expected="a number below zero: the water that is set in motion opposes the acceleration",
+                remedy=f"write {-value:g}, if {value:g} is the mass of that water",
+            )
     for name in table.trim:
         if name not in SIGNALS:
             raise InputError(

@@ -24,6 +24,24 @@ DEEPEST = 12
 _CHAIN = re.compile(r"""(?<![\w-])(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){50}""")
 """A key of so many parts; `tomllib` takes a time that grows with their cube."""
 _LINE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+_TEXT = re.compile(r""""(?:\\[btnfr"\\]|[^"\\])*"|'[^']*'""")
+_SLIPS = (
+    (r"\\", "write / in place of each \\ of a path, or put the path into single quotes"),
+    (r"//", "begin a comment with #"),
+    (r"^[\w.]+\s*:", "write = after the key, not :"),
+    (r"=\s*[-+]?\d+,\d", "write a decimal point, not a comma"),
+    (r"=\s*[-+]?(?:\.\d|\d+\.(?!\d))", "write digits on both sides of the decimal point, as in 0.5"),
+    (r"=\s*(?i:true|false|yes|no|on|off)\b", "write true or false, in small letters"),
+    (r"=\s*[-+]?\d[\d.]*\s*[A-Za-z%°]", 'put a number and its unit into quotes, as in "60 s"'),
+    (r"^[^\"']*(?:\"\"[^\"']*)*[\"'](?!\")", "close the quotes"),
+    (r"=\s*[A-Za-z]", 'put text into quotes, as in "n"'),
+    (r"=\s*(?:$|[,}])", "write a value after =, or remove the key"),
+)
+"""Slips of the pen, as what they leave of a line whose texts in quotes are emptied, each with its remedy; the first that fits is told."""
+_LOOKED_AT = 1000
+"""Characters of a line in which such a slip is looked for."""
+_SHOWN = 80
+"""Characters of what stands in the file that an error shows."""
 _TWICE = re.compile("Cannot (?:overwrite|declare|redefine|mutate)")
 
 
@@ -88,11 +106,13 @@ def toml_content(path: Path | str, text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as cause:
         place = _LINE.search(str(cause))
         twice = _TWICE.match(str(cause)) is not None
+        number = int((place and place[1]) or text.count("\n", 0, len(text.rstrip())) + 1)
+        line = re.sub(r"[^ -~\u00a1-\uffff]", "?", text.split("\n")[number - 1].strip()[:_LOOKED_AT])
         raise InputError(
-            f"{path}:{(place and place[1]) or text.count(chr(10), 0, len(text.rstrip())) + 1}",
-            found=f"malformed TOML: {cause}",
+            f"{path}:{number}",
+            found=f"malformed TOML: {_LINE.sub('', str(cause))}, in the line: {line[:_SHOWN]}",
             expected="every key and table once" if twice else "a TOML file in UTF-8",
-            remedy="remove or rename the second one" if twice else "mend the line named",
+            remedy="remove or rename the second one" if twice else _line_remedy(line),
         ) from cause
     except ValueError:  # Python refuses to read an integer of so many digits
         digits = re.search(r"[0-9_]{4000,}", text)
@@ -105,6 +125,16 @@ def toml_content(path: Path | str, text: str) -> dict[str, Any]:
     if any(len(place) > DEEPEST for place in _places(content)):
         raise _nested(path, _deep_line(text))
     return content
+
+
+def _line_remedy(line: str) -> str:
+    """What to do about a line that is no TOML: the mistake that is most often behind what stands there."""
+    if re.search("[“”„«»‘’]", line):
+        return 'write straight quotes, as in "60 s"'
+    bare = _TEXT.sub('""', line).partition("#")[0]
+    return next(
+        (remedy for sign, remedy in _SLIPS if re.search(sign, bare)), "mend the line named, or the one before it"
+    )
 
 
 def _nested(path: Path | str, line: int) -> InputError:
@@ -165,9 +195,23 @@ def _as_input_error(
         where,
         found=_shown(first.get("input")),
         expected=" or ".join(dict.fromkeys(map(_expected, alike))),
-        remedy='quantities are strings such as "200 rpm"'
-        if any(error["type"] == "string_type" for error in alike)
-        else "correct the value",
+        remedy=next(filter(None, map(_value_remedy, alike)), "correct the value"),
+    )
+
+
+def _value_remedy(error: Any) -> str:
+    """What to do about a value of the wrong kind; empty where nothing better is known than to correct it."""
+    kind, value = error["type"], error.get("input")
+    if kind == "string_type":
+        return 'put it into quotes; quantities are text with a unit, such as "200 rpm"'
+    if kind == "list_type" and isinstance(value, str):
+        return f'write ["{value[:_SHOWN]}"]'
+    if kind in ("dict_type", "model_type"):
+        return "write single brackets about the table's name" if isinstance(value, list) else "write a table of keys"
+    return (
+        nearest(value, re.findall("'([^']*)'", error["ctx"]["expected"]))
+        if kind == "literal_error" and isinstance(value, str)
+        else ""
     )
 
 
@@ -186,12 +230,14 @@ def _place(location: Place, content: Any, kind: str) -> Place:
 def _expected(error: Any) -> str:
     if error["type"] == "string_type":
         return "text in quotes"
+    if error["type"] in ("dict_type", "model_type", "list_type"):
+        return "a list" if error["type"] == "list_type" else "a table"
     return error["msg"].removeprefix("Input should be ").replace("String should", "text that should")
 
 
 def _shown(value: Any) -> str:
     try:
-        return repr(value)[:80]
+        return repr(value)[:_SHOWN]
     except ValueError:  # Python refuses to write an integer of so many digits
         return f"a whole number of {value.bit_length()} bits"
 

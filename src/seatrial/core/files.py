@@ -91,7 +91,7 @@ def set_aside(path: Path, found: str) -> None:
     except FileNotFoundError:  # another process was faster
         return
     logging.getLogger("seatrial").warning(
-        "caution: %s is damaged (%s): kept as %s, and made again", path, found, kept.name
+        "caution: %s is damaged (%s): kept as %s, and made again where it is needed", path, found, kept.name
     )
 
 

@@ -70,6 +70,7 @@ _LARGEST_POWER = 27
 """Of one unit in an expression, all factors together; every conversion between such units is a finite number."""
 _TOKEN = re.compile(r"\s*([A-Za-z_]+|%|(?:\^|\*\*)\s*-?[1-9][0-9]?(?![0-9])|[*·/()]|1(?![0-9]))\s*")
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_DECIMAL_COMMA = re.compile(r",\d")
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -115,6 +116,13 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
             found=repr(text)[:_LONGEST],
             expected=f'a quantity such as "1.5 {_like(expected_unit)[0]}"',
             remedy="write a number, a space and a unit",
+        )
+    if _DECIMAL_COMMA.match(match[2]):
+        raise InputError(
+            where,
+            found=repr(text),
+            expected="a number with a decimal point",
+            remedy=f'write "{match[1]}{match[2].replace(",", ".", 1)}"; thousands are not parted',
         )
     if not match[2] and _parse(expected_unit, expected_unit, where).dimensionality:
         raise _without_unit(match[1], expected_unit, where)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.shown import shown_unit
 from seatrial.export.terms import Pair, product_name
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
@@ -47,9 +48,10 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
     for name, own in vehicle.actuators.items():
         there = kept.get(name, Actuator(0.0))
         parts = [f"lag {own.time_constant:g} s"] if there.time_constant != own.time_constant else []
-        parts += [f"greatest rate {own.rate:.4g} SI"] if there.rate != own.rate else []
+        factor, unit = shown_unit(name)
+        parts += [f"greatest rate {own.rate * factor:.4g} {unit}/s"] if there.rate != own.rate else []
         if (there.lower, there.upper) != (own.lower, own.upper):
-            parts.append(f"limits {own.lower:.4g} to {own.upper:.4g} SI")
+            parts.append(f"limits {own.lower * factor:.4g} to {own.upper * factor:.4g} {unit}")
         if parts:
             found.append(f"{' and '.join(parts)} of {name}")
     return tuple(found)

@@ -93,8 +93,8 @@ def sense_of(control: str, answer: Mapping[str, float]) -> Sense:
 
 
 def sense_words(sense: Sense) -> str:
-    """Return a sense in words, such as `turns to port`; `nothing` where it is empty."""
-    return ", ".join(_WORDS[name][0 if sign > 0 else 1] for name, sign in sense.items()) or "nothing"
+    """Return a sense in words, such as `turns to port`; `does nothing` where it is empty."""
+    return ", ".join(_WORDS[name][0 if sign > 0 else 1] for name, sign in sense.items()) or "does nothing"
 
 
 def _steady(model: VehicleModel, params: Params, start: Mapping[str, float]) -> float:
