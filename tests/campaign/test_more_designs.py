@@ -160,6 +160,7 @@ def test_trials_of_one_day_sensors_and_a_search_between_the_points(tmp_path):
     table = sensor_table(campaign)
     assert table.rows[0][1].utility == pytest.approx(np.nanmax(best.worth), rel=1e-6)
     assert table.rows[0][0] == "as they are: u at 10 Hz"
+    assert {"u at 5 Hz", "u of noise 0.025 m/s"} <= {words for words, _ in table.rows}
     assert table.meets == tuple(worth.sd[table.names.index("T_nabsn")] < 1e-5 for _, worth in table.rows)
     assert any(table.meets)
     assert not all(table.meets)

@@ -194,6 +194,9 @@ def test_refit_of_two_proposals_by_a_naive_twin():
     ("k_hat", "ess", "words"),
     [
         (0.5, 500.0, ""),
+        (0.69, 401.0, ""),
+        (0.71, 401.0, "Pareto k 0.71"),
+        (0.69, 399.0, "only 399 effective draws"),
         (0.8, 500.0, "Pareto k 0.80"),
         (np.nan, 500.0, "Pareto k"),
         (0.5, 30.0, "only 30 effective draws"),

@@ -60,6 +60,7 @@ def test_criteria_by_hand(regression):
     assert aic(pointwise, 3).value.error == 0
     assert "20 measurements for 3" in bic(pointwise, 3).status
     assert aic(np.tile(pointwise, 10), 3).status == ""
+    assert aic(np.resize(pointwise, 119), 3).status != "" == aic(np.resize(pointwise, 120), 3).status, "40 for each"
 
 
 def test_a_needed_term_is_told_and_an_idle_one_only_priced(regression):
