@@ -175,3 +175,18 @@ def test_trials_of_one_day_sensors_and_a_search_between_the_points(tmp_path):
     )
     assert f"{found.utility:.3f} nat, the best of the grid" in found.lines(family)[0]
     assert search_design(campaign, 160)[0] == found
+
+
+def test_a_trim_outside_the_limits_is_told_from_amplitudes_that_are_too_large(tmp_path):
+    for families in ('["doublet"]', '["doublet", "step"]'):
+        campaign = load_campaign(
+            write_small(
+                tmp_path / str(len(families)),
+                ('upper = "1500 rpm"', 'upper = "600 rpm"'),
+                ('control = "n"', f'control = "n"\nfamilies = {families}'),
+            )
+        )
+        with pytest.raises(InputError) as caught:
+            design_first(campaign)
+        assert caught.value.remedy.startswith("the trim itself, ")
+        assert "amplitude" not in caught.value.remedy

@@ -6,10 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from seatrial.campaign.designs import design_key
 from seatrial.campaign.load import load_campaign
 from seatrial.campaign.schedules import write_schedule
-from seatrial.campaign.store import Store
+from seatrial.campaign.store import Store, write_dataset
 from seatrial.core.errors import InputError
 from seatrial.export.trials import bag
 from seatrial.export.trials.trial import read_trial, schedules, value_at
@@ -52,6 +54,27 @@ def test_a_trial_that_breaks_limits_of_today_is_refused(folder):
     path = folder / "campaign.toml"
     path.write_text(path.read_text().replace("1500 rpm", "1250 rpm"))
     with pytest.raises(InputError, match="within the campaign's limit of 1250 rpm"):
+        read_trial(folder)
+
+
+def test_a_trial_of_a_design_that_is_stale_says_so_in_every_file(folder):
+    """Today's limits of the motion stand at its head; nobody has judged whether it keeps them."""
+    campaign = load_campaign(folder)
+    write_dataset(Store(folder).design, xr.Dataset(), design_key(campaign))
+    assert read_trial(folder).caution == ""
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text() + '\n[limits.distance]\nupper = "5 m"\n')
+    trial = read_trial(folder)
+    assert "limit of the motion: distance upper 5 m" in trial.lines
+    assert f"caution: {trial.caution}" in trial.lines
+    assert "seatrial design" in trial.caution
+
+
+@pytest.mark.parametrize("damage", [lambda text: text[:30], lambda text: "", lambda text: text.replace("0,", "1,", 1)])
+def test_a_schedule_that_people_read_otherwise_than_it_is_exported_is_refused(folder, damage):
+    path = Store(folder).schedule(Store(folder).design)
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(InputError, match="other rows than in design_schedule"):
         read_trial(folder)
 
 

@@ -171,9 +171,9 @@ def _sweep(
     if not sweeps:
         raise InputError(
             campaign.where("design"),
-            found="; ".join(f"{kind}: {why}" for kind, why in refused.items()),
+            found="of all families none:" + "".join(f"\n    {kind}: {error.found}" for kind, error in errors.items()),
             expected="one design at least that fits and is inside the limits",
-            remedy="lower the amplitudes, choose other periods, or widen the limits if the vehicle allows it",
+            remedy="; or ".join(dict.fromkeys(error.remedy for error in errors.values())),
         )
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
     units = {

@@ -192,7 +192,9 @@ def _allowed(
             found=f"no design of {fits.sum()} inside the limits; the gentlest, of amplitude {amplitudes[gentlest] * factor:.4g} {unit} "
             f"and period {periods[gentlest]:.4g} s, breaks its {broken}",
             expected="at least one design inside the limits",
-            remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it",
+            remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it"
+            if not limits.excess(np.array([family.trim, family.trim]), family.sample_time)
+            else f"the trim itself, {family.trim * factor:.6g} {unit}, is outside: correct it in [vehicle.trim], or widen the limits",
         )
     return allowed
 

@@ -104,7 +104,7 @@ def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None)
         typer.echo(f"wrote: {path}")
     if without:
         typer.echo(f"no script for MAVLink: {without}")
-    return Exit.OK
+    return Exit.ALARMS if trial.caution else Exit.OK
 
 
 def _only(place: str, **options: Any) -> None:

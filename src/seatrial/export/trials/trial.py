@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from seatrial.campaign.config import Campaign
 from seatrial.campaign.load import load_campaign
+from seatrial.campaign.standing import Step, standing
 from seatrial.campaign.store import Store
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.shown import shown_unit
@@ -38,6 +39,7 @@ class Trial(NamedTuple):
         motion: other limits of the campaign, in words.
         rule: what a closed-loop trial does; its schedule only foresees it.
         find_stick: finds the stick of a remote control that stands for the control; raises InputError where none does.
+        caution: why nobody knows whether it keeps the limits of the motion; empty where that is known.
     """
 
     campaign: str
@@ -52,6 +54,7 @@ class Trial(NamedTuple):
     motion: tuple[str, ...]
     rule: str
     find_stick: Callable[[], Stick]
+    caution: str = ""
 
     @property
     def unit(self) -> str:
@@ -81,6 +84,7 @@ class Trial(NamedTuple):
             f"limits of {self.control}: lower {ends[0]}, upper {ends[1]}, rate {rate}",
             f"at its end {self.control} goes to neutral, {NEUTRAL:g} {unit}",
             *(f"limit of the motion: {text}" for text in self.motion),
+            *([f"caution: {self.caution}"] if self.caution else []),
             *([f"closed loop, of which this is a forecast: {self.rule}"] if self.rule else []),
         )
 
@@ -102,7 +106,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
     """Read a schedule of a campaign, the one to run next if none is named.
 
     Raises:
-        InputError: no schedule, none of that name, a damaged one, or one that breaks today's limits.
+        InputError: no schedule, none of that name, a damaged one, one that was changed, or one that breaks today's limits.
     """
     campaign = load_campaign(folder)
     found = schedules(campaign.folder)
@@ -113,7 +117,8 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
             expected="one of " + ", ".join(found) if found else "a designed trial under results/",
             remedy=nearest(schedule, found) if found and schedule else f"run `seatrial design {campaign.folder}` first",
         )
-    path = found[schedule or next(iter(found))]
+    name = schedule or next(iter(found))
+    path = found[name]
     beside = path.with_suffix(".json")
     try:
         content = json.loads(beside.read_text(encoding="utf-8"))
@@ -121,12 +126,18 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
         raise InputError(
             str(beside),
-            found=f"{type(cause).__name__}: {cause}",
+            found=f"no schedule ({type(cause).__name__}: {cause})",
             expected="a schedule as `seatrial design` writes it, beside its CSV",
-            remedy=f"run `seatrial design {campaign.folder}` or `seatrial next {campaign.folder}` again",
+            remedy=_again(campaign),
         ) from cause
     _check(trial, path)
-    return trial
+    _check_table(trial, path, _again(campaign))
+    is_stale = Step(name, "stale", name) in standing(campaign.folder)
+    return (
+        trial._replace(caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign)}")
+        if is_stale
+        else trial
+    )
 
 
 def value_at(trial: Trial, time: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
@@ -159,6 +170,28 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
     find_stick = partial(campaign_stick, campaign, control, value)
     manoeuvre = content["manoeuvre"]
     return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, tuple(motion), rule, find_stick)
+
+
+def _again(campaign: Campaign) -> str:
+    return f"run `seatrial design {campaign.folder}` or `seatrial next {campaign.folder}` again"
+
+
+def _check_table(trial: Trial, path: Path, remedy: str) -> None:
+    """Compare the CSV that people read with the JSON that is exported."""
+    factor, _ = trial.shown
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()[1:]
+        rows = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    except ValueError:  # cells that are no numbers, or rows of several lengths
+        rows = np.empty((0, 2))
+    wanted = np.column_stack([trial.time, trial.value * factor])
+    if rows.shape != wanted.shape or not np.allclose(rows, wanted, rtol=_ROUNDING, atol=_ROUNDING):
+        raise InputError(
+            str(path),
+            found=f"other rows than in {path.with_suffix('.json').name}, which is exported",
+            expected="both as they were written",
+            remedy=f"{remedy}; a trial of your own needs no export",
+        )
 
 
 def _check(trial: Trial, path: Path) -> None:
