@@ -11,8 +11,8 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
-GENERATED = ("decisions", "vehicles", "_build")
-"""Folders without claims of their own: choices with their numbers of the day, and pages that `vehicles.py` writes."""
+GENERATED = ("decisions", "vehicles", "reference", "_build")
+"""Folders without claims of their own: choices with their numbers of the day, and pages that are written from the code."""
 SHOWN_BY = ("tests/", "src/", "make ", "python ", "seatrial ", "source: ")
 """How an entry begins: a test, the line of code that sets a limit, a command, or a reference."""
 _NAMES = r"[A-Za-z]\w*_\w*|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1|Python 3\.\d+ to 3\.\d+|code \d+|chapter \d+|M-\d|2B"

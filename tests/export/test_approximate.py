@@ -135,7 +135,8 @@ def test_holoocean_has_the_vehicle_s_actuators_or_says_that_they_are_its_own():
     assert "limits of n alike either way limits of delta_r alike either way" in said
     assert "one lag and limit for all fins" in said
     assert carried.actuators["n"] == Actuator(0.5, -157.0, 157.0)
-    assert carried.lost[-2:] == ("greatest rate of n", "greatest rate of delta_r")
+    assert [line.rpartition(" of ")[2] for line in carried.lost[-3:]] == ["n", "delta_r", "delta_s"]
+    assert carried.lost[-2] == "greatest rate 57.3 deg/s and limits -11.46 to 14.32 deg of delta_r"
     bare = HoloOcean().carries(published())
     assert "T_n = 1 s, nMax = 1525 rpm, T_delta = 0.1 s" in " ".join(bare.changed)
     assert bare.actuators["n"].time_constant == 1.0

@@ -16,7 +16,7 @@ from seatrial.core.errors import InputError
 from seatrial.export.commands import contrary_to
 from seatrial.export.drives import drives_of
 from seatrial.export.exact import DENSITY
-from seatrial.export.kept import added_mass_losses, term_losses
+from seatrial.export.kept import actuator_losses, added_mass_losses, term_losses
 from seatrial.export.manoeuvre import SPEED
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
@@ -78,6 +78,8 @@ class HoloOcean:
         torpedo = torpedo_of(vehicle, self.density)
         terms = sorted_terms(vehicle.forces)
         used = {"X_u", "X_uabsu", "T_nabsn", "K_nabsn"}
+        limits = actuator_limits(vehicle)
+        actuators = _actuators(vehicle, _DEFAULTS | limits)
         lost = [
             f"net buoyancy {vehicle.hull.buoyancy - vehicle.hull.weight:.4g} N: the torpedo is neutral",
             "the centre of buoyancy and the inertia, which follow from the spheroid",
@@ -85,7 +87,7 @@ class HoloOcean:
             *term_losses(
                 vehicle, [name for name in vehicle.forces if name not in used and not sorted_terms({name: 1.0}).fin]
             ),
-            *(f"greatest rate of {name}" for name, actuator in vehicle.actuators.items() if isfinite(actuator.rate)),
+            *actuator_losses(vehicle, actuators),
         ]
         length, thickness = 2 * torpedo.half_length, 2 * torpedo.radius
         changed = [
@@ -101,7 +103,6 @@ class HoloOcean:
             changed.append(
                 "fins of equal area in both planes, at the end of the spheroid; their moment is the mean of rudder and stern plane"
             )
-        limits = actuator_limits(vehicle)
         own = ", ".join(f"{key} = {value:g} {_UNITS[key]}" for key, value in _DEFAULTS.items() if key not in limits)
         changed += [f"HoloOcean's own actuators where the vehicle's are not known: {own}"] if own else []
         changed += _limit_changes(vehicle)
@@ -109,7 +110,7 @@ class HoloOcean:
             torpedo_motion(torpedo),
             tuple(lost),
             tuple(changed),
-            actuators=_actuators(vehicle, _DEFAULTS | limits),
+            actuators,
             reversed=contrary_to(vehicle, _CONVENTION),
         )
 
