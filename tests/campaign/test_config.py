@@ -24,7 +24,7 @@ MISTAKES = {
     ),
     "no rate": (('noise = "0.05 m/s"', 'noise = "1 kn"\nrate = "0 Hz"'), "sensors.u.rate", "more than 0"),
     "unit that computes": (('upper = "1500 rpm"', 'upper = "1 rpm**9**9**9"'), "limits.n.upper", "cannot be read"),
-    "malformed TOML": (("seed = 3", "seed = = 3"), "malformed TOML", "line 4"),
+    "malformed TOML": (("seed = 3", "seed = = 3"), "malformed TOML", "campaign.toml:4"),
     "missing table": (("[sensors.u]", "[sensor.u]"), "sensor", "sensors"),
     "malformed term": (('"X_u"]', '"X_uu_"]'), "character", "X_uu_"),
     "repeated term": (('"X_u"]', '"X_absuu"]'), "same regressor", "X_uabsu"),
