@@ -1,7 +1,8 @@
 """Measured figures in README and docs, each with what shows it: `python docs/claims.py` lists those that nothing shows.
 
 `claims.toml` has a table for each page: a phrase of the page, or a heading for all that stands under it, and the command, the test or the
-source that its figures come from. A page that a command writes whole, or from `<!-- results -->` on, is named with that command under "*".
+source that its figures come from. A page that a command writes whole, or from `<!-- results -->` on, is named with that command under "*";
+what stands between `<!-- results: COMMAND -->` and `<!-- end of results -->` is named there.
 """
 
 import re
@@ -89,6 +90,8 @@ def _prose(page: Path, whole: bool) -> list[tuple[int, str, str]]:
             inside = "" if line.strip() == inside else inside
         elif line.lstrip().startswith("```"):
             inside = "```"
+        elif line.startswith("<!-- results: "):  # and the command that writes them, up to their end
+            inside = "<!-- end of results -->"
         elif line.lstrip().startswith("<!--"):
             inside = "" if "-->" in line else "-->"
         elif line.startswith("#"):
