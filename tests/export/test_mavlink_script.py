@@ -295,6 +295,14 @@ def accepted():
             yield pytest.param(name, control, id=f"{name}-{control}")
 
 
+def test_a_connection_that_is_none_is_said_in_a_sentence(load, capsys):
+    script = load(trial_of("n"))
+    with pytest.raises(SystemExit) as ended:
+        script.main(["--send", "nonsense"])
+    assert ended.value.code == 2
+    assert "--send nonsense: " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("name", "control"), list(accepted()))
 def test_the_stick_moves_the_vehicle_as_its_model_goes(load, name, control):
     """Half a second of the model under a positive and a negative command; the fake's motors are to push the same way."""

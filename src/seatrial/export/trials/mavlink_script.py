@@ -390,7 +390,11 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     from pymavlink import mavutil
 
-    return run(mavutil.mavlink_connection(options.send, source_system=options.own), options)
+    try:
+        link = mavutil.mavlink_connection(options.send, source_system=options.own)
+    except (OSError, ImportError, ValueError) as error:
+        parser.error(f"--send {options.send}: {error}; a serial port needs pyserial, others read udpin:0.0.0.0:14550")
+    return run(link, options)
 
 
 def interrupt(*_: object) -> None:
