@@ -128,15 +128,6 @@ def _check_late_quantities(campaign: Campaign) -> None:
                 expected="more than 0 Hz",
                 remedy="leave it out where the sensor gives every sample",
             )
-    table = campaign.source.imported
-    if table is not None:
-        times = {f"import.{name}": getattr(table, name) for name in ("step", "split", "start", "end")}
-        times |= {
-            f"import.trim.{run}.{end}": getattr(table.trim[run], end) for run in table.trim for end in ("start", "end")
-        }
-        for key, text in times.items():
-            if text is not None:
-                campaign.si(text, "s", key)
 
 
 def _check_source(campaign: Campaign, names: set[str]) -> None:
