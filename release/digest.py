@@ -125,7 +125,7 @@ def run_case(name: str) -> dict[str, Any]:
             assert old in text, f"{case.source} has no {old}"
             text = text.replace(old, new)
         (folder / "campaign.toml").write_text(text, encoding="utf-8")
-        if (script := ROOT / case.source.replace("campaign.toml", "make_log.py")).is_file():
+        if (script := (ROOT / case.source).with_name("make_log.py")).is_file():
             subprocess.run([sys.executable, script, folder], check=True)
         commands = [command.format(folder) for command in case.commands]
     found = dict(entry for command in commands for entry in _printed(name, command))
