@@ -23,15 +23,15 @@ import numpy as np
 from distributed import Client, LocalCluster
 from timing import Ratio, Row, alternate, row
 
-from seatrial.campaign.calibrate import calibrate
 from seatrial.campaign.compute.dask_workers import DaskWorkers
 from seatrial.campaign.compute.place import VARIABLE
-from seatrial.campaign.compute.study import Study
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.store import Store
-from seatrial.campaign.templates import init_campaign
-from seatrial.campaign.trials import get_trials
-from seatrial.campaign.watch import SILENT
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.templates import init_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.calibration import calibrate
+from seatrial.campaign.store.files import Store
+from seatrial.core.progress import SILENT
 
 REPLICATES, WORKERS, REPEATS, IDLE = 400, (1, 2, 4), 2, 2000
 METHOD = "independence-metropolis"

@@ -16,7 +16,7 @@ from tools import ask
 
 from seatrial.design.free_form import design_free_form
 from seatrial.design.free_form_problem import FreeFormProblem
-from seatrial.design.plan import plan_trial
+from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.manoeuvre import Limits

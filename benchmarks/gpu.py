@@ -25,12 +25,12 @@ from paper_problem import paper_problem
 from problems import family, grid, state_space
 from timing import Ratio, Row, alternate, row
 
-from seatrial.campaign.calibrate import calibrate
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.store import Store
-from seatrial.campaign.templates import init_campaign
-from seatrial.campaign.trials import get_trials
-from seatrial.core import lanes
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.templates import init_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.calibration import calibrate
+from seatrial.campaign.store.files import Store
+from seatrial.core import batching as lanes
 from seatrial.core.engine import cores as usable_cores
 from seatrial.design.sweep import sweep_family
 from seatrial.estimation.calibration import DRAWS

@@ -6,7 +6,7 @@ from joint_problem import joint_posterior
 from timing import Ratio, Row
 
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.gradient import forward_is_cheaper, log_density_for_gradients
+from seatrial.sampling.nuts import forward_is_cheaper, log_density_for_gradients
 
 GROUP, KIB = "memory of one gradient beyond the data, 4 parameters", 1024.0
 STEPS = (6_000, 60_000)

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from timing import agree
 
-from seatrial.campaign.paper.compute.trial import STEP, paper_posterior, paper_trial
-from seatrial.campaign.paper.reading import paper_reading
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
+from studies.remus100.compute.trial import STEP, paper_posterior, paper_trial
+from studies.remus100.vehicle_file import paper_reading
 
 
 class Problem(NamedTuple):

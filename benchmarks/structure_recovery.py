@@ -20,8 +20,7 @@ from seatrial.selection.rules import parse_rules
 from seatrial.selection.screening import Believed, screen
 from seatrial.selection.sparse.thresholded import thresholded_least_squares
 from seatrial.selection.subsets.gram import gram
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
 GROUP = "structure of 40 surge trials, 7 candidate terms"

@@ -75,7 +75,7 @@ def _run_commands(block: Block) -> Work:
 
 def _load_toml(block: Block) -> str:
     """Lay a fragment over a campaign and load it, in a copy unless it is to be kept; what went wrong, or nothing."""
-    from seatrial.campaign.load import load_campaign
+    from seatrial.campaign.config.load import load_campaign
     from seatrial.core.errors import SeatrialError
 
     kept, base = block.remarks.get("file"), block.remarks.get("base")
@@ -146,7 +146,7 @@ def _finished_at_birth(demo: Path | None) -> Iterator[None]:
     if demo is None:
         yield
         return
-    from seatrial.campaign import templates
+    from seatrial.campaign.config import templates
 
     original = templates.init_campaign
 

@@ -10,10 +10,10 @@ import numpy as np
 from equation_error_ranks import equation_error_ranks
 
 import seatrial  # noqa: F401  (settings of the engine come before JAX)
-from seatrial.apps.console import ConsoleWatch
-from seatrial.campaign.calibrate import calibrate
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import get_trials
+from seatrial.apps.console import ConsoleReporter
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.calibration import calibrate
 from seatrial.core.files import write_text
 from seatrial.estimation.calibration import Calibration
 from seatrial.report.figures.calibration import distance_figure
@@ -105,10 +105,10 @@ LIKELIHOODS = {
 
 def main() -> None:
     """Run every case and write what was found."""
-    watch = ConsoleWatch(False)
-    with watch.watching():
-        found = {f"{name}, {DEFAULT}": run(name, DEFAULT, watch) for name in LIKELIHOODS}
-        found |= {f"white, {method}": run("white", method, watch) for method in METHODS if method != DEFAULT}
+    reporter = ConsoleReporter(False)
+    with reporter.watching():
+        found = {f"{name}, {DEFAULT}": run(name, DEFAULT, reporter) for name in LIKELIHOODS}
+        found |= {f"white, {method}": run("white", method, reporter) for method in METHODS if method != DEFAULT}
         found["equation error, refined"] = equation_error_ranks(REPLICATES)
     with own_settings():
         write_text(HERE / "calibration.svg", draw_svg(distance_figure(found), "calibration"))
@@ -120,7 +120,7 @@ def main() -> None:
     sys.exit(any(ranks.outside() for ranks in found.values()))
 
 
-def run(name: str, method: str, watch: ConsoleWatch) -> Calibration:
+def run(name: str, method: str, reporter: ConsoleReporter) -> Calibration:
     """Calibrate one case; results are kept in a campaign folder of its own."""
     sensor, estimation, priors = LIKELIHOODS[name]
     several = "varying" in estimation
@@ -132,7 +132,7 @@ def run(name: str, method: str, watch: ConsoleWatch) -> Calibration:
     text = BASE.format(name=name, sensor=sensor, trials=trials, estimation=estimation, priors=priors)
     write_text(folder / "campaign.toml", text)
     campaign = load_campaign(folder)
-    return calibrate(campaign, get_trials(campaign, watch), REPLICATES, method, watch).calibration
+    return calibrate(campaign, get_trials(campaign, reporter), REPLICATES, method, reporter).calibration
 
 
 def write_trials(folder: Path) -> None:

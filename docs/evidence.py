@@ -20,9 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from evidence_report import DEFAULT, Case, Run, failures, score_figure, tables
 
-from seatrial.campaign.watch import run_side_by_side
 from seatrial.core.errors import NumericalError
 from seatrial.core.files import write_json, write_text
+from seatrial.core.progress import run_side_by_side
 from seatrial.estimation.posterior import Posterior
 from seatrial.report.figures.style import own_settings
 from seatrial.report.svg import draw_svg
@@ -31,8 +31,8 @@ from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_ladder import LadderSettings, sample_ladder
-from seatrial.selection.agreement import Keys, agreed_evidence
 from seatrial.selection.bridge import bridge_evidence
+from seatrial.selection.combined_evidence import Keys, agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.laplace import laplace_evidence

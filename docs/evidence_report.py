@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from seatrial.report.figures.style import BAND, BLUE, DOTS, INK, ORANGE, POINT, SMALL, draw_dots, style_axes
-from seatrial.selection.agreement import ALARM, FLOOR
+from seatrial.selection.combined_evidence import ALARM, FLOOR
 
 EXPECTED = float(2 * stats.norm.cdf(2) - 1)
 """Share of runs within two errors, if errors are normal and stated rightly."""

@@ -1,4 +1,4 @@
-"""Write the table of verdicts on the paper, and take its pictures: `seatrial paper DIR; python docs/paper_verdicts.py DIR`."""
+"""Write the table of verdicts on the paper, and take its pictures: `python -m studies.remus100 DIR; python docs/paper_verdicts.py DIR`."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ def page(study: dict) -> str:
     lines = [
         "# Every item of the paper, judged",
         "",
-        f"Written by `python docs/paper_verdicts.py` from `seatrial paper`, version {study['seatrial_version']}, "
+        f"Written by `python docs/paper_verdicts.py` from `python -m studies.remus100`, version {study['seatrial_version']}, "
         f"reading {study['reading']}, seed {study['seed']}: {sizes['filter_seeds']} seeds of the filters, "
         f"{sizes['chains']} chains of {sizes['draws']:,} draws, "
         f"{sizes['listing_repeats']} repeats of Listing 1 with {sizes['listing_draws']:,} draws each.",

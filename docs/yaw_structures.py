@@ -28,8 +28,7 @@ from seatrial.selection.compiled_rules import compile_rules
 from seatrial.selection.library import TermLibrary, term_library
 from seatrial.selection.rules import parse_rules
 from seatrial.selection.screening import Believed, Screening, screen
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import AxisEquation, axis_equation
+from seatrial.vehicles.axis_equation import AxisEquation, axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
 HERE = Path(__file__).parent

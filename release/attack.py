@@ -221,7 +221,7 @@ def _peak_memory() -> int:
 
 def work(name: str, seed: int, first: int, end: int, state: Path, together: bool = False) -> int:
     """Run cases in this process, a line of JSON for each."""
-    from seatrial.core import apart
+    from seatrial.core import processes as apart
 
     kind, watchman = _kind(name), Watchman()
     out = os.fdopen(os.dup(1), "w")

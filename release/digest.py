@@ -56,7 +56,7 @@ class Case(NamedTuple):
 CHAINS = "\n[estimation]\nchains = 16\nwarmup = 300\ndraws = 500\n\n[selection]\nparticles = 256\nrepeats = 2\n"
 CASES = {
     "template": Case(
-        "src/seatrial/campaign/templates/remus100.toml",
+        "src/seatrial/campaign/config/templates/remus100.toml",
         {"points = 20": "points = 5", "[truth]": CHAINS + "\n[truth]"},
         (
             *("prior {0}", "design {0}", "run {0}", "criteria {0}", "profile {0}", "tuning {0}"),
@@ -165,8 +165,9 @@ def compare(before: dict[str, Any], after: dict[str, Any]) -> int:
 
 def _printed(name: str, command: str) -> Iterator[tuple[str, Any]]:
     """Yield words and numbers of what a command prints, and its exit code."""
+    module = ["studies.remus100"] if command.startswith("paper") else ["seatrial", command.split()[0]]
     done = subprocess.run(
-        [sys.executable, "-m", "seatrial", *command.split()], capture_output=True, text=True, cwd=ROOT
+        [sys.executable, "-m", *module, *command.split()[1:]], capture_output=True, text=True, cwd=ROOT
     )
     place = f"{name}/printed/{command.split()[0]} {' '.join(command.split()[2:])}".replace(f"{PLACE}/", "").strip()
     yield f"{place}/code", done.returncode

@@ -1,7 +1,7 @@
 """Measure the house: sizes, files with one importer, circles, and who takes a whole campaign.
 
-    python release/measure.py            a table of src (and studies)
-    python release/measure.py --single   each file with one importer, and which
+python release/measure.py            a table of src (and studies)
+python release/measure.py --single   each file with one importer, and which
 """
 
 import argparse
@@ -21,7 +21,9 @@ def main() -> None:
     parser.add_argument("--single", action="store_true", help="list the files with one importer")
     options = parser.parse_args()
     trees = {
-        path: ast.parse(path.read_text(encoding="utf-8")) for place in PLACES for path in sorted((ROOT / place).rglob("*.py"))
+        path: ast.parse(path.read_text(encoding="utf-8"))
+        for place in PLACES
+        for path in sorted((ROOT / place).rglob("*.py"))
     }
     importers = find_importers(trees)
     single = {path: users for path, users in importers.items() if len(users) == 1}

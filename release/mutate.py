@@ -45,7 +45,7 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
     "np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]) => z = "
     "(np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]))": "the same regressors, computed twice",
-    'src/seatrial/selection/early_stop.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
+    'src/seatrial/selection/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
     '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
 }
 """Mutants that no test can kill, by what `python release/mutate.py --list` prints, and why."""

@@ -6,7 +6,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from generate.key_meanings import MEANINGS
-from seatrial.campaign import schema
+from seatrial.campaign.config import schema
 from seatrial.manoeuvres.shapes import SHAPES
 
 HEADINGS: dict[str, type[BaseModel]] = {

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.manoeuvres.shape import NANOSECOND
+from seatrial.manoeuvres.shapes import NANOSECOND
 
 
 @dataclass(frozen=True)

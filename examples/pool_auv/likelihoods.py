@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import seatrial  # noqa: F401  (settings of the engine come before JAX)
-from seatrial.campaign.config import Campaign
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.problem import build_posterior, random_key
-from seatrial.campaign.trials import Trials, get_trials
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import Trials, get_trials
+from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.estimation.draw_posterior import find_method
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.simulation import Simulator

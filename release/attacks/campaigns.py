@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 def damaged_campaign(number: int, random: Random, place: Path, watchman: Watchman) -> Outcome:
     """Damage one campaign file and check it."""
-    from seatrial.campaign.load import load_campaign
+    from seatrial.campaign.config.load import load_campaign
 
     name, text = originals()[number % len(originals())]
     data = (

@@ -376,7 +376,7 @@ def _run_again(place: Path, reference: Finished, watchman: Watchman, what: str) 
 
 def _standing(place: Path) -> tuple[Any, ...]:
     """What the campaign says of its steps; nothing where its file is refused."""
-    from seatrial.campaign.standing import standing
+    from seatrial.campaign.workflow.status import standing
     from seatrial.core.errors import InputError
 
     try:

@@ -17,9 +17,9 @@ import numpy as np
 from laboratory import SAMPLE, History, State, Twin
 
 from seatrial.export.manoeuvre import Controls
-from seatrial.export.statement import state
 from seatrial.export.targets.fossen import Fossen, controls_of
 from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.write import state
 
 STEP, DEPTH = 0.005, 10.0
 UNITS = {"n": 30 / np.pi}

@@ -19,9 +19,9 @@ import numpy as np
 from laboratory import SAMPLE, History, State, Twin
 
 from seatrial.export.manoeuvre import Controls
-from seatrial.export.statement import state
 from seatrial.export.targets.holoocean import HoloOcean
 from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.write import state
 
 STEP = 0.002
 

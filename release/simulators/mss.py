@@ -23,7 +23,7 @@ from seatrial.export.motion import motion_of
 from seatrial.export.published import of_catalogue
 from seatrial.export.target import Carried
 from seatrial.vehicles.catalogue.whole import load_vehicle
-from seatrial.vehicles.senses import push_of, sense_of
+from seatrial.vehicles.control_signs import push_of, sense_of
 from seatrial.vehicles.simulate import simulate
 
 FOLDERS = ("CRAFT", "GNC", "HYDRO", "INS", "LIBRARY")

@@ -23,9 +23,9 @@ from laboratory import SAMPLE, History, State
 
 from seatrial.export.drives import drive_name, drives_of
 from seatrial.export.manoeuvre import Controls
-from seatrial.export.statement import state
 from seatrial.export.targets.stonefish import Stonefish, solid_of
 from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.write import state
 
 RATE = 500.0
 """Steps of Stonefish's world a second."""

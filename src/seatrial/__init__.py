@@ -13,13 +13,13 @@ engine.configure()
 __version__ = "0.1.0"
 
 _HOME = {
-    "load_campaign": "seatrial.campaign.load",
-    "init_campaign": "seatrial.campaign.templates",
-    "design_first": "seatrial.campaign.designs",
-    "get_trials": "seatrial.campaign.trials",
-    "estimate_all": "seatrial.campaign.estimate",
-    "select_structure": "seatrial.campaign.choose",
-    "run_loop": "seatrial.campaign.loop",
+    "load_campaign": "seatrial.campaign.config.load",
+    "init_campaign": "seatrial.campaign.config.templates",
+    "design_first": "seatrial.campaign.design.sweep",
+    "get_trials": "seatrial.campaign.data.import_logs",
+    "estimate_all": "seatrial.campaign.inference.estimate",
+    "select_structure": "seatrial.campaign.selection.evidence",
+    "run_loop": "seatrial.campaign.workflow.run",
     "write_report": "seatrial.report.page",
     "CoefficientName": "seatrial.core.coefficients",
     "Record": "seatrial.core.record",
@@ -47,13 +47,13 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from seatrial.campaign.choose import select_structure
-    from seatrial.campaign.designs import design_first
-    from seatrial.campaign.estimate import estimate_all
-    from seatrial.campaign.load import load_campaign
-    from seatrial.campaign.loop import run_loop
-    from seatrial.campaign.templates import init_campaign
-    from seatrial.campaign.trials import get_trials
+    from seatrial.campaign.config.load import load_campaign
+    from seatrial.campaign.config.templates import init_campaign
+    from seatrial.campaign.data.import_logs import get_trials
+    from seatrial.campaign.design.sweep import design_first
+    from seatrial.campaign.inference.estimate import estimate_all
+    from seatrial.campaign.selection.evidence import select_structure
+    from seatrial.campaign.workflow.run import run_loop
     from seatrial.core.coefficients import CoefficientName
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
     from seatrial.core.record import Record, make_record

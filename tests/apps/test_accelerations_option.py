@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
-from seatrial.campaign.accelerations import check_names
+from seatrial.campaign.data.accelerations import check_names
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from seatrial.apps.cli import Exit, main
-from seatrial.apps.console import ConsoleWatch
-from seatrial.apps.running import with_campaign
+from seatrial.apps.cli import main
+from seatrial.apps.console import ConsoleReporter
+from seatrial.apps.running import Exit, with_campaign
 from tests.campaign.small import write_small
 
 
@@ -134,7 +134,7 @@ channels.n = { column = "rpm", unit = "rpm" }
 def test_piped_progress_is_one_line_for_each_piece_of_work(monkeypatch):
     said = io.StringIO()
     monkeypatch.setattr(sys, "stderr", said)
-    report = ConsoleWatch().progress("estimate M-1")
+    report = ConsoleReporter().progress("estimate M-1")
     for done in (0, 500, 1000, 1000):
         report(done, 1000)
     assert said.getvalue().count("\n") == 1
@@ -146,5 +146,5 @@ def test_work_on_a_campaign_begins_by_removing_what_a_killed_one_left(tmp_path):
     left.parent.mkdir(parents=True)
     left.write_text("half")
     there = []
-    with_campaign(tmp_path, True, lambda campaign, watch: there.append(left.exists()) or Exit.OK)
+    with_campaign(tmp_path, True, lambda campaign, reporter: there.append(left.exists()) or Exit.OK)
     assert there == [False]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from seatrial.apps.cli import Exit
 from seatrial.apps.commands.plan import _each
+from seatrial.apps.running import Exit
 from seatrial.core.errors import InputError, NumericalError
 from tests.apps.test_cli import results, run
 from tests.campaign.small import write_small

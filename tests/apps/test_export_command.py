@@ -2,7 +2,7 @@
 
 import pytest
 
-from seatrial.apps.cli import Exit
+from seatrial.apps.running import Exit
 from seatrial.export import manoeuvre
 from seatrial.export.reading import read_exported
 from tests.apps.test_cli import results, run

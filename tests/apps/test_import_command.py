@@ -6,8 +6,8 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import import_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import import_trials
 from tests.campaign.small import write_small
 
 IMPORT = """

@@ -2,7 +2,7 @@
 
 from xml.etree import ElementTree
 
-from seatrial.apps.cli import Exit
+from seatrial.apps.running import Exit
 from tests.apps.test_cli import results, run
 from tests.campaign.small import write_small
 

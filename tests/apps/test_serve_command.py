@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from seatrial.apps.cli import Exit
+from seatrial.apps.running import Exit
 from tests.apps.test_cli import run
 
 WITHOUT = """

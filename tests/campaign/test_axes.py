@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.campaign.estimate import estimate_all
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.loop import run_loop
-from seatrial.campaign.screen import screening_of
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.estimate import estimate_all
+from seatrial.campaign.selection.screening import screening_of
+from seatrial.campaign.workflow.run import run_loop
 from seatrial.core.errors import InputError
 from tests.campaign.yaw_campaign import SWAY, YAW, write_yaw
 

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.apps.cli import Exit, main
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.problem import build_posterior
+from seatrial.apps.cli import main
+from seatrial.apps.running import Exit
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation import mode as mode_module
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints

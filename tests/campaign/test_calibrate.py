@@ -4,14 +4,14 @@ import jax
 import numpy as np
 import pytest
 
-from seatrial.campaign import calibrate as module
-from seatrial.campaign.calibrate import Calibrated, calibrate
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.store import Store
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference import calibration as module
+from seatrial.campaign.inference.calibration import Calibrated, calibrate
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration
-from seatrial.report.calibration_picture import write_calibration_picture
+from seatrial.report.figure_files import write_calibration_picture
 from tests.campaign.small import write_small
 
 METHOD = "adaptive-metropolis"

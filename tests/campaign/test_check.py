@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
-from seatrial.campaign.check import check_records
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.check import check_records
+from seatrial.campaign.data.import_logs import get_trials
 
 CAMPAIGN = """
 [campaign]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.templates import init_campaign, template_names
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.templates import init_campaign, template_names
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 

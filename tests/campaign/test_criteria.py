@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.criteria import FUTURE, Criteria, _criteria_in, _dataset
-from seatrial.campaign.criteria_words import Pair, criteria_cautions, criteria_lines, differences
+from seatrial.campaign.selection.criteria import (
+    FUTURE,
+    Criteria,
+    Pair,
+    _criteria_in,
+    _dataset,
+    criteria_cautions,
+    criteria_lines,
+    differences,
+)
 from seatrial.selection.criteria import DevianceCriteria, Estimated, PredictiveCriterion
 from seatrial.selection.structures import Structure
 

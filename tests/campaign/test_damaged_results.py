@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.simulated import Chosen, add_trial, later_trials
-from seatrial.campaign.store import (
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
+from seatrial.campaign.store.files import (
     Store,
     is_current,
     load_checkpoint,
@@ -19,7 +20,6 @@ from seatrial.campaign.store import (
     write_dataset,
     write_stamped_json,
 )
-from seatrial.campaign.trials import get_trials
 from seatrial.core import dataset_file
 from seatrial.core.dataset_file import open_dataset, stored
 from seatrial.core.errors import InputError

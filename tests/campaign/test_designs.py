@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.measures import compare_measures
-from seatrial.campaign.store import Store
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.compare_utilities import compare_measures
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL
 

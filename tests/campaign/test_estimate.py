@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.campaign.estimate import prior_curves
+from seatrial.campaign.inference.estimate import prior_curves
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform, half_normal
 from tests.estimation_cases import posterior
 

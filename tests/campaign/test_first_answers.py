@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.campaign.first_answers import _smoothed, posterior_modes, regressions
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.quick_estimates import _smoothed, posterior_modes, regressions
 from seatrial.core.errors import InputError
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.free_trial import design_free_trial
-from seatrial.campaign.load import load_campaign
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.core.errors import InputError
 from tests.campaign.test_designs import NARROW
 

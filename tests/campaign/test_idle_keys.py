@@ -2,8 +2,8 @@
 
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import import_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import import_trials
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
 from tests.campaign.test_whole_vehicle import BY_HAND, pitch

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.loop import run_loop
-from seatrial.campaign.store import Store
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.workflow.run import run_loop
 from tests.campaign.small import NO_X_U, write_small
 
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from seatrial.campaign.known import BY_ITSELF, _known, _read
+from seatrial.campaign.inference.identifiability import BY_ITSELF, _known, _read
 from seatrial.estimation.identifiability import identify
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal

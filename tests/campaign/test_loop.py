@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.loop import run_loop
-from seatrial.campaign.store import Store, stamp_of
-from seatrial.campaign.watch import Silent
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.store.files import Store, stamp_of
+from seatrial.campaign.workflow.run import run_loop
+from seatrial.core.progress import SilentReporter
 from tests.campaign.small import write_small
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = write_small(tmp_path_factory.mktemp("loop") / "small")
-    return folder, run_loop(load_campaign(folder), Silent())
+    return folder, run_loop(load_campaign(folder), SilentReporter())
 
 
 def test_truth_is_inside_the_stated_uncertainty(finished):
@@ -62,7 +62,7 @@ def test_the_schedule_holds_every_edge_of_the_trial(finished):
 def test_a_second_run_computes_nothing(finished):
     folder, _ = finished
     before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
-    run_loop(load_campaign(folder), Silent())
+    run_loop(load_campaign(folder), SilentReporter())
     assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
 
 
@@ -76,6 +76,6 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
     }
     text = (copy / "campaign.toml").read_text().replace("repeats = 2", "repeats = 3")
     (copy / "campaign.toml").write_text(text)
-    run_loop(load_campaign(copy), Silent())
+    run_loop(load_campaign(copy), SilentReporter())
     changed = {name for name, stamp in stamps.items() if stamp_of(copy / "results" / name) != stamp}
     assert changed == {"selection.json"}

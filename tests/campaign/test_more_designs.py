@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.batch_trial import plan_together
-from seatrial.campaign.belief import prior_draws
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.free_trial import design_free_trial
-from seatrial.campaign.global_trial import search_design
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.measures import compare_measures
-from seatrial.campaign.sensor_table import sensor_table
-from seatrial.campaign.store import Store
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.batch import plan_together
+from seatrial.campaign.design.compare_utilities import compare_measures
+from seatrial.campaign.design.free_form import design_free_trial
+from seatrial.campaign.design.global_search import search_design
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.sensors import sensor_table
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
-from seatrial.design.plan import plan_trial
 from seatrial.design.safety import judge_safety
+from seatrial.design.trial_plan import plan_trial
 from tests.campaign.small import NO_X_U, write_small
 from tests.campaign.test_designs import NARROW
 

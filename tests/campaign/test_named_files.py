@@ -7,11 +7,11 @@ from typing import get_args
 import pytest
 
 from seatrial.apps.running import Exit, with_campaign
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.named_files import VARIABLE, find, folders_outside, keep_within
-from seatrial.campaign.schema import CampaignFile
-from seatrial.campaign.store import write_stamped_json
-from seatrial.campaign.trials import import_trials, read_untrimmed
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.named_files import VARIABLE, find, folders_outside, keep_within
+from seatrial.campaign.config.schema import CampaignFile
+from seatrial.campaign.data.import_logs import import_trials, read_untrimmed
+from seatrial.campaign.store.files import write_stamped_json
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 
@@ -135,9 +135,9 @@ def test_an_earlier_campaign_outside_is_refused_and_so_is_one_by_a_link(here):
 
 def test_a_command_says_where_it_reads_outside(here, capsys):
     folder = boat(here, f"{here}/elsewhere/log.csv")
-    with_campaign(folder, False, lambda campaign, watch: Exit.OK)
+    with_campaign(folder, False, lambda campaign, reporter: Exit.OK)
     assert str(here / "elsewhere") in "".join(capsys.readouterr().err.split())
-    with_campaign(boat(here), False, lambda campaign, watch: Exit.OK)
+    with_campaign(boat(here), False, lambda campaign, reporter: Exit.OK)
     assert "outside" not in capsys.readouterr().err
 
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.apps.cli import Exit
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.loop import run_loop
-from seatrial.campaign.no_record import import_example, truth_example
-from seatrial.campaign.rehearsal import rehearse
-from seatrial.campaign.schema import CampaignFile
-from seatrial.campaign.standing import standing
-from seatrial.campaign.store import Store
-from seatrial.campaign.templates import TEMPLATES, init_campaign
+from seatrial.apps.running import Exit
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.schema import CampaignFile
+from seatrial.campaign.config.templates import TEMPLATES, init_campaign
+from seatrial.campaign.data.simulate import import_example, truth_example
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.status import standing
 from seatrial.core.errors import InputError
 from seatrial.report.page import write_report
 from seatrial.report.sections.designs import trial_section
@@ -95,7 +95,7 @@ def test_what_needs_a_record_says_what_is_missing(monkeypatch, capsys, tmp_path,
     Store(folder).record("trial").parent.mkdir()
     Store(folder).record("trial").write_text("left behind by a truth that was removed")
     if command in ("next", "report"):
-        monkeypatch.setattr("seatrial.campaign.loop.design_first", lambda campaign, watch: None)
+        monkeypatch.setattr("seatrial.campaign.workflow.run.design_first", lambda campaign, reporter: None)
     code, out, err = run(monkeypatch, capsys, command, folder, "--quiet")
     assert (code, out) == (Exit.BAD_INPUT, "")
     assert "neither [import] nor [truth]: no trial has been run" in err

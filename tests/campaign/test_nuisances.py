@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.problem import build_posterior
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 from tests.estimation_cases import make_trial, naive_speed

@@ -5,11 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.relay_loop import relay_loop
-from seatrial.campaign.relay_trial import design_relay_trial
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.design.relay import design_relay_trial, relay_loop
+from seatrial.campaign.design.sweep import design_first
 from seatrial.core.errors import InputError
 
 YAW = """

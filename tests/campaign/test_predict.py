@@ -2,8 +2,8 @@
 
 import json
 
-from seatrial.campaign.predict import MOST_NAMED, Fit, fit_complaints, trial_verdicts
-from seatrial.estimation.judgement import judge
+from seatrial.campaign.inference.predict import MOST_NAMED, Fit, fit_complaints, trial_verdicts
+from seatrial.estimation.predictive_check import judge
 from seatrial.estimation.validation import Score
 
 NUMBERS = {"nrmse": 0.5, "rmse": 0.1, "crps": 0.06, "coverage_50": 0.5, "pit": (0.1,) * 10, "pit_distance": 0.01}

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.prior_motion import FASTEST, speeds, steady_motion
-from seatrial.campaign.prior_predictive import N_DRAWS, predict_from_prior
-from seatrial.campaign.prior_words import prior_alarms, prior_cautions, prior_lines
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.prior.predictive import FASTEST, N_DRAWS, predict_from_prior, speeds, steady_motion
+from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
 from seatrial.core.errors import InputError
 from seatrial.vehicles.surge import trim_speed
 from tests.campaign.small import write_small

@@ -4,9 +4,9 @@ from math import inf, pi
 
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.prior_tables import read_prior
-from seatrial.campaign.schema import PriorTable
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.priors import read_prior
+from seatrial.campaign.config.schema import PriorTable
 from seatrial.core.errors import InputError
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform, half_normal, truncated_normal
 from tests.campaign.small import write_small

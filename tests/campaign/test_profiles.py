@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.profiles import _as_json, _from_json, profile_all
-from seatrial.campaign.trials import get_trials
-from seatrial.campaign.watch import Silent
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.profile import _as_json, _from_json, profile_all
 from seatrial.core.errors import InputError
+from seatrial.core.progress import SilentReporter
 from tests.campaign.small import NO_X_U, write_small
 from tests.report.test_profile_picture import profile
 
@@ -25,7 +25,7 @@ def test_open_ends_survive_the_disk():
     assert _from_json(json.loads(json.dumps(_as_json(steep), allow_nan=False))).values.size == steep.values.size - 1
 
 
-class Bars(Silent):
+class Bars(SilentReporter):
     """Remembers what was begun."""
 
     def __init__(self):

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.apps.cli import Exit
-from seatrial.campaign import rehearsal as module
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.rehearsal import rehearse
-from seatrial.campaign.rehearsal_designs import design_space
-from seatrial.campaign.rehearsal_result import Rehearsal
-from seatrial.campaign.rehearsal_vehicles import draw_vehicle, run_trial
-from seatrial.campaign.store import Store
+from seatrial.apps.running import Exit
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.rehearsal import run as module
+from seatrial.campaign.rehearsal.designs import design_space
+from seatrial.campaign.rehearsal.result import Rehearsal
+from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import catalogue_vehicle
 from tests.apps.test_cli import results, run

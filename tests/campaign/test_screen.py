@@ -2,9 +2,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.screen import can_be_screened, screen_terms, with_shortlist
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.selection.screening import can_be_screened, screen_terms, with_shortlist
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import catalogue_vehicle
 from seatrial.vehicles.simulate import simulate

@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.campaign import sequence, simulated
-from seatrial.campaign.left_out import left_out
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.proposal import Proposal, propose, settling
-from seatrial.campaign.schema import GoalTable
-from seatrial.campaign.sequence import run_sequence
-from seatrial.campaign.simulated import Chosen, _lagged, add_trial, later_trials
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.schema import GoalTable
+from seatrial.campaign.data import simulate as simulated
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.simulate import Chosen, _lagged, add_trial, later_trials
+from seatrial.campaign.inference.omitted_effects import left_out
+from seatrial.campaign.workflow import next_trial as sequence
+from seatrial.campaign.workflow.next_trial import Proposal, propose, run_sequence, settling
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL
 from tests.report.outcomes import make_outcome
@@ -31,7 +31,7 @@ def test_a_sequence_runs_what_is_proposed_until_the_goal_allows_no_more(tmp_path
     """The loop and its proposals by name only: every trial proposed is added, and the third is the last."""
     campaign = written(tmp_path, ONE + '\n[goal]\nsd = { X_u = "15 %" }\ntrials = 3\n')
 
-    def run_loop(campaign, watch):
+    def run_loop(campaign, reporter):
         return SimpleNamespace(trials=SimpleNamespace(fit=range(1 + len(later_trials(campaign)))))
 
     monkeypatch.setattr(sequence, "run_loop", run_loop)

@@ -2,8 +2,8 @@ from math import pi
 
 import pytest
 
-from seatrial.campaign.loop import ENOUGH, next_words
-from seatrial.core.shown import shown_unit
+from seatrial.campaign.workflow.run import ENOUGH, next_words
+from seatrial.core.display_units import shown_unit
 from seatrial.manoeuvres.family import Family
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from seatrial.campaign.first_answers import posterior_modes
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import import_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import import_trials
+from seatrial.campaign.inference.quick_estimates import posterior_modes
 from tests.campaign.test_check import write
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.campaign.toml_lines import key_lines, key_place
+from seatrial.campaign.config.toml import key_lines, key_place
 from tests.campaign.small import SMALL
 
 EVERYTHING = r'''# [no.table]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.estimate import estimate_all
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import get_trials
-from seatrial.campaign.tuning import check_filter
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.estimate import estimate_all
+from seatrial.campaign.inference.filter_tuning import check_filter
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 

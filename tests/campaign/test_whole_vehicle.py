@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.relay_trial import design_relay_trial
-from seatrial.campaign.store import Store, write_stamped_json
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.design.relay import design_relay_trial
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.store.files import Store, write_stamped_json
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
@@ -184,14 +184,14 @@ def test_a_quaternion_is_no_unknown_start(tmp_path):
     ]
     campaign = pitch(tmp_path, *changes)
     assert campaign.state_trim(campaign.model(campaign.full))[-4:] == (1.0, 0.0, 0.0, 0.0)
-    from seatrial.campaign.problem import build_parameters
+    from seatrial.campaign.inference.posterior import build_parameters
 
     with pytest.raises(InputError, match="attitude as a quaternion"):
         build_parameters(campaign, campaign.model(campaign.full), ())
 
 
 def test_a_heading_over_full_turns_needs_euler_angles(tmp_path):
-    from seatrial.campaign.problem import build_likelihood
+    from seatrial.campaign.inference.posterior import build_likelihood
 
     changes = [
         ('moves = ["w", "q"]', 'moves = ["v", "w", "p", "q", "r"]\nattitude = "quaternion"'),

@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 
-from seatrial.campaign.calibrate import estimate_key
-from seatrial.campaign.choose import evidence_key
 from seatrial.campaign.compute import dask_workers, place
 from seatrial.campaign.compute.dask_workers import DaskWorkers
-from seatrial.campaign.compute.slurm import SLURMCluster, job_options, submit_jobs
-from seatrial.campaign.compute.study import Study
+from seatrial.campaign.compute.place import SLURMCluster, job_options, submit_jobs
+from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.compute.workers import LocalWorkers
-from seatrial.campaign.designs import design_key
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.rehearsal import rehearsal_key
-from seatrial.campaign.schema import SlurmTable
-from seatrial.campaign.screen import screening_key
-from seatrial.campaign.trials import Trials
-from seatrial.campaign.watch import SILENT
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.schema import SlurmTable
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.design.sweep import design_key
+from seatrial.campaign.inference.calibration import estimate_key
+from seatrial.campaign.rehearsal.run import rehearsal_key
+from seatrial.campaign.selection.evidence import evidence_key
+from seatrial.campaign.selection.screening import screening_key
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.progress import SILENT
 from seatrial.core.record import Channel, Provenance, make_record
 from tests.campaign.small import write_small
 from tests.campaign.tiny_work import mute, power, slowly

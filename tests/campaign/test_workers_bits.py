@@ -12,14 +12,14 @@ import pytest
 import xarray as xr
 from distributed import LocalCluster
 
-from seatrial.campaign.calibrate import calibrate
-from seatrial.campaign.choose import select_structure, structure_rows
 from seatrial.campaign.compute import place
-from seatrial.campaign.designs import design_first
-from seatrial.campaign.estimate import estimate_all
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.store import Store
-from seatrial.campaign.trials import get_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.inference.calibration import calibrate
+from seatrial.campaign.inference.estimate import estimate_all
+from seatrial.campaign.selection.evidence import select_structure, structure_rows
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import NO_X_U, write_small
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from seatrial.core import apart
+from seatrial.core import processes as apart
 from seatrial.core.errors import InputError
 
 
@@ -106,7 +106,7 @@ def test_a_question_within_is_answered_there():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent has ended")
 def test_it_ends_with_its_parent():
-    code = "from seatrial.core.apart import apart; from tests.core.test_apart import waits\n"
+    code = "from seatrial.core.processes import apart; from tests.core.test_apart import waits\n"
     code += "for one in apart('x', waits, 60.0): print(one, flush=True)"
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core import lanes
-from seatrial.core.lanes import backend, lanes_at_once, map_in_step, map_lanes
+from seatrial.core import batching as lanes
+from seatrial.core.batching import backend, lanes_at_once, map_in_step, map_lanes
 from seatrial.design.sweep import in_blocks, sweep_family
 from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.pointwise import pointwise_log_likelihood
@@ -16,7 +16,7 @@ from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_ladder import LadderSettings, sample_ladder
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 from seatrial.selection.criteria import deviances
-from seatrial.selection.early_stop import log_likelihoods
+from seatrial.selection.prior_monte_carlo import log_likelihoods
 from seatrial.vehicles.catalogue.whole import load_vehicle
 from seatrial.vehicles.simulate import simulate_many
 from tests.cases import RPM

@@ -1,4 +1,4 @@
-"""Structures of different classes differ, whatever their hashes; see `seatrial.core.trees`."""
+"""Structures of different classes differ, whatever their hashes; see `seatrial.core.pytrees`."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -6,9 +6,9 @@ from itertools import combinations
 import jax
 import pytest
 
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
-from seatrial.selection.further_modes import Cooled
+from seatrial.selection.combined_evidence import Cooled
 
 
 @compiled_tree("name")

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from seatrial.core.errors import InputError
-from seatrial.design.agreement import compare_utilities
+from seatrial.design.utility_agreement import compare_utilities
 
 RNG = np.random.default_rng(0)
 EXPENSIVE = RNG.normal(size=30)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.design.batch import plan_batch
-from seatrial.design.criteria import find_criterion
-from seatrial.design.discrimination import Discrimination
+from seatrial.design.fisher_utilities import Discrimination, find_criterion
 
 COV = np.diag([1.0, 4.0, 0.25])
 

@@ -15,8 +15,8 @@ from seatrial.design.cost import (
     in_seconds,
     per_trial,
 )
-from seatrial.design.plan import plan_trial
 from seatrial.design.stopping import stop_times
+from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, naive_rk4, paper_model, surge_rate
 

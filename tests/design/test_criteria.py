@@ -7,8 +7,8 @@ import pytest
 from scipy import linalg, stats
 
 from seatrial.core.errors import InputError
-from seatrial.design.criteria import CRITERIA, SINGULAR, find_criterion
-from seatrial.design.plan import plan_trial
+from seatrial.design.fisher_utilities import CRITERIA, SINGULAR, find_criterion
+from seatrial.design.trial_plan import plan_trial
 from tests.cases import THRUST, TRUTH, U0, X_U, X_UU, paper_model
 from tests.estimation_cases import naive_doublets, naive_speed
 

@@ -10,10 +10,10 @@ import pytest
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.criteria import find_criterion
 from seatrial.design.expected_gain import GainSettings, importance_gain, laplace_gain, naive_gain
-from seatrial.design.plan import plan_trial
+from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, entropies, normal_belief, prior_cov
+from seatrial.design.trial_plan import plan_trial
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform, half_normal
 from seatrial.vehicles.model import VehicleModel
 from tests.cases import TRUTH, U0, paper_model

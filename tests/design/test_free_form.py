@@ -10,6 +10,7 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import design_free_form
+from seatrial.design.free_form_climb import doublets, gentled
 from seatrial.design.free_form_course import (
     utilities,
     utility,
@@ -18,10 +19,9 @@ from seatrial.design.free_form_course import (
     worst_course_slope,
 )
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
-from seatrial.design.free_form_starts import doublets, gentled
 from seatrial.design.motion_limits import Distance, StateBound
-from seatrial.design.plan import plan_trial
 from seatrial.design.sweep import LANES
+from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.free_form import SplineInput, SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

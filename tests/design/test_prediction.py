@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.design.criteria import find_criterion
-from seatrial.design.plan import plan_trial
-from seatrial.design.prediction import prediction
+from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sensor_choice import SensorChoice, sensor_worth
+from seatrial.design.stated_prediction import prediction
+from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
 MASS, DRAG = 30.0, -6.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.design.criteria import find_criterion
+from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.robust import UtilityTable, local_utility, utility_table
 from tests.design.test_expected_gain import DECAY_SD, N_DECAY, decay_plan, decay_slope
 

@@ -10,13 +10,12 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.design.conflicts import check_some_allowed, conflicting_pairs, least_miss
 from seatrial.design.duty import Duty, away_share, duty_excess, reversals_per_minute
+from seatrial.design.limit_conflicts import check_some_allowed, conflicting_pairs, least_miss
 from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, StateBound, _between
-from seatrial.design.plan import plan_trial
 from seatrial.design.safety import Safety, judge_safety, least_rooms, probability_at_least
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.design.trial_plan import plan_trial
+from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.catalogue import catalogue_longitudinal
 from seatrial.vehicles.longitudinal import longitudinal_vehicle
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

@@ -11,7 +11,7 @@ sys.path.insert(0, str(DOCS))
 from generate import campaign_file, coefficients, command_line, mathtext  # noqa: E402
 
 from seatrial.apps.cli import COMMANDS  # noqa: E402
-from seatrial.campaign.schema import CampaignFile  # noqa: E402
+from seatrial.campaign.config.schema import CampaignFile  # noqa: E402
 from seatrial.core.signals import SIGNALS  # noqa: E402
 
 

@@ -13,8 +13,7 @@ from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.sensors import Sensor
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
 TRUTH = {"Y_v": -0.8, "Y_ur": -0.3, "Y_delta_r": 0.4, "N_v": -1.5, "N_r": -2.0, "N_rabsr": -6.0, "N_delta_r": -1.2}

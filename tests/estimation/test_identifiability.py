@@ -19,8 +19,8 @@ from seatrial.estimation.identifiability import (
     identify,
 )
 from seatrial.estimation.information import likelihood_information
-from seatrial.estimation.invisible import Unknown
 from seatrial.estimation.mode import find_mode
+from seatrial.estimation.null_space import Unknown
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal, Uniform

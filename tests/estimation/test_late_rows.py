@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.late_rows import delayed, likely_delay
+from seatrial.estimation.delayed_rows import delayed, likely_delay
 from seatrial.estimation.simulation import delay_control
 from tests.estimation.row_cases import SURGE, surge_record
 

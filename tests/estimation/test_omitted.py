@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.omitted import score_effects
+from seatrial.estimation.omitted_effects import score_effects
 
 RNG = np.random.default_rng(5)
 N = 400

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.judgement import Verdict, judge, worst
+from seatrial.estimation.predictive_check import Verdict, judge, worst
 from seatrial.estimation.validation import score_channel
 
 TIME = np.arange(1200) * 0.05

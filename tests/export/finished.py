@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from seatrial.campaign.estimate import estimate_key
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.store import Store, write_dataset, write_stamped_json
-from seatrial.campaign.trials import Trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.store.files import Store, write_dataset, write_stamped_json
 from seatrial.export import from_campaign
 from tests.campaign.small import write_small
 

@@ -101,7 +101,7 @@ def test_holoocean_moves_as_predicted(fins):
 
 def total_of(agent):
     d = agent["dynamics"]
-    from seatrial.export.torpedo import lamb_factors
+    from seatrial.export.targets.holoocean import lamb_factors
 
     m, b, half, z = d["mass"], d["diam"] / 2, d["length"] / 2, d["r_bg"][2]
     k1, k2, k3 = lamb_factors(half / b)

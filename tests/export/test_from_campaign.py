@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seatrial.campaign.load import load_campaign
+from seatrial.campaign.config.load import load_campaign
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES

@@ -14,15 +14,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.schedules import write_schedule
-from seatrial.campaign.store import Store
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
-from seatrial.export.trials.stick import SPEED, EitherWayError, Stick, stick_of
-from seatrial.export.trials.trial import Trial, read_trial
+from seatrial.export.trials.trial import SPEED, EitherWayError, Stick, Trial, read_trial, stick_of
 from seatrial.export.trials.write import write_plain, write_trial
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
 from tests.campaign.yaw_campaign import write_yaw
 
@@ -416,7 +414,7 @@ def test_the_estimate_decides_where_the_prior_does_not(yaw, monkeypatch, sign):
         draws = np.random.default_rng(1).normal(1.0, 0.1, (50, len(campaign.full.terms)))
         return SimpleNamespace(structure=campaign.full, draws=lambda names: sign * draws[:, : len(names)])
 
-    monkeypatch.setattr("seatrial.export.trials.stick.stored_estimate", estimate)
+    monkeypatch.setattr("seatrial.export.trials.trial.stored_estimate", estimate)
     assert read_trial(yaw).find_stick() == Stick("r", sign)
 
 

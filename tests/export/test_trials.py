@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.campaign.designs import design_key
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.schedules import write_schedule
-from seatrial.campaign.store import Store, write_dataset
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.sweep import design_key
+from seatrial.campaign.store.files import Store, write_dataset
 from seatrial.core.errors import InputError
 from seatrial.export.trials import bag
 from seatrial.export.trials.trial import read_trial, schedules, value_at

@@ -2,7 +2,7 @@
 
 import pytest
 
-from seatrial.core import apart
+from seatrial.core import processes as apart
 
 
 @pytest.fixture(autouse=True)

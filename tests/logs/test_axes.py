@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from seatrial.core.record import Channel
 from seatrial.core.signals import QUATERNION, signal_unit
 from seatrial.logs.axes import from_axes
+from seatrial.logs.body_frame import to_body
 from seatrial.logs.source import LogTable
-from seatrial.logs.to_body import to_body
 from tests.logs.log_cases import refusal
 
 NED_OF_ENU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from seatrial.logs.clock import even_clock
-from seatrial.logs.read import read_log
+from seatrial.logs.read import even_clock, read_log
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
 
 

@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from seatrial.core import apart
+from seatrial.core import processes as apart
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, format_of, read_columns, stream

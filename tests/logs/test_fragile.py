@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from seatrial.apps.dashboard.logs import look_into
-from seatrial.core import apart
+from seatrial.core import processes as apart
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from seatrial.apps.cli import main
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.trials import import_trials
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import import_trials
 from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns

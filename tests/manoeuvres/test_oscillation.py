@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from seatrial.manoeuvres.oscillation import oscillation
-from seatrial.manoeuvres.relay import RelayFamily
+from seatrial.manoeuvres.relay import RelayFamily, oscillation
 
 GAIN, LAG, RUDDER = 0.2, 3.0, 0.17
 

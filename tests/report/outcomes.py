@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from seatrial.campaign.config import Campaign
-from seatrial.campaign.contenders import NEXT, Contenders, change_words, contending
-from seatrial.campaign.designs import Designs
-from seatrial.campaign.estimate import Estimate
-from seatrial.campaign.known import Direction, Known, KnownParameter
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.loop import Outcome
-from seatrial.campaign.predict import Fit
-from seatrial.campaign.screen import Screened
-from seatrial.campaign.trials import Trials
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.estimate import Estimate
+from seatrial.campaign.inference.identifiability import Direction, Known, KnownParameter
+from seatrial.campaign.inference.predict import Fit
+from seatrial.campaign.selection.runner_up import NEXT, Contenders, change_words, contending
+from seatrial.campaign.selection.screening import Screened
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.judgement import judge
+from seatrial.estimation.predictive_check import judge
 from seatrial.estimation.validation import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from seatrial.report.figures.coverage import covered
 from seatrial.report.figures.fit import Driven, Predicted, record_fit
-from seatrial.report.figures.inputs import control_over_time
 from seatrial.report.figures.pairs import correlations, pair
 from seatrial.report.figures.posterior import PriorShape, marginal
+from seatrial.report.figures.records import control_over_time, covered
 from seatrial.report.figures.residuals import autocorrelation, record_residuals
 from seatrial.report.figures.structures import probability_bars
 from seatrial.report.figures.style import thin, thin_steps

@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 
-from seatrial.report.figures.inputs import control_over_time
+from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import PALETTE
 from seatrial.report.svg import draw_svg, inline_svg
 

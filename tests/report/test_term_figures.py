@@ -6,12 +6,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from seatrial.report.figures.contenders import Gap, speed_gaps
-from seatrial.report.figures.inclusion import inclusion_bars
-from seatrial.report.figures.model_space import model_space
+from seatrial.report.figure_files import write_select_picture
 from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
+from seatrial.report.figures.structures import Gap, inclusion_bars, model_space, speed_gaps
 from seatrial.report.sections.terms import section
-from seatrial.report.select_picture import write_select_picture
 from seatrial.report.svg import draw_svg
 from seatrial.report.term_figures import term_figures
 from tests.report.outcomes import EVIL, make_outcome, make_screened

@@ -5,9 +5,10 @@ import pytest
 
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal
-from seatrial.sampling import gradient, nuts
+from seatrial.sampling import nuts
+from seatrial.sampling import nuts as gradient
 from seatrial.sampling.diagnostics import complaints, diagnose
-from seatrial.sampling.gradient import FORWARD_UP_TO, log_density_for_gradients
+from seatrial.sampling.nuts import FORWARD_UP_TO, log_density_for_gradients
 from seatrial.sampling.run import ChainSettings, complaints_of_draws, is_finished
 from seatrial.sampling.sampler import sample
 from tests.estimation_cases import THRUST_UNIT, golden_posterior, linear_gaussian, posterior, short_posterior

@@ -5,8 +5,8 @@ import pytest
 from seatrial.core.errors import NumericalError
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection import agreement
-from seatrial.selection.agreement import Gathering, Keys, Piece, Run, Weighed, agreed_evidence, do, judge
+from seatrial.selection import combined_evidence as agreement
+from seatrial.selection.combined_evidence import Gathering, Keys, Piece, Run, Weighed, agreed_evidence, do, judge
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
 from tests.selection.test_evidence import runs, short_surge

@@ -56,7 +56,7 @@ def test_known_evidence(problem):
 def test_golden_evidence(model):
     """`M-0 narrow` has its mode at the edge of the prior, where the Laplace approximation alone is 4.7 nats off.
 
-    M-1 is in tests/campaign/paper/test_evidence.py.
+    M-1 is in studies/remus100/tests/test_evidence.py.
     """
     found = importance_evidence(golden_posterior(model), KEY, settings=ImportanceSettings(draws=81920))
     assert found.status == ""

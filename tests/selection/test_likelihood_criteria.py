@@ -9,8 +9,7 @@ from scipy import stats
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import LogUniform, Normal
-from seatrial.selection.criteria import compare
-from seatrial.selection.likelihood_criteria import aic, bic, maximise_likelihood
+from seatrial.selection.criteria import aic, bic, compare, maximise_likelihood
 from tests.estimation_cases import linear_gaussian, posterior
 
 

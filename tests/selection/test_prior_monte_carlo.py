@@ -7,9 +7,8 @@ from scipy.special import logsumexp
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.selection import early_stop
-from seatrial.selection.early_stop import MARGIN, log_likelihoods
-from seatrial.selection.prior_monte_carlo import draw_by_name, listing_one, prior_evidence
+from seatrial.selection import prior_monte_carlo as early_stop
+from seatrial.selection.prior_monte_carlo import MARGIN, draw_by_name, listing_one, log_likelihoods, prior_evidence
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import (
     GOLDEN_LOG_EVIDENCE,

@@ -7,8 +7,7 @@ from scipy.integrate import solve_ivp
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.vehicles.axes import axes_vehicle
-from seatrial.vehicles.axis_equation import axis_equation
+from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
 SWAY = axis_equation("Y", ("Y_v", "Y_ur", "Y_uudelta_r", "Y_vabsv"), inertia=40.0)

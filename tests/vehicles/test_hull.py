@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.vehicles.catalogue.whole import from_prime, prime_scale, to_prime
 from seatrial.vehicles.hull import rigid_mass_matrix, whole_hull
-from seatrial.vehicles.mass_matrix import mass_solver
-from seatrial.vehicles.primes import from_prime, prime_scale, to_prime
+from seatrial.vehicles.whole import mass_solver
 
 
 def test_mass_matrix_gives_the_energy_of_a_cloud_of_points():

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.control_signs import control_senses, sense_words
 from seatrial.vehicles.hull import whole_hull
-from seatrial.vehicles.senses import control_senses, sense_words
 from seatrial.vehicles.whole import whole_vehicle
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator, with_actuators
-from seatrial.vehicles.freedom import acting_terms
 from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle

@@ -17,7 +17,7 @@ def read_file(folder: Path) -> str:
     Raises:
         InputError: too large, or not UTF-8.
     """
-    from seatrial.campaign.toml_file import read_text
+    from seatrial.campaign.config.toml import read_text
 
     return read_text(folder / CAMPAIGN)
 

@@ -1,6 +1,5 @@
 """The command line: one small function for each command, in `seatrial.apps.commands`, and errors in plain words."""
 
-import sys
 from typing import Annotated
 
 import typer
@@ -9,11 +8,9 @@ from seatrial import __version__
 from seatrial.apps.commands import check, data, infer, logs, loop, plan
 from seatrial.apps.commands.catalogue import vehicle
 from seatrial.apps.commands.export import export
-from seatrial.apps.commands.paper import paper
 from seatrial.apps.commands.rehearse import rehearse
 from seatrial.apps.commands.serve import serve
-from seatrial.apps.running import Exit
-from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
+from seatrial.apps.running import run_app
 
 COMMANDS = {
     "vehicle": vehicle,
@@ -36,7 +33,6 @@ COMMANDS = {
     "run": loop.run,
     "serve": serve,
     "export": export,
-    "paper": paper,
 }
 """By name, in the order in which they are listed."""
 
@@ -63,19 +59,4 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
 
 def main() -> None:
     """Run the command line; errors meant for the user are printed without a traceback."""
-    from seatrial.apps.console import fail
-
-    try:
-        app()
-    except InputError as error:
-        fail(str(error))
-        sys.exit(Exit.BAD_INPUT)
-    except NumericalError as error:
-        fail(str(error))
-        sys.exit(Exit.NUMERICAL)
-    except SeatrialError as error:
-        fail(str(error))
-        sys.exit(Exit.BUG)
-    except OSError as error:
-        fail(str(file_error(error)))
-        sys.exit(Exit.BAD_INPUT)
+    run_app(app)

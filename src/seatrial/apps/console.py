@@ -8,14 +8,14 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from seatrial.sampling.target import Progress as Report
+from seatrial.core.progress import Progress as Report
 
 EVERY = 10.0
 """Seconds between two lines of one piece of work, when piped."""
 
 
-class ConsoleWatch:
-    """A `Watch` on standard error; standard output is left to results. `also` is told of the same progress."""
+class ConsoleReporter:
+    """A `Reporter` on standard error; standard output is left to results. `also` is told of the same progress."""
 
     def __init__(self, quiet: bool = False, also: Callable[[str], Report] | None = None):
         self.quiet = quiet
@@ -40,12 +40,12 @@ class ConsoleWatch:
             yield self
 
     def say(self, text: str) -> None:
-        """See `Watch.say`."""
+        """See `Reporter.say`."""
         if not self.quiet:
             self.console.print(text, markup=False, soft_wrap=True)
 
     def progress(self, title: str) -> Report:
-        """See `Watch.progress`."""
+        """See `Reporter.progress`."""
         shown = self._shown(title)
         if self.also is None:
             return shown

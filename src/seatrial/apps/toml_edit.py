@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from seatrial.campaign.toml_file import toml_content
+from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
 _HEADER = re.compile(r"^\s*\[(?!\[)\s*([^\]]+?)\s*\]\s*(#.*)?$")

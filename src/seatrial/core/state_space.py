@@ -7,7 +7,7 @@ from typing import Any
 from jaxtyping import Array, Float
 
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 
 State = tuple[Any, ...]
 Transition = Callable[[State, tuple[Any, ...], Any], State]

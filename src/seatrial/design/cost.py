@@ -17,11 +17,11 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 from seatrial.design.integrals import joint_start, joint_step
-from seatrial.design.plan import TrialPlan
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
 
 
 class Consumer(Protocol):

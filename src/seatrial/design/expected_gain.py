@@ -27,10 +27,10 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.plan import TrialPlan
 from seatrial.design.prior_belief import Belief, draw_z, entropies, outputs_of, values_of
 from seatrial.design.simulated_evidence import explain, noise_of
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
 
 LEAST_ESS, FEW = 8.0, 0.05
 """An estimate is refused if more than this share of its outer draws rest on fewer than so many effective inner draws."""

@@ -15,11 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
-from seatrial.design.free_form_climb import ROUNDING, Climb
+from seatrial.core.progress import Progress, no_progress
+from seatrial.design.free_form_climb import ROUNDING, Climb, gentled, ready_starts
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
-from seatrial.design.free_form_starts import gentled, ready_starts
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.sampling.target import Progress, no_progress
 
 TIGHT = 1e-3
 """A limit is active when less than this share of its room is left."""

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_start, joint_step, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
-from seatrial.design.plan import TrialPlan
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.information import sensitivity_loop
 
 

@@ -14,7 +14,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.cost import TrialCost, check_cost
 from seatrial.design.free_form_course import Course, Setup, Watched, courses
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits
-from seatrial.design.plan import TrialPlan
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.free_form import FreeForm
 from seatrial.manoeuvres.manoeuvre import Limits
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.design.plan import TrialPlan
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 

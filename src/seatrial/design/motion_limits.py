@@ -11,9 +11,9 @@ from typing import Any, Protocol
 
 import jax.numpy as jnp
 
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.shown import shown_unit
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 from seatrial.design.integrals import Rate, integrals_for
 from seatrial.vehicles.model import VehicleModel
 

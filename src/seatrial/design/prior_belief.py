@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.plan import TrialPlan
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.priors import Prior
 
 Belief = tuple[Prior, ...] | Gaussian

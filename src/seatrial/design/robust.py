@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.design.criteria import Criterion
-from seatrial.design.plan import TrialPlan
+from seatrial.design.fisher_utilities import Criterion
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,8 @@ from scipy.stats import beta
 from seatrial.core.errors import InputError
 from seatrial.design.integrals import joint_start, joint_step, signals_at
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits, limit_integrals, room
-from seatrial.design.plan import TrialPlan
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.special import logsumexp
 
-from seatrial.core.lanes import map_lanes
-from seatrial.design.plan import TrialPlan
+from seatrial.core.batching import map_lanes
 from seatrial.design.prior_belief import Belief, log_priors, outputs_of
+from seatrial.design.trial_plan import TrialPlan
 
 FREEDOM = 8
 """Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of a posterior."""

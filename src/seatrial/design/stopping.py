@@ -17,9 +17,9 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.cost import TrialCost, check_cost, cost_along, gain_per_cost
-from seatrial.design.plan import TrialPlan
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
 
 Utility = Callable[[Float[np.ndarray, "E k k"]], Float[np.ndarray, " E"]]
 """Number of an information matrix, SI; higher is better."""

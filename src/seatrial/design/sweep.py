@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.core.batching import lanes_at_once, on_accelerator
+from seatrial.core.display_units import shown_unit
 from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.lanes import lanes_at_once, on_accelerator
-from seatrial.core.shown import shown_unit
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.signals import SIGNALS, signal_unit
-from seatrial.estimation.invisible import Unknown
+from seatrial.estimation.null_space import Unknown
 from seatrial.estimation.remedies import is_coefficient, measured, percent
 
 WORTH = 0.7

@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.noncentred import coupled, uncouple
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.uncoupled import coupled, uncouple
 from seatrial.sampling.diagnostics import mixing
 from seatrial.sampling.names import METHODS
 from seatrial.sampling.nested import sample_nested

@@ -18,8 +18,8 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.combinations import groups, known_combinations
 from seatrial.estimation.identifiability_report import Group, Identifiability
 from seatrial.estimation.information import coefficient_information, is_noise, likelihood_information
-from seatrial.estimation.invisible import Unknown, null_combinations
 from seatrial.estimation.mode import Mode
+from seatrial.estimation.null_space import Unknown, null_combinations
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.remedies import what_separates

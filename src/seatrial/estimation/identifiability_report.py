@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.estimation.combinations import Combination
-from seatrial.estimation.invisible import Invisible
+from seatrial.estimation.null_space import Invisible
 from seatrial.estimation.remedies import is_coefficient, listed, measured, percent, what_separates
 
 CONTRACTION = 0.9

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.lanes import lanes_at_once
+from seatrial.core.batching import lanes_at_once
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name

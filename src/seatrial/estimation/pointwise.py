@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import InputError
-from seatrial.core.lanes import lanes_at_once
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.trial_data import TrialData

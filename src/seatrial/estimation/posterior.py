@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import Prior
 
 LogLikelihood = Callable[[dict[str, Any], Any], Any]

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.estimation.windows import Windows, bump_windows, samples
-from seatrial.numerics.held import held_mean
+from seatrial.numerics.zero_order_hold import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
 

@@ -9,7 +9,7 @@ from seatrial.export.manoeuvre import Plan, plan_for, simulate
 from seatrial.export.motion import Motion, motion_of
 from seatrial.export.target import Carried
 from seatrial.export.vehicle import ExportedVehicle
-from seatrial.vehicles.senses import DURATION, STEP, Sense, push_of, sense_of, sense_words
+from seatrial.vehicles.control_signs import DURATION, STEP, Sense, push_of, sense_of, sense_words
 
 
 def motion_senses(

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from seatrial import __version__
-from seatrial.campaign.config import Campaign
-from seatrial.campaign.estimate import Estimate, estimate_key
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.screen import with_shortlist
-from seatrial.campaign.store import Store, is_current, read_json
-from seatrial.campaign.trials import get_trials
-from seatrial.campaign.whole_vehicle import WholeVehicle
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.whole_vehicle import WholeVehicle
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.estimate import Estimate, estimate_key
+from seatrial.campaign.selection.screening import with_shortlist
+from seatrial.campaign.store.files import Store, is_current, read_json
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError, nearest
@@ -24,9 +24,9 @@ from seatrial.core.signals import RATES
 from seatrial.estimation.simulation import CURRENT
 from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published, rest_for, same_mass
 from seatrial.selection.structures import Structure
+from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue.whole import load_vehicle
-from seatrial.vehicles.freedom import acting_terms
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.shown import shown_unit
+from seatrial.core.display_units import shown_unit
 from seatrial.export.terms import Pair, product_name
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.actuators import Actuator

@@ -1,11 +1,100 @@
 """Writing an export: checked first, then every file whole, or none."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
+from seatrial import __version__
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.files import write_text
-from seatrial.export.statement import state
-from seatrial.export.target import Exporter, Statement
+from seatrial.export.commands import command_line
+from seatrial.export.manoeuvre import Plan, changes, growth_rate, plan_for, run_manoeuvre
+from seatrial.export.motion import motion_of
+from seatrial.export.target import Carried, Change, Exporter, Statement
 from seatrial.export.vehicle import ExportedVehicle, Provenance
+
+# What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
+# lost.
+
+_SLOW = 0.05
+"""Growth, 1/s, below which nothing grows much in the manoeuvre."""
+_NOTHING = 1e-9
+"""Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
+
+
+def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) -> Statement:
+    """Compare the vehicle with what the target keeps, and say it."""
+    carried, own = exporter.carries(vehicle), motion_of(vehicle)
+    plan = plan_for(vehicle, own)
+    before = run_manoeuvre(own, vehicle.actuators, plan)
+    same = not (carried.lost or carried.changed)
+    after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
+    loss = changes(vehicle, before, after)
+    drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
+    found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
+    return found._replace(lines=tuple(_lines(vehicle, found, command_line(vehicle, carried, plan))))
+
+
+def _loss_in_current(
+    vehicle: ExportedVehicle, carried: Carried, plan: Plan, current: float
+) -> tuple[Change, ...] | None:
+    """Changes of the velocities through the water, in a current to the east; None without one."""
+    if current == 0:
+        return None
+    own = run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan, (0.0, current, 0.0))
+    return changes(vehicle, own, run_manoeuvre(carried.motion, carried.actuators, plan, (0.0, current, 0.0)))
+
+
+def loss_words(loss: Iterable[Change]) -> str:
+    """The loss in predicted motion in words."""
+    shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
+    if not shown:
+        return "none"
+    return "; ".join(_change_words(change) for change in shown)
+
+
+def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> list[str]:
+    provenance, carried = statement.provenance, statement.carried
+    lines = [
+        f"{provenance.title}, exported by seatrial {__version__} to {statement.target}",
+        f"run: {provenance.run}" + (f" (seatrial {provenance.version})" if provenance.version else ""),
+    ]
+    if provenance.structure:
+        lines.append(f"structure: {provenance.structure}")
+    estimated = vehicle.estimated
+    lines.append("estimated, mean ± standard deviation:" if estimated.names else "estimated: nothing, all is published")
+    for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
+        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
+    for title, items in (
+        ("dropped by the selection", provenance.dropped),
+        ("taken from elsewhere", provenance.sources),
+        ("absent", provenance.absent),
+        ("caution", provenance.cautions),
+    ):
+        lines += [f"{title}: {item}" for item in items]
+    lines += [f"cannot carry: {item}" for item in carried.lost] or ["carries everything that is known"]
+    lines += [f"carried in another form: {item}" for item in carried.changed]
+    lines += [f"a positive command: {commands}"] if commands else []
+    lines.append(f"loss in predicted motion ({statement.manoeuvre}, in still water): {loss_words(statement.loss)}")
+    if statement.loss_in_current is not None:
+        words = loss_words(statement.loss_in_current)
+        lines.append(
+            f"the same through the water in the campaign's current, {provenance.current:.2g} m/s from abeam: {words}"
+        )
+    if statement.growth > _SLOW and loss_words(statement.loss) != "none":
+        lines.append(
+            "ahead at that speed the vehicle itself is unstable without control: small differences grow "
+            f"{np.exp(statement.growth):.1f} times each second, and so does whatever is lost"
+        )
+    return lines
+
+
+def _change_words(change: Change) -> str:
+    if not np.isfinite(change.largest):
+        return f"{change.rate} runs away in the target"
+    share = f" ({change.largest / change.range:.0%} of its range)" if change.range > _NOTHING else " (its range is 0)"
+    return f"{change.rate} by {change.largest:.2g} {change.unit}{share}"
 
 
 def export_vehicle(

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from seatrial.core.lanes import map_in_step
+from seatrial.core.batching import map_in_step
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
 from seatrial.filters.forms import CovarianceTriangle, Form

@@ -11,8 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.shape import Shape
-from seatrial.manoeuvres.shapes import SHAPES
+from seatrial.manoeuvres.shapes import SHAPES, Shape
 
 
 @dataclass(frozen=True)

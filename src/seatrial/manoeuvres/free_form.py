@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.shape import NANOSECOND
+from seatrial.manoeuvres.shapes import NANOSECOND
 
 
 class FreeForm(Protocol):

@@ -1,8 +1,234 @@
 """Every shape of an open-loop input by its name in a campaign file."""
 
-from seatrial.manoeuvres.shape import Shape
-from seatrial.manoeuvres.steps import Steps
-from seatrial.manoeuvres.waves import Chirp, Multisine
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, Protocol
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+# What the shape of an open-loop input is: share of the amplitude, from -1 to 1, as a function of the time since the
+# start.
+#
+# Every shape has one time of its own, its period: of a doublet, of one level, of the longest wave. Amplitude and
+# period are what a design chooses. Functions take NumPy or JAX arrays, and may be batched over settings.
+
+NANOSECOND = 1e-9
+"""Times that should be equal differ by rounding (k * 0.01 s against 1 + j * period); a nanosecond decides."""
+
+
+class Shape(Protocol):
+    """What every shape offers."""
+
+    @property
+    def period_is(self) -> str:
+        """What the period is, in words."""
+        ...
+
+    @property
+    def sides(self) -> str:
+        """Sign of the sides of trim to which it goes: `+`, `-` or `±`."""
+        ...
+
+    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
+        """Levels one after another, shares of the amplitude; none of a smooth shape."""
+        ...
+
+    def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Float[Array, " levels"]) -> Array:
+        """Share of the amplitude.
+
+        Args:
+            elapsed: time since the start, s, any shape; the settings broadcast against it.
+            period: s.
+            active: time for which the input may differ from trim, s.
+            ramp: time every edge takes, from one level to the next, s; 0 for a step.
+            levels: as drawn.
+        """
+        ...
+
+    def shortest(self, period: Any) -> Any:
+        """Shortest time between two turns of the input, s: what a ramp must fit into."""
+        ...
+
+    def longest(self, active: float) -> float:
+        """Longest period that fits into the active time, s."""
+        ...
+
+
+# Levels one after another: steps, doublets, 3-2-1-1, spirals, random and pseudo-random steps.
+
+LEVELS = 4096
+"""Random levels that are drawn; a trial that needs more begins them anew."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Levels one after another, each held for the same share of the period, and then trim.
+
+    Attributes:
+        period_is: what the period is, in words.
+        levels: shares of the amplitude; of random levels, how they are drawn.
+        parts: levels to a period.
+        runs: the levels run `once`; again as often as `whole` runs of them fit; or on and on, and are `cut` at the end.
+    """
+
+    period_is: str
+    levels: tuple[float, ...] | Literal["uniform", "telegraph", "prbs"]
+    parts: int
+    runs: Literal["once", "whole", "cut"]
+
+    @property
+    def sides(self) -> str:
+        """See `Shape.sides`."""
+        if isinstance(self.levels, str):
+            return "±"
+        return {(False, True): "+", (True, False): "-"}.get((min(self.levels) < 0, max(self.levels) > 0), "±")
+
+    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
+        """See `Shape.draw`."""
+        return _random_levels(self.levels, seed) if isinstance(self.levels, str) else np.array(self.levels)
+
+    def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
+        """See `Shape.share`."""
+        elapsed, hold = jnp.asarray(elapsed) + NANOSECOND, period / self.parts
+        until = jnp.minimum(elapsed, active) if self.runs == "cut" else elapsed
+        index = jnp.floor(until / hold)
+        count = self._count(levels.size, hold, active)
+
+        def level(index: Any) -> Array:
+            inside = (index >= 0) & (index < count)
+            return jnp.where(inside, levels[jnp.where(inside, index, 0).astype(int) % levels.size], 0.0)
+
+        def done(since: Any) -> Array:
+            return jnp.where(ramp > 0, jnp.clip(since / jnp.where(ramp > 0, ramp, 1.0), 0.0, 1.0), since >= 0)
+
+        before, here = level(index - 1), level(index)
+        share = before + (here - before) * done(until - index * hold)
+        return share * (1.0 - done(elapsed - active)) if self.runs == "cut" else share
+
+    def shortest(self, period: Any) -> Any:
+        """See `Shape.shortest`."""
+        return period / self.parts
+
+    def longest(self, active: float) -> float:
+        """See `Shape.longest`."""
+        return active if self.runs == "cut" or isinstance(self.levels, str) else active * self.parts / len(self.levels)
+
+    def _count(self, size: int, hold: Any, active: Any) -> Any:
+        if self.runs == "cut":
+            return jnp.ceil(active / hold - NANOSECOND)
+        whole = jnp.floor(active / (hold * size) + NANOSECOND)
+        return size * (jnp.minimum(whole, 1.0) if self.runs == "once" else whole)
+
+
+@lru_cache(maxsize=64)
+def _random_levels(kind: str, seed: int) -> Float[np.ndarray, " levels"]:
+    random = np.random.default_rng(seed)
+    if kind == "uniform":
+        return random.uniform(-1.0, 1.0, LEVELS)
+    if kind == "telegraph":
+        return random.choice([-1.0, 1.0], LEVELS)
+    return _maximal_sequence(seed)
+
+
+def _maximal_sequence(seed: int) -> Float[np.ndarray, " levels"]:
+    """Maximal-length sequence of +-1 of length 127, from the shift register x^7 + x^6 + 1; the seed turns it round."""
+    register, levels = [1] * 7, []
+    for _ in range(127):
+        levels.append(2.0 * register[-1] - 1.0)
+        register = [register[6] ^ register[5], *register[:-1]]
+    return np.roll(levels, -(seed % 127))
+
+
+# Sums of sines, and sines that grow faster.
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """Sum of harmonics of the period with phases that keep its peaks low, as many whole periods as fit; peak 1.
+
+    Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970) for a flat spectrum. Actuators that take different harmonics are
+    orthogonal over a period.
+    """
+
+    period_is: str
+    harmonics: tuple[int, ...]
+
+    @property
+    def sides(self) -> str:
+        """See `Shape.sides`."""
+        return "±"
+
+    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
+        """See `Shape.draw`."""
+        return np.empty(0)
+
+    def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
+        """See `Shape.share`; the ends are joined smoothly by the wave itself, which starts where it is zero."""
+        elapsed = jnp.asarray(elapsed) + NANOSECOND
+        phases, shift, peak = _schroeder(self.harmonics)
+        angle = 2 * jnp.pi * (elapsed / period + shift)
+        wave = sum(jnp.cos(k * angle + phase) for k, phase in zip(self.harmonics, phases, strict=True)) / peak
+        inside = (elapsed >= 0) & (elapsed < period * jnp.floor(active / period + NANOSECOND))
+        return jnp.where(inside, wave, 0.0)
+
+    def shortest(self, period: Any) -> Any:
+        """See `Shape.shortest`: half the shortest wave."""
+        return period / (2 * max(self.harmonics))
+
+    def longest(self, active: float) -> float:
+        """See `Shape.longest`."""
+        return active
+
+
+@dataclass(frozen=True)
+class Chirp:
+    """Sine whose frequency grows exponentially over the active time, by a stated ratio; it ends on a whole wave.
+
+    The first wave is as long as the period, or longer by what makes the number of waves whole.
+    """
+
+    period_is: str
+    ratio: float
+
+    @property
+    def sides(self) -> str:
+        """See `Shape.sides`."""
+        return "±"
+
+    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
+        """See `Shape.draw`."""
+        return np.empty(0)
+
+    def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
+        """See `Shape.share`."""
+        elapsed = jnp.asarray(elapsed) + NANOSECOND
+        growth = jnp.log(self.ratio) / active
+        waves = jnp.maximum(1.0, jnp.floor((self.ratio - 1.0) / (growth * period) + NANOSECOND))
+        done = jnp.expm1(growth * jnp.clip(elapsed, 0.0, active)) / (self.ratio - 1.0)
+        return jnp.sin(2 * jnp.pi * waves * done)
+
+    def shortest(self, period: Any) -> Any:
+        """See `Shape.shortest`: half the shortest wave."""
+        return period / (2 * self.ratio)
+
+    def longest(self, active: float) -> float:
+        """See `Shape.longest`."""
+        return active
+
+
+@lru_cache(maxsize=16)
+def _schroeder(harmonics: tuple[int, ...]) -> tuple[tuple[float, ...], float, float]:
+    """Phases, the share of the period at which the sum rises through zero, and its peak."""
+    n = len(harmonics)
+    phases = tuple(-np.pi * i * (i + 1) / n for i in range(n))
+    at = np.linspace(0.0, 1.0, 400 * max(harmonics) + 1)
+    wave = np.cos(2 * np.pi * np.outer(at, harmonics) + phases).sum(1)
+    rising = int(np.flatnonzero((wave[:-1] < 0) & (wave[1:] >= 0))[0])
+    shift = at[rising] - wave[rising] * (at[1] - at[0]) / (wave[rising + 1] - wave[rising])
+    return phases, float(shift), float(np.abs(wave).max())
+
 
 DOWN = (1.0, 0.6, 0.3, 0.1, 0.0, -0.1, -0.3, -0.6, -1.0)
 SHAPES: dict[str, Shape] = {

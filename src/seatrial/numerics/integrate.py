@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from seatrial.core.lanes import on_accelerator
+from seatrial.core.batching import on_accelerator
 
 State = tuple[Any, ...]
 Rate = Callable[[State], State]

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.core.shown import shown_unit
 from seatrial.core.signals import SIGNALS
 from seatrial.report.figures.fit import Driven, Predicted
 from seatrial.report.figures.style import unit_label
@@ -17,7 +17,7 @@ from seatrial.report.svg import inline_svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from seatrial.campaign.loop import Outcome
+    from seatrial.campaign.workflow.run import Outcome
 
 
 class Drawing(NamedTuple):

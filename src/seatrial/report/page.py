@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from seatrial.campaign.loop import Outcome
-from seatrial.campaign.store import Store
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html

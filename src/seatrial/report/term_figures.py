@@ -5,14 +5,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.campaign.config import Campaign
-from seatrial.campaign.contenders import Contenders
-from seatrial.campaign.screen import Screened
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.selection.runner_up import Contenders
+from seatrial.campaign.selection.screening import Screened
 from seatrial.core.coefficients import CoefficientName
-from seatrial.report.figures.contenders import Gap, speed_gaps
-from seatrial.report.figures.inclusion import inclusion_bars
-from seatrial.report.figures.model_space import model_space
 from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
+from seatrial.report.figures.structures import Gap, inclusion_bars, model_space, speed_gaps
 from seatrial.report.labels import label_mathtext
 from seatrial.selection.verdict import Selection
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.shown import shown_unit
+from seatrial.core.display_units import shown_unit
 from seatrial.vehicles.catalogue.whole import PublishedVehicle
+from seatrial.vehicles.control_signs import SPEED, control_senses, sense_words
 from seatrial.vehicles.hull import AXES, Hull
-from seatrial.vehicles.senses import SPEED, control_senses, sense_words
 
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw", "T": "thrust"}
 

@@ -10,6 +10,7 @@ M^-1 begins as the covariance that is given, which whitens the density; step and
 and frozen after warm-up. Chains in step wait for the one whose path is longest.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,9 +25,54 @@ from blackjax.mcmc.hmc import HMCState
 from jaxtyping import Array, Bool, Float, Int
 
 from seatrial.sampling import run as runs
-from seatrial.sampling.gradient import log_density_for_gradients
 from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, begin, keep, refuse_dead_starts
 from seatrial.sampling.target import Target
+
+# Gradients of a log density: forward through the time loop where the parameters are few, backward where they are many.
+#
+# forward: d tangents ride along in one pass; memory does not grow with the steps backward: one pass there and one back
+# over every stored step; memory grows with steps x chains
+
+FORWARD_UP_TO = 20
+"""Parameters up to which forward is no dearer, whatever the rule of integration."""
+
+
+def forward_is_cheaper(dim: int) -> bool:
+    """Whether a gradient of `dim` parameters is taken forward."""
+    return dim <= FORWARD_UP_TO
+
+
+def log_density_for_gradients(target: Target) -> Callable[[Float[Array, " d"]], Float[Array, ""]]:
+    """Log density for callers of `jax.grad`, which get its gradient by the cheaper way.
+
+    NaN counts as zero density, and a derivative that is not finite as zero: a trajectory that comes there has diverged.
+    """
+
+    def plain(z: Array) -> Array:
+        return target.log_prior(z) + target.log_likelihood(z)
+
+    def twice(z: Array) -> tuple[Array, Array]:
+        value = plain(z)
+        return value, value
+
+    def value_and_gradient(z: Array) -> tuple[Array, Array]:
+        if forward_is_cheaper(target.dim):
+            gradient, value = jax.jacfwd(twice, has_aux=True)(z)
+        else:
+            value, gradient = jax.value_and_grad(plain)(z)
+        return _or_zero_density(value), jnp.where(jnp.isfinite(gradient), gradient, 0.0)
+
+    @jax.custom_vjp
+    def log_density(z: Array) -> Array:
+        return _or_zero_density(plain(z))
+
+    log_density.defvjp(value_and_gradient, lambda gradient, change: (change * gradient,))
+    return log_density
+
+
+def _or_zero_density(value: Array) -> Array:
+    return jnp.where(jnp.isnan(value), -jnp.inf, value)
+
 
 TARGET_ACCEPTANCE = 0.8
 STUCK = 0.05

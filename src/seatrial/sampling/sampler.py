@@ -5,9 +5,10 @@ from typing import Any, Protocol
 import jax
 from jaxtyping import Array, Float
 
+from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling import adaptive_metropolis, de_metropolis, independence_metropolis, metropolis, nuts
 from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
-from seatrial.sampling.target import Progress, Target, no_progress
+from seatrial.sampling.target import Target
 
 
 class Sampler(Protocol):

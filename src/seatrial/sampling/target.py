@@ -1,6 +1,5 @@
 """What a sampler sees: a density on the real vector space, prior and likelihood kept apart."""
 
-from collections.abc import Callable
 from functools import partial
 from typing import Protocol, TypeVar
 
@@ -9,10 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.lanes import lanes_at_once, map_lanes
-
-Progress = Callable[[int, int], None]
-"""Called with the work done and the work in all."""
+from seatrial.core.batching import lanes_at_once, map_lanes
 
 
 class Target(Protocol):
@@ -80,7 +76,3 @@ def _log_density(target: Target, z: Float[Array, " d"]) -> Float[Array, ""]:
 
 
 TargetT = TypeVar("TargetT", bound=Target)
-
-
-def no_progress(done: int, total: int) -> None:
-    """Progress nobody watches."""

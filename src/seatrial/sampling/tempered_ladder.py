@@ -20,9 +20,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import PchipInterpolator
 
+from seatrial.core.batching import map_lanes
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.lanes import map_lanes
-from seatrial.sampling.target import LANES, Progress, Target, no_progress
+from seatrial.core.progress import Progress, no_progress
+from seatrial.sampling.target import LANES, Target
 
 BLOCK = 250
 """Iterations between two looks at the ladder."""

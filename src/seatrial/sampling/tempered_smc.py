@@ -17,10 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import NumericalError
-from seatrial.core.lanes import lanes_at_once
+from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
-from seatrial.sampling.target import LANES, Progress, Target, no_progress
+from seatrial.sampling.target import LANES, Target
 
 _FLOOR = -1e100
 """Stands for log 0 while tempering: 0 * (-inf) would be NaN."""

@@ -8,7 +8,8 @@ import numpy as np
 from scipy import stats
 
 from seatrial.core.errors import NumericalError
-from seatrial.sampling.target import Progress, Target, no_progress
+from seatrial.core.progress import Progress, no_progress
+from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 
 PRIOR_REPEATS = 4

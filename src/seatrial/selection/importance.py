@@ -19,8 +19,8 @@ from scipy.special import gammaln, logsumexp
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.noncentred import coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.uncoupled import coupled, uncouple, uncoupled_mode
 from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import Evidence
 

@@ -19,7 +19,8 @@ from jaxtyping import Float
 from scipy import stats
 from scipy.special import logsumexp
 
-from seatrial.sampling.target import Progress, Target, no_progress
+from seatrial.core.progress import Progress, no_progress
+from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_ladder import DEAD, Ladder, LadderSettings, sample_ladder
 from seatrial.selection.evidence import ALIVE, Evidence
 

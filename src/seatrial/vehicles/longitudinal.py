@@ -19,7 +19,7 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import SIGNALS
-from seatrial.vehicles.freedom import Freedom
+from seatrial.vehicles.active_dof import Freedom
 from seatrial.vehicles.hull import GRAVITY, Hull, added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

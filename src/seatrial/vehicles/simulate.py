@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.lanes import lanes_at_once
+from seatrial.core.batching import lanes_at_once
 from seatrial.numerics.integrate import Integrator, rk4_step
 from seatrial.vehicles.model import Params, VehicleModel
 

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.term_checks import check_each_once, check_trim
-from seatrial.vehicles.freedom import Freedom
+from seatrial.vehicles.active_dof import Freedom
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import Params, VehicleModel
 from seatrial.vehicles.whole import assemble

@@ -11,18 +11,182 @@ Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Float
+
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import ANGLES, CURRENT, OVER_GROUND, POSITIONS, RATES, SIGNALS, thruster_controls
 from seatrial.numerics.rotations import cross, dot, times, total
+from seatrial.vehicles.active_dof import AddedCoriolis, Current, Freedom, acts
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.attitude import Attitude, Kind, attitude_states, position_angles, position_rates
-from seatrial.vehicles.forces import forces_of
-from seatrial.vehicles.freedom import AddedCoriolis, Current, Freedom, acts
-from seatrial.vehicles.hull import Hull, added_mass_matrix, rigid_mass_matrix
-from seatrial.vehicles.mass_matrix import mass_solver
+from seatrial.vehicles.coriolis import Product, entry_products, matrix_products, summed
+from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.model import Params, VehicleModel
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole_checks import check_whole
+
+# Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiplies it.
+#
+# Named terms, the propeller's share of the thrust, and Coriolis forces of the rigid body and of the added mass that
+# are products of the same velocities come together before anything is compiled.
+
+Forces = Callable[[Mapping[str, Any], Mapping[str, Any], tuple], list[Any]]
+
+
+def forces_of(
+    hull: Hull,
+    named: Sequence[CoefficientName],
+    fixed: Mapping[str, float],
+    freedom: Freedom,
+    added_coriolis: AddedCoriolis,
+    thrusters: Sequence[Thruster],
+    inertial: Sequence[CoefficientName],
+) -> Callable[[Mapping[str, Any], Mapping[str, Any], tuple], list[Any]]:
+    """Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it."""
+    share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
+    sums: dict[CoefficientName, list[tuple[float, str]]] = {}
+    thrust = [name for name in named if name.axis == "T"]
+    for name in named:
+        if name.is_added_mass or (name.axis == "T" and thrusters):
+            continue
+        if name.axis == "T":
+            factor = share * inflow ** sum(f.power for f in name.factors if f.signal == "u" and not f.change)
+            sums.setdefault(CoefficientName("", "X", name.factors, name.key), []).append((factor, name.text))
+        else:
+            sums.setdefault(name, []).append((1.0, name.text))
+    constant = {p.name: p.factor for p in _coriolis_products(hull, fixed, freedom, added_coriolis)}
+    if added_coriolis == "automatic":
+        for entry in inertial:
+            for product in entry_products(*added_mass_entry(entry)):
+                if acts(product.name, freedom, ()):
+                    sums.setdefault(product.name, []).append((-product.factor, entry.text))
+    for product in constant:
+        sums.setdefault(product, [])
+    columns = [tuple(share * x for x in thruster.column) for thruster in thrusters]
+    names = thruster_controls(len(thrusters), commanded_force=not thrust)
+
+    def forces(values: Mapping[str, Any], known: Mapping[str, Any], velocity: tuple) -> list[Any]:
+        found: list[Any] = [0.0] * 6
+        made: dict[tuple, Any] = {}
+        for name, parts in sums.items():
+            if name.key not in made:
+                made[name.key] = name.regressor(known, hull.trim)
+            axis = AXES.index(name.axis)
+            scale = total((constant.get(name, 0.0), *(times(factor, values[text]) for factor, text in parts)))
+            found[axis] = total((found[axis], times(scale, made[name.key])))
+        for thruster, control, column in zip(thrusters, names, columns, strict=True):
+            push = known[control]
+            if thrust:
+                local = {**known, "n": push, "u": times(inflow, thruster.inflow(velocity))}
+                push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
+            found = [total((force, times(x, push))) for force, x in zip(found, column, strict=True)]
+        return found
+
+    return forces
+
+
+def _coriolis_products(
+    hull: Hull, fixed: Mapping[str, float], freedom: Freedom, added_coriolis: AddedCoriolis
+) -> list[Product]:
+    """Products of the rigid body, and of the fixed added mass where that is wanted; none of a body of which nothing is known."""
+    rigid = [] if hull.mass is None else matrix_products(rigid_mass_matrix(hull))
+    added = matrix_products(added_mass_matrix(fixed)) if added_coriolis == "automatic" else []
+    return [product for product in summed((*rigid, *added)) if acts(product.name, freedom, ())]
+
+
+# Accelerations from forces, M nudot = tau, with everything exploited that is known before compilation.
+#
+# Axes that no entry couples are solved apart. A constant matrix is inverted once; one with estimated entries is
+# eliminated on scalars, without pivoting: a mass matrix is positive definite.
+
+Solve = Callable[[Mapping[str, Any], Sequence[Any]], list[Any]]
+
+
+def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientName], moving: Sequence[int]) -> Solve:
+    """Return `solve(values, forces)`: accelerations of the moving axes for the forces on all six.
+
+    Args:
+        constant: rigid body and fixed added mass.
+        free: added masses among the values.
+        moving: indices of the axes that move; the others stay at rest.
+    """
+    named: dict[tuple[int, int], list[str]] = {}
+    for name in free:
+        named.setdefault(added_mass_entry(name), []).append(name.text)
+    groups = _coupled_groups(lambda i, j: constant[i, j] != 0 or (i, j) in named, moving)
+    inverses = {
+        group: np.linalg.inv(constant[np.ix_(group, group)])
+        for group in groups
+        if len(group) > 1 and not any((i, j) in named for i in group for j in group)
+    }
+
+    def solve(values: Mapping[str, Any], forces: Sequence[Any]) -> list[Any]:
+        found: dict[int, Any] = {}
+        for group in groups:
+            right = [forces[i] if len(group) == 1 else _computed_once(forces[i]) for i in group]
+            if group in inverses:
+                rates = [dot((float(entry) for entry in row), right) for row in inverses[group]]
+            else:
+                rows = [[_entry(float(constant[i, j]), named.get((i, j), ()), values) for j in group] for i in group]
+                rates = _eliminate(rows, right)
+            found.update(zip(group, rates, strict=True))
+        return [found[i] for i in moving]
+
+    return solve
+
+
+def _computed_once(force: Any) -> Any:
+    """The same number, which the compiler keeps although several accelerations need it.
+
+    Cheap expressions are computed anew wherever they are used, a quotient never is (decision 2); that this divisor is 1 it cannot know.
+    Batched steps of six degrees of freedom take half the time.
+    """
+    if not isinstance(force, Tracer):
+        return force
+    return force / jax.lax.stop_gradient(jnp.minimum(jnp.abs(force) + 1.0, 1.0))
+
+
+def _entry(constant: float, names: Sequence[str], values: Mapping[str, Any]) -> Any:
+    result: Any = constant
+    for name in names:
+        result = result - values[name]
+    return result
+
+
+def _coupled_groups(coupled: Callable[[int, int], bool], moving: Sequence[int]) -> list[tuple[int, ...]]:
+    """Connected groups of axes, each in ascending order."""
+    left, groups = list(moving), []
+    while left:
+        group = [left.pop(0)]
+        for i in group:
+            joined = [j for j in left if coupled(i, j) or coupled(j, i)]
+            group += joined
+            left = [j for j in left if j not in joined]
+        groups.append(tuple(sorted(group)))
+    return groups
+
+
+def _eliminate(rows: list[list[Any]], right: list[Any]) -> list[Any]:
+    """Gaussian elimination on scalars; zeros that are Python numbers cost nothing."""
+    n = len(right)
+    rows, right = [list(row) for row in rows], list(right)
+    for k in range(n):
+        for i in range(k + 1, n):
+            if isinstance(rows[i][k], float) and rows[i][k] == 0.0:
+                continue
+            share = rows[i][k] / rows[k][k]
+            for j in range(k + 1, n):
+                rows[i][j] = total((rows[i][j], -times(share, rows[k][j])))
+            right[i] = total((right[i], -times(share, right[k])))
+    found: list[Any] = [0.0] * n
+    for i in reversed(range(n)):
+        known = (-times(rows[i][j], found[j]) for j in range(i + 1, n))
+        found[i] = total((right[i], *known)) / rows[i][i]
+    return found
 
 
 def whole_vehicle(

@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 
-from seatrial.apps.dashboard import thinking
+from seatrial.apps.dashboard import model_queries as thinking
 from seatrial.apps.dashboard.logs import look_into
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.templates import TEMPLATES
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.templates import TEMPLATES
 from seatrial.core.errors import InputError
 
 

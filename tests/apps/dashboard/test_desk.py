@@ -9,17 +9,17 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from seatrial.apps.dashboard.desk import Desk, answered, stamp
-from seatrial.apps.dashboard.isolated import isolated
 from seatrial.apps.dashboard.jobs import Jobs
-from seatrial.apps.dashboard.words import Worded, words_of
-from seatrial.core.apart import end_all
+from seatrial.apps.dashboard.logs import isolated
+from seatrial.apps.dashboard.view_models import PlainError, words_of
+from seatrial.apps.dashboard.worker_pool import WorkerPool, answered, stamp
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.processes import end_all
 
 COMPUTES = """
 import asyncio, os, subprocess, sys
-from seatrial.apps.dashboard.desk import Desk
-from seatrial.apps.dashboard.isolated import isolated
+from seatrial.apps.dashboard.worker_pool import Desk
+from seatrial.apps.dashboard.logs import isolated
 
 PLAIN = "from seatrial.core.processes import end_with_parent; end_with_parent(); from asks import hold; hold()"
 
@@ -50,30 +50,30 @@ if __name__ == "__main__":
 def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
     asked = []
 
-    class Counting(Desk):
+    class Counting(WorkerPool):
         def _submit(self, pool, question, about):
             asked.append(question)
             return super()._submit(pool, question, about)
 
     async def main():
-        desk, file = Counting(), tmp_path / "x"
+        worker_pool, file = Counting(), tmp_path / "x"
         file.write_text("1")
         try:
-            many = [desk._ask("thinning", "text_of", (b"y",), [file]) for _ in range(20)]
+            many = [worker_pool._ask("thinning", "text_of", (b"y",), [file]) for _ in range(20)]
             assert await asyncio.gather(*many) == ["y"] * 20
             assert len(asked) == 1
             file.write_text("22")
-            await desk._ask("thinning", "text_of", (b"y",), [file])
+            await worker_pool._ask("thinning", "text_of", (b"y",), [file])
             assert len(asked) == 2
-            with pytest.raises(Worded, match="no such file"):
-                await desk._ask("thinning", "draw_record", (tmp_path / "none.nc",), ())
-            process = next(iter(desk.pools["thinning"]._processes))
+            with pytest.raises(PlainError, match="no such file"):
+                await worker_pool._ask("thinning", "draw_record", (tmp_path / "none.nc",), ())
+            process = next(iter(worker_pool.pools["thinning"]._processes))
             os.kill(process, 9)
             with pytest.raises(NumericalError, match="ended without a word"):
-                await desk._ask("thinning", "text_of", (b"z",), ())
-            assert await desk._ask("thinning", "text_of", (b"z",), ()) == "z"
+                await worker_pool._ask("thinning", "text_of", (b"z",), ())
+            assert await worker_pool._ask("thinning", "text_of", (b"z",), ()) == "z"
         finally:
-            desk.close()
+            worker_pool.close()
 
     asyncio.run(main())
 

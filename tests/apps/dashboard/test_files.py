@@ -14,14 +14,13 @@ pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 
 
 from fastapi import FastAPI
 
-from seatrial.apps.dashboard import uploads
-from seatrial.apps.dashboard.gate import Gate, Gated, token_for
-from seatrial.apps.dashboard.house import House
-from seatrial.apps.dashboard.isolated import isolated
-from seatrial.apps.dashboard.logs import look_into
-from seatrial.apps.dashboard.places import Places
+from seatrial.apps.dashboard import logs as uploads
+from seatrial.apps.dashboard.app_context import AppContext
+from seatrial.apps.dashboard.campaign_paths import CampaignPaths
+from seatrial.apps.dashboard.logs import isolated, look_into
+from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, token_for
 from seatrial.apps.dashboard.server import REPORT_POLICY, _add_files
-from seatrial.apps.dashboard.words import Worded
+from seatrial.apps.dashboard.view_models import PlainError
 from seatrial.core.errors import InputError
 
 MOST = 1 << 20
@@ -34,12 +33,12 @@ def ask(tmp_path):
     (tmp_path / "served" / "boat").mkdir(parents=True)
     (tmp_path / "served" / "boat" / "campaign.toml").write_text("[campaign]\n")
     (tmp_path / "secret.csv").write_text("secret")
-    app, gate = FastAPI(openapi_url=None), Gate("127.0.0.1", None, MOST)
-    _add_files(app, House(Places.of(tmp_path / "served")), gate)
+    app, guard = FastAPI(openapi_url=None), RequestGuard("127.0.0.1", None, MOST)
+    _add_files(app, AppContext(CampaignPaths.of(tmp_path / "served")), guard)
 
     def asked(method, path, **more):
         async def answer():
-            transport = httpx.ASGITransport(Gated(app, gate))
+            transport = httpx.ASGITransport(GuardedApp(app, guard))
             async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8080", headers=HERE) as client:
                 return await client.request(method, path, **more)
 
@@ -131,7 +130,7 @@ def test_a_question_in_its_own_process_is_kept_small_short_and_worded():
         isolated("x", bytearray, 8 << 30, memory=4 << 30)
     with pytest.raises(InputError, match="not read after"):
         isolated("x", time.sleep, 60.0, seconds=1.0)
-    with pytest.raises(Worded, match="16 plain characters"):
+    with pytest.raises(PlainError, match="16 plain characters"):
         isolated("x", token_for, "0.0.0.0", "short")
 
 
@@ -140,7 +139,7 @@ def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
     cases = {"noise.mat": b"MATLAB 5.0 MAT-file" + np.random.default_rng(5).bytes(20_000), "line.csv": b"a," * 500_000}
     for name, content in cases.items():
         (tmp_path / name).write_bytes(content)
-        with pytest.raises((InputError, Worded)) as refused:
+        with pytest.raises((InputError, PlainError)) as refused:
             look_into(str(tmp_path / name), name, ())
         assert "Traceback" not in str(refused.value)
     with gzip.open(tmp_path / "swell.csv.gz", "wb") as stream:
@@ -149,7 +148,7 @@ def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
     with zipfile.ZipFile(tmp_path / "bomb.csv", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a", b"0" * (1 << 24))
     for name in ("swell.csv.gz", "bomb.csv"):
-        with pytest.raises((InputError, Worded)) as refused:
+        with pytest.raises((InputError, PlainError)) as refused:
             look_into(str(tmp_path / name), name, ())
         assert "remedy" in str(refused.value)
 

@@ -5,11 +5,11 @@ import asyncio
 import httpx
 import pytest
 
-from seatrial.apps.dashboard.gate import (
+from seatrial.apps.dashboard.request_guard import (
     POLICY,
     SMALL_BODY,
-    Gate,
-    Gated,
+    GuardedApp,
+    RequestGuard,
     is_loopback,
     is_own_name,
     is_same_origin,
@@ -34,9 +34,9 @@ async def echo(scope, receive, send):
     await send({"type": "http.response.body", "body": str(size).encode()})
 
 
-def ask(gate, method="GET", path="/", host="127.0.0.1:8080", content=None, **headers):
+def ask(guard, method="GET", path="/", host="127.0.0.1:8080", content=None, **headers):
     async def answer():
-        transport = httpx.ASGITransport(Gated(echo, gate))
+        transport = httpx.ASGITransport(GuardedApp(echo, guard))
         async with httpx.AsyncClient(transport=transport, base_url="http://x") as client:
             sent = {"host": host, **{name.replace("_", "-"): value for name, value in headers.items()}}
             return await client.request(method, path, headers=sent, content=content)
@@ -44,8 +44,8 @@ def ask(gate, method="GET", path="/", host="127.0.0.1:8080", content=None, **hea
     return asyncio.run(answer())
 
 
-HERE = Gate("127.0.0.1", None, 1000)
-OUTSIDE = Gate("0.0.0.0", TOKEN, 1000)
+HERE = RequestGuard("127.0.0.1", None, 1000)
+OUTSIDE = RequestGuard("0.0.0.0", TOKEN, 1000)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8080", "localhost:9000", "[::1]:1", "127.8.9.1", "LOCALHOST"])
@@ -109,7 +109,7 @@ def test_web_sockets_of_other_sites_are_closed():
     async def send(message):
         sent.append(message)
 
-    asyncio.run(Gated(echo, HERE)(scope, receive, send))
+    asyncio.run(GuardedApp(echo, HERE)(scope, receive, send))
     assert sent == [{"type": "websocket.close", "code": 1008}]
     assert HERE.refusal({**scope, "headers": [(b"host", b"localhost"), (b"origin", b"http://localhost")]}) is None
 

@@ -8,15 +8,15 @@ import time
 
 import pytest
 
-from seatrial.apps.console import ConsoleWatch
+from seatrial.apps.campaign_lock import FILE_NAME, occupant_of, occupying, release_all
+from seatrial.apps.console import ConsoleReporter
 from seatrial.apps.dashboard.jobs import Jobs, log_of
-from seatrial.apps.occupied import FILE_NAME, occupant_of, occupying, release_all
 from seatrial.core.errors import InputError
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from seatrial.apps.occupied import occupying
+from seatrial.apps.campaign_lock import occupying
 with occupying(Path(sys.argv[1])) as held:
     told = held.progress("estimate M-0")
     told(25, 100)
@@ -77,7 +77,7 @@ def test_looking_at_it_does_not_keep_anyone_out(tmp_path):
         [
             sys.executable,
             "-c",
-            "import sys; from pathlib import Path; from seatrial.apps.occupied import occupant_of\nprint('on', flush=True)\n"
+            "import sys; from pathlib import Path; from seatrial.apps.campaign_lock import occupant_of\nprint('on', flush=True)\n"
             "while True: occupant_of(Path(sys.argv[1]))",
             str(tmp_path),
         ],
@@ -123,11 +123,11 @@ def test_a_damaged_file_is_no_reason_to_fail(tmp_path):
 def test_piped_progress_tells_the_time_left_now_and_then(monkeypatch):
     said, clock = [], [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: clock[0])
-    watch = ConsoleWatch()
-    monkeypatch.setattr(watch, "say", said.append)
+    reporter = ConsoleReporter()
+    monkeypatch.setattr(reporter, "say", said.append)
     told = []
-    watch.also = lambda title: lambda done, total: told.append((title, done, total))
-    report = watch.progress("estimate M-1")
+    reporter.also = lambda title: lambda done, total: told.append((title, done, total))
+    report = reporter.progress("estimate M-1")
     for second in range(0, 41):
         clock[0] = float(second)
         report(second, 40)

@@ -13,12 +13,12 @@ pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 
 
 import uvicorn
 
-from seatrial.apps.dashboard.gate import Gate, Gated
-from seatrial.apps.dashboard.pace import LARGEST_HEAD, Pace, counted, punctual
+from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard
+from seatrial.apps.dashboard.throttling import LARGEST_HEAD, Throttle, counted, punctual
 from tests.apps.dashboard.served import served
 from tests.campaign.small import write_small
 
-QUICK = Pace(head=1.0, pause=1.0, slowest=1000.0, at_once=2, queue=3, patience=20.0, connections=4)
+QUICK = Throttle(head=1.0, pause=1.0, slowest=1000.0, at_once=2, queue=3, patience=20.0, connections=4)
 HEAD = b"POST /upload/ HTTP/1.1\r\nhost: 127.0.0.1\r\n"
 
 
@@ -45,7 +45,7 @@ async def app(scope, receive, send):
 def port():
     """Port of a server that is soon out of patience."""
     here = socket.create_server(("127.0.0.1", 0))
-    gated = Gated(app, Gate("127.0.0.1", None, 1 << 20), (), QUICK)
+    gated = GuardedApp(app, RequestGuard("127.0.0.1", None, 1 << 20), (), QUICK)
     server = uvicorn.Server(uvicorn.Config(gated, http=punctual(QUICK), lifespan="off", log_level="error"))
     thread = threading.Thread(target=server.run, args=([here],))
     thread.start()
@@ -162,7 +162,7 @@ def test_pages_take_turns_and_who_would_wait_too_long_is_asked_to_come_again():
         await app(scope, receive, send)
 
     async def main():
-        gated = Gated(page, Gate("127.0.0.1", None, 1), ("/results",), QUICK)
+        gated = GuardedApp(page, RequestGuard("127.0.0.1", None, 1), ("/results",), QUICK)
         async with httpx.AsyncClient(transport=httpx.ASGITransport(gated), base_url="http://127.0.0.1") as client:
             return await asyncio.gather(*(client.get("/results") for _ in range(10)))
 

@@ -4,11 +4,11 @@ import time
 
 import pytest
 
-from seatrial.campaign.designs import design_key
-from seatrial.campaign.load import load_campaign
-from seatrial.campaign.simulated import record_keys
-from seatrial.campaign.standing import standing
-from seatrial.campaign.store import Store, write_stamped_json
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.simulate import record_keys
+from seatrial.campaign.design.sweep import design_key
+from seatrial.campaign.store.files import Store, write_stamped_json
+from seatrial.campaign.workflow.status import standing
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
@@ -52,7 +52,7 @@ def test_a_damaged_result_is_stale(tmp_path):
 
 
 def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):
-    from seatrial.campaign import standing as module
+    from seatrial.campaign.workflow import status as module
 
     truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
     files = """[import]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seatrial.apps.dashboard import thinning
-from seatrial.apps.dashboard.thinning import draw_record, edges_of, envelopes
+from seatrial.apps.dashboard import downsample as thinning
+from seatrial.apps.dashboard.downsample import draw_record, edges_of, envelopes
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.record_file import write_record
 

@@ -8,7 +8,7 @@ import pytest
 from seatrial.apps.campaign_text import read_file, with_trim, write_file
 from seatrial.apps.dashboard.edits import with_limit, with_map
 from seatrial.apps.toml_edit import comment_out, set_key
-from seatrial.campaign.templates import init_campaign
+from seatrial.campaign.config.templates import init_campaign
 from seatrial.core.errors import InputError
 
 TEXT = """# A campaign.

@@ -9,11 +9,11 @@ pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 
 
 import uvicorn
 
-from seatrial.apps.dashboard.desk import Desk
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.server import serve
-from seatrial.apps.dashboard.words import Worded
-from seatrial.campaign.named_files import VARIABLE, keep_within
+from seatrial.apps.dashboard.view_models import PlainError
+from seatrial.apps.dashboard.worker_pool import WorkerPool
+from seatrial.campaign.config.named_files import VARIABLE, keep_within
 from tests.campaign.small import write_small
 from tests.campaign.test_named_files import FILE, TRUTH
 
@@ -41,13 +41,13 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
     keep_within([folder])
 
     async def shown():
-        desk = Desk()
+        worker_pool = WorkerPool()
         try:
-            await desk.think("whole_log", str(folder), "a")
+            await worker_pool.think("whole_log", str(folder), "a")
         finally:
-            desk.close()
+            worker_pool.close()
 
-    with pytest.raises(Worded, match="which lies outside"):
+    with pytest.raises(PlainError, match="which lies outside"):
         asyncio.run(shown())
     jobs = Jobs()
     jobs.start(folder, "import")

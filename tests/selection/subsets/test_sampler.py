@@ -9,13 +9,13 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.chain_statistics import half_of, presence_r_hat
 from seatrial.selection.subsets.gram import gram
 from seatrial.selection.subsets.prior import GPrior, physical_prior
 from seatrial.selection.subsets.prior_mass import allowed_mass
 from seatrial.selection.subsets.rules import Rules
 from seatrial.selection.subsets.sampler import sample_subsets, subset_posterior
 from seatrial.selection.subsets.structure_chains import _alike
-from seatrial.selection.subsets.tour import half_of, presence_r_hat
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
 RULES = Rules(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))

@@ -11,14 +11,14 @@ from seatrial.sampling.names import DEFAULT, METHODS
 def check(folder: Folder, quiet: Quiet = False) -> None:
     """Judge the records: direction, size, delay, outliers, and what each can tell; raw plots are always written."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
+    def work(campaign: Any, reporter: Any) -> Exit:
         if not campaign.has_records:
             return _say_what_is_missing(campaign)
-        from seatrial.campaign.check import check_records
-        from seatrial.campaign.trials import get_trials
-        from seatrial.report.check_picture import write_check_picture
+        from seatrial.campaign.data.check import check_records
+        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.report.figure_files import write_check_picture
 
-        trials = get_trials(campaign, watch)
+        trials = get_trials(campaign, reporter)
         pictures = [write_check_picture(campaign, record) for record in (*trials.fit, *trials.predict)]
         judged = check_records(campaign, trials)
         for one, picture in zip(judged, pictures, strict=True):
@@ -31,8 +31,8 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
 
 def _say_what_is_missing(campaign: Any) -> Exit:
     """Of a campaign without a record: that its file can be used, whether it is designed, and how it goes on."""
-    from seatrial.campaign.no_record import no_record
-    from seatrial.campaign.standing import standing
+    from seatrial.campaign.data.simulate import no_record
+    from seatrial.campaign.workflow.status import standing
 
     typer.echo(f"{campaign.path} can be used; there is no record to judge yet")
     design, records, *_ = standing(campaign.folder)
@@ -44,13 +44,13 @@ def _say_what_is_missing(campaign: Any) -> Exit:
 def tuning(folder: Folder, quiet: Quiet = False) -> None:
     """Check the tuning of the filter along each fitted record, and say which of P, Q and R to change."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.estimate import estimate_all
-        from seatrial.campaign.trials import get_trials
-        from seatrial.campaign.tuning import WHERE, check_filter
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.campaign.inference.estimate import estimate_all
+        from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
 
-        trials = get_trials(campaign, watch)
-        checks = check_filter(campaign, estimate_all(campaign, trials, watch)[0], trials)
+        trials = get_trials(campaign, reporter)
+        checks = check_filter(campaign, estimate_all(campaign, trials, reporter)[0], trials)
         for check in checks:
             typer.echo(f"record {check.record.label}")
             typer.echo("\n".join(check.lines()))
@@ -73,12 +73,12 @@ def calibrate(
 ) -> None:
     """Check that stated uncertainty is right: truths from the priors, data from them, and their ranks in the posteriors."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.calibrate import calibrate as run_calibration
-        from seatrial.campaign.trials import get_trials
-        from seatrial.report.calibration_picture import write_calibration_picture
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.campaign.inference.calibration import calibrate as run_calibration
+        from seatrial.report.figure_files import write_calibration_picture
 
-        found = run_calibration(campaign, get_trials(campaign, watch), replicates, method, watch)
+        found = run_calibration(campaign, get_trials(campaign, reporter), replicates, method, reporter)
         typer.echo("\n".join(found.lines()))
         typer.echo(f"picture: {write_calibration_picture(campaign, found)}")
         return Exit.ALARMS if found.calibration.outside() else Exit.OK

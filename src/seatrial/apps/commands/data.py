@@ -10,10 +10,10 @@ from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
 def simulate(folder: Folder, quiet: Quiet = False) -> None:
     """Run the trials that were decided on the simulated vehicle, the designed one first."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.trials import simulate_trials
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import simulate_trials
 
-        return _say_trials(simulate_trials(campaign, watch))
+        return _say_trials(simulate_trials(campaign, reporter))
 
     with_campaign(folder, quiet, work)
 
@@ -42,27 +42,27 @@ def import_logs(
 ) -> None:
     """Read real logs into records, by the campaign's channel map."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.trials import import_trials
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import import_trials
         from seatrial.core.errors import InputError
 
         if start is not None or end is not None:
-            return _say_trials(_trim(campaign, run, start, end, watch), campaign, accelerations)
+            return _say_trials(_trim(campaign, run, start, end, reporter), campaign, accelerations)
         if run is not None:
             raise InputError(
                 "--run", found=run, expected="--start or --end with it", remedy="give one, or leave it out"
             )
-        return _say_trials(import_trials(campaign, watch), campaign, accelerations)
+        return _say_trials(import_trials(campaign, reporter), campaign, accelerations)
 
     with_campaign(folder, quiet, work)
 
 
-def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, watch: Any) -> Any:
+def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, reporter: Any) -> Any:
     """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
     from seatrial.apps.campaign_text import read_file, with_trim, write_file
-    from seatrial.campaign.load import check_text
-    from seatrial.campaign.no_record import no_record
-    from seatrial.campaign.trials import import_trials
+    from seatrial.campaign.config.load import check_text
+    from seatrial.campaign.data.import_logs import import_trials
+    from seatrial.campaign.data.simulate import no_record
     from seatrial.core.errors import InputError
     from seatrial.core.units import quantity
 
@@ -85,7 +85,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, wa
         )
     seen = read_file(campaign.folder)
     text = with_trim(campaign.folder, seen, run, start, end)
-    trials = import_trials(check_text(campaign.folder, text), watch)
+    trials = import_trials(check_text(campaign.folder, text), reporter)
     write_file(campaign.folder, text, seen)
     for own in campaign.source.imported.trim if run is None else ():
         typer.echo(f"caution: run {own} keeps ends of its own; --run {own} changes them", err=True)
@@ -93,7 +93,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, wa
 
 
 def _say_trials(trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
-    from seatrial.campaign.record_checks import record_cautions
+    from seatrial.campaign.data.record_cautions import record_cautions
 
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
@@ -107,8 +107,8 @@ def _say_trials(trials: Any, campaign: Any = None, accelerations: str | None = N
 
 def _smooth(campaign: Any, trials: Any, channels: str) -> None:
     """Smooth channels of every record, write them with their rates, and say what was found."""
-    from seatrial.campaign.accelerations import check_names, smooth_channels, write_accelerations
-    from seatrial.report.accelerations_picture import write_accelerations_picture
+    from seatrial.campaign.data.accelerations import check_names, smooth_channels, write_accelerations
+    from seatrial.report.figure_files import write_accelerations_picture
 
     records = (*trials.fit, *trials.predict)
     names = list(dict.fromkeys(name.strip() for name in channels.split(",")))

@@ -42,7 +42,7 @@ def export(
 ) -> None:
     """Export the estimated vehicle to a simulator, saying what is lost, or the next trial to a vehicle."""
 
-    def work(watch: Any) -> Exit:
+    def work(reporter: Any) -> Exit:
         from seatrial.core.units import quantity
 
         folder = Path(what)

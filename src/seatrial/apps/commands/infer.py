@@ -35,10 +35,10 @@ def estimate(
 ) -> None:
     """Estimate the coefficients of every candidate structure."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
+    def work(campaign: Any, reporter: Any) -> Exit:
         _refuse_window(by, window)
         seconds = _seconds(window, "--window")
-        return _by_chains(campaign, watch) if by is By.CHAINS else _first_answers(campaign, watch, by, seconds)
+        return _by_chains(campaign, reporter) if by is By.CHAINS else _first_answers(campaign, reporter, by, seconds)
 
     with_campaign(folder, quiet, work)
 
@@ -52,12 +52,12 @@ def profile(
 ) -> None:
     """Profile the likelihood of the full structure: where the data alone allow each parameter to be, priors aside."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.profiles import profile_all
-        from seatrial.campaign.trials import get_trials
-        from seatrial.report.profile_picture import write_profile_picture
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.campaign.inference.profile import profile_all
+        from seatrial.report.figure_files import write_profile_picture
 
-        found = profile_all(campaign, get_trials(campaign, watch), parameter or [], watch)
+        found = profile_all(campaign, get_trials(campaign, reporter), parameter or [], reporter)
         typer.echo("\n".join(found.lines()))
         typer.echo(f"picture: {write_profile_picture(campaign, found)}")
         return Exit.OK
@@ -68,19 +68,19 @@ def profile(
 def select(folder: Folder, quiet: Quiet = False) -> None:
     """Decide which terms the data support."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.choose import agreement_words, select_structure
-        from seatrial.campaign.contenders import find_contenders
-        from seatrial.campaign.screen import screening_of, with_shortlist
-        from seatrial.campaign.trials import get_trials
-        from seatrial.report.select_picture import write_select_picture
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.campaign.selection.evidence import agreement_words, select_structure
+        from seatrial.campaign.selection.runner_up import find_contenders
+        from seatrial.campaign.selection.screening import screening_of, with_shortlist
+        from seatrial.report.figure_files import write_select_picture
 
-        trials = get_trials(campaign, watch)
-        screened, cautions = screening_of(campaign, trials, watch)
+        trials = get_trials(campaign, reporter)
+        screened, cautions = screening_of(campaign, trials, reporter)
         if screened is not None:
             typer.echo("\n".join(screened.lines()))
-        campaign = with_shortlist(campaign, trials, watch)
-        selection = select_structure(campaign, trials, watch)
+        campaign = with_shortlist(campaign, trials, reporter)
+        selection = select_structure(campaign, trials, reporter)
         for structure, evidence, probability in zip(
             selection.structures, selection.evidences, selection.probability, strict=True
         ):
@@ -89,7 +89,7 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
             typer.echo(verdict)
-        contenders = find_contenders(campaign, selection, trials, watch)
+        contenders = find_contenders(campaign, selection, trials, reporter)
         if contenders is not None:
             typer.echo("\n".join(contenders.lines(selection)))
         if screened is not None or contenders is not None:
@@ -118,20 +118,25 @@ def criteria(
 ) -> None:
     """Compare the structures by every information criterion, by leave-future-out and by Savage-Dickey ratios."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.choose import current_selection
-        from seatrial.campaign.criteria import criteria_all, future_edges
-        from seatrial.campaign.criteria_words import criteria_cautions, criteria_lines, nested_pairs
-        from seatrial.campaign.estimate import estimate_all
-        from seatrial.campaign.screen import with_shortlist
-        from seatrial.campaign.trials import get_trials
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.campaign.inference.estimate import estimate_all
+        from seatrial.campaign.selection.criteria import (
+            criteria_all,
+            criteria_cautions,
+            criteria_lines,
+            future_edges,
+            nested_pairs,
+        )
+        from seatrial.campaign.selection.evidence import current_selection
+        from seatrial.campaign.selection.screening import with_shortlist
 
         lengths = _seconds(first, "--first"), _seconds(block, "--block")
-        trials = get_trials(campaign, watch)
-        campaign = with_shortlist(campaign, trials, watch)
+        trials = get_trials(campaign, reporter)
+        campaign = with_shortlist(campaign, trials, reporter)
         future_edges(trials, *lengths)
-        estimates = estimate_all(campaign, trials, watch)
-        found = criteria_all(campaign, estimates, trials, *lengths, watch)
+        estimates = estimate_all(campaign, trials, reporter)
+        found = criteria_all(campaign, estimates, trials, *lengths, reporter)
         typer.echo("\n".join(criteria_lines(found)))
         pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
         if pairs:
@@ -145,15 +150,15 @@ def criteria(
     with_campaign(folder, quiet, work)
 
 
-def _by_chains(campaign: Any, watch: Any) -> Exit:
-    from seatrial.campaign.estimate import estimate_all
-    from seatrial.campaign.known import known_after
-    from seatrial.campaign.screen import with_shortlist
-    from seatrial.campaign.trials import get_trials
+def _by_chains(campaign: Any, reporter: Any) -> Exit:
+    from seatrial.campaign.data.import_logs import get_trials
+    from seatrial.campaign.inference.estimate import estimate_all
+    from seatrial.campaign.inference.identifiability import known_after
+    from seatrial.campaign.selection.screening import with_shortlist
 
-    trials = get_trials(campaign, watch)
-    campaign = with_shortlist(campaign, trials, watch)
-    estimates = estimate_all(campaign, trials, watch)
+    trials = get_trials(campaign, reporter)
+    campaign = with_shortlist(campaign, trials, reporter)
+    estimates = estimate_all(campaign, trials, reporter)
     told = []
     for item in estimates:
         typer.echo(f"{item.structure.label}")
@@ -171,14 +176,14 @@ def _by_chains(campaign: Any, watch: Any) -> Exit:
     )
 
 
-def _first_answers(campaign: Any, watch: Any, by: By, window: float | None) -> Exit:
-    from seatrial.campaign.first_answers import MODE, REGRESSION, posterior_modes, regressions
-    from seatrial.campaign.screen import with_shortlist
-    from seatrial.campaign.trials import get_trials
+def _first_answers(campaign: Any, reporter: Any, by: By, window: float | None) -> Exit:
+    from seatrial.campaign.data.import_logs import get_trials
+    from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
+    from seatrial.campaign.selection.screening import with_shortlist
 
-    trials = get_trials(campaign, watch)
-    campaign = with_shortlist(campaign, trials, watch)
-    answers = posterior_modes(campaign, trials, watch) if by is By.MODE else regressions(campaign, trials, window)
+    trials = get_trials(campaign, reporter)
+    campaign = with_shortlist(campaign, trials, reporter)
+    answers = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for answer in answers:
         typer.echo("\n".join(answer.lines()))
     typer.echo(MODE if by is By.MODE else REGRESSION)

@@ -38,12 +38,12 @@ def inspect(
 ) -> None:
     """List what a log holds, how good its clocks are, and guess which columns are which channels."""
 
-    def work(watch: Any) -> Exit:
+    def work(reporter: Any) -> Exit:
         from seatrial.logs.formats.protocol import TextLayout
         from seatrial.logs.inspect import inspect_log
 
         layout = TextLayout(delimiter, skip_rows, encoding=encoding)
-        found = inspect_log(log, table, layout, _late_progress(watch, f"reading {log.name}"))
+        found = inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}"))
         if map_:
             channels = [name for text in only or () for name in text.split(",")]
             typer.echo(found.as_toml(channels), nl=False)
@@ -54,14 +54,14 @@ def inspect(
     watched(quiet, work)
 
 
-def _late_progress(watch: Any, title: str) -> Callable[[float], None]:
+def _late_progress(reporter: Any, title: str) -> Callable[[float], None]:
     """Progress that shows itself only where the work takes over two seconds."""
     started, report = time.monotonic(), None
 
     def told(share: float) -> None:
         nonlocal report
         if report is None and share < 1 and time.monotonic() - started > _PATIENCE:
-            report = watch.progress(title)
+            report = reporter.progress(title)
         if report is not None:
             report(round(1000 * share), 1000)
 

@@ -10,11 +10,11 @@ from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
 def report(folder: Folder, quiet: Quiet = False) -> None:
     """Write report.html from the results; whatever is missing is computed first."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.loop import run_loop
-        from seatrial.campaign.proposal import propose
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.workflow.next_trial import propose
+        from seatrial.campaign.workflow.run import run_loop
 
-        outcome = run_loop(campaign, watch)
+        outcome = run_loop(campaign, reporter)
         return _tell_and_report(outcome, propose(outcome))
 
     with_campaign(folder, quiet, work)
@@ -23,10 +23,10 @@ def report(folder: Folder, quiet: Quiet = False) -> None:
 def run(folder: Folder, quiet: Quiet = False) -> None:
     """Run the whole loop, resuming where it stopped, and write report.html; simulated trials go on to the goal."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.sequence import run_sequence
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.workflow.next_trial import run_sequence
 
-        return _tell_and_report(*run_sequence(campaign, watch))
+        return _tell_and_report(*run_sequence(campaign, reporter))
 
     with_campaign(folder, quiet, work)
 
@@ -40,21 +40,21 @@ def next_trial(
 ) -> None:
     """Say which trial to run next and what it promises, or why to stop."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.loop import run_loop
-        from seatrial.campaign.proposal import propose
-        from seatrial.campaign.schedules import write_schedule
-        from seatrial.campaign.simulated import add_trial, check_simulated
-        from seatrial.campaign.store import Store
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.data.simulate import add_trial, check_simulated
+        from seatrial.campaign.design.schedule import write_schedule
+        from seatrial.campaign.store.files import Store
+        from seatrial.campaign.workflow.next_trial import propose
+        from seatrial.campaign.workflow.run import run_loop
 
         if execute:
             check_simulated(campaign)
-        outcome = run_loop(campaign, watch)
+        outcome = run_loop(campaign, reporter)
         proposal = propose(outcome)
         if execute and proposal.trial is not None:
             typer.echo("\n".join(proposal.lines))
             add_trial(campaign, proposal.trial)
-            outcome = run_loop(campaign, watch)
+            outcome = run_loop(campaign, reporter)
             proposal = propose(outcome)
         typer.echo("\n".join(proposal.lines))
         if proposal.trial is not None:

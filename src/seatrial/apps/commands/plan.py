@@ -18,7 +18,7 @@ def init(
     ] = "remus100",
 ) -> None:
     """Write a campaign file to begin from."""
-    from seatrial.campaign.templates import TEMPLATES, init_campaign
+    from seatrial.campaign.config.templates import TEMPLATES, init_campaign
 
     path = init_campaign(folder, template)
     typer.echo(f"wrote {path}: {TEMPLATES[template]}")
@@ -31,12 +31,12 @@ def init(
 def prior(folder: Folder, quiet: Quiet = False) -> None:
     """Show what the priors mean in metres per second, before any data are used."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.prior_predictive import predict_from_prior
-        from seatrial.campaign.prior_words import prior_alarms, prior_cautions, prior_lines
-        from seatrial.report.prior_picture import write_prior_picture
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.prior.predictive import predict_from_prior
+        from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
+        from seatrial.report.figure_files import write_prior_picture
 
-        found = predict_from_prior(campaign, watch)
+        found = predict_from_prior(campaign, reporter)
         typer.echo("\n".join(prior_lines(found)))
         typer.echo(f"picture: {write_prior_picture(campaign, found)}")
         return finish(prior_alarms(found), prior_cautions(found))
@@ -75,13 +75,13 @@ def design(
 ) -> None:
     """Find the most informative trial of the families, inside the limits."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.designs import design_first
-        from seatrial.campaign.known import known_before
-        from seatrial.campaign.store import Store
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.design.sweep import design_first
+        from seatrial.campaign.inference.identifiability import known_before
+        from seatrial.campaign.store.files import Store
 
         _check_options(campaign, free_form, self_oscillation, trials, search, compare)
-        designs = design_first(campaign, watch)
+        designs = design_first(campaign, reporter)
         first, *others = designs.lines()
         typer.echo(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
         for line in (*others, *designs.safety, *designs.prediction):
@@ -90,12 +90,12 @@ def design(
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
         typer.echo("\n".join(promised.lines()))
         asked = (
-            (free_form, lambda: _free_form(campaign, free_form, watch)),
-            (self_oscillation, lambda: _self_oscillation(campaign, watch)),
-            (trials, lambda: _together(campaign, trials, watch)),
-            (sensors, lambda: _sensors(campaign, watch)),
-            (search, lambda: _searched(campaign, search, watch)),
-            (compare, lambda: _compared(campaign, max(compare, 5), watch)),
+            (free_form, lambda: _free_form(campaign, free_form, reporter)),
+            (self_oscillation, lambda: _self_oscillation(campaign, reporter)),
+            (trials, lambda: _together(campaign, trials, reporter)),
+            (sensors, lambda: _sensors(campaign, reporter)),
+            (search, lambda: _searched(campaign, search, reporter)),
+            (compare, lambda: _compared(campaign, max(compare, 5), reporter)),
         )
         _each([one for wanted, one in asked if wanted])
         if not campaign.has_records:
@@ -109,10 +109,10 @@ def _check_options(
     campaign: Any, free_form: int, self_oscillation: bool, trials: int, search: int, compare: int
 ) -> None:
     """Look for what each option needs before any work."""
-    from seatrial.campaign.free_trial import check_free_trial
-    from seatrial.campaign.global_trial import check_search
-    from seatrial.campaign.relay_loop import check_relay
-    from seatrial.campaign.weighing import check_whole_trials
+    from seatrial.campaign.design.evaluate import check_whole_trials
+    from seatrial.campaign.design.free_form import check_free_trial
+    from seatrial.campaign.design.global_search import check_search
+    from seatrial.campaign.design.relay import check_relay
 
     if free_form:
         check_free_trial(campaign)
@@ -143,41 +143,41 @@ def _each(options: list[Callable[[], list[str]]]) -> None:
         raise failed[-1]
 
 
-def _free_form(campaign: Any, levels: int, watch: Any) -> list[str]:
-    from seatrial.campaign.free_trial import design_free_trial
+def _free_form(campaign: Any, levels: int, reporter: Any) -> list[str]:
+    from seatrial.campaign.design.free_form import design_free_trial
 
-    found, schedule = design_free_trial(campaign, levels, watch)
+    found, schedule = design_free_trial(campaign, levels, reporter)
     return [*found.lines(), f"schedule: {schedule}"]
 
 
-def _self_oscillation(campaign: Any, watch: Any) -> list[str]:
-    from seatrial.campaign.relay_trial import design_relay_trial
-    from seatrial.report.relay_picture import write_relay_picture
+def _self_oscillation(campaign: Any, reporter: Any) -> list[str]:
+    from seatrial.campaign.design.relay import design_relay_trial
+    from seatrial.report.figure_files import write_relay_picture
 
-    test, schedule = design_relay_trial(campaign, watch)
+    test, schedule = design_relay_trial(campaign, reporter)
     return [*test.lines(), f"schedule as foreseen: {schedule}; picture: {write_relay_picture(campaign, test)}"]
 
 
-def _together(campaign: Any, trials: int, watch: Any) -> list[str]:
-    from seatrial.campaign.batch_trial import plan_together
+def _together(campaign: Any, trials: int, reporter: Any) -> list[str]:
+    from seatrial.campaign.design.batch import plan_together
 
-    return plan_together(campaign, trials, watch).lines()
-
-
-def _sensors(campaign: Any, watch: Any) -> list[str]:
-    from seatrial.campaign.sensor_table import sensor_table
-
-    return sensor_table(campaign, watch).lines()
+    return plan_together(campaign, trials, reporter).lines()
 
 
-def _searched(campaign: Any, designs: int, watch: Any) -> list[str]:
-    from seatrial.campaign.global_trial import search_design
+def _sensors(campaign: Any, reporter: Any) -> list[str]:
+    from seatrial.campaign.design.sensors import sensor_table
 
-    found, family, schedule = search_design(campaign, designs, watch)
+    return sensor_table(campaign, reporter).lines()
+
+
+def _searched(campaign: Any, designs: int, reporter: Any) -> list[str]:
+    from seatrial.campaign.design.global_search import search_design
+
+    found, family, schedule = search_design(campaign, designs, reporter)
     return [*found.lines(family), f"schedule: {schedule}"]
 
 
-def _compared(campaign: Any, designs: int, watch: Any) -> list[str]:
-    from seatrial.campaign.measures import compare_measures
+def _compared(campaign: Any, designs: int, reporter: Any) -> list[str]:
+    from seatrial.campaign.design.compare_utilities import compare_measures
 
-    return compare_measures(campaign, designs, watch).lines()
+    return compare_measures(campaign, designs, reporter).lines()

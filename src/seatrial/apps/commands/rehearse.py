@@ -16,11 +16,11 @@ def rehearse(
 ) -> None:
     """Rehearse the campaign on simulated vehicles: trials until the goal is met, chosen anew, repeated or at random."""
 
-    def work(campaign: Any, watch: Any) -> Exit:
-        from seatrial.campaign.rehearsal import rehearse as run_rehearsal
-        from seatrial.report.rehearsal_picture import write_rehearsal_picture
+    def work(campaign: Any, reporter: Any) -> Exit:
+        from seatrial.campaign.rehearsal.run import rehearse as run_rehearsal
+        from seatrial.report.figure_files import write_rehearsal_picture
 
-        found = run_rehearsal(campaign, truths, watch)
+        found = run_rehearsal(campaign, truths, reporter)
         typer.echo("\n".join(found.lines()))
         typer.echo(f"picture: {write_rehearsal_picture(campaign, found)}")
         return finish(found.alarms(), [])

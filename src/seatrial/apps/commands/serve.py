@@ -27,7 +27,7 @@ def serve(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
     """Serve a web page of campaigns: design, run, look at results, compare and export; no internet needed."""
-    from seatrial.apps.dashboard.gate import token_for
+    from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.core.errors import InputError
 
     shown = token_for(host, token)

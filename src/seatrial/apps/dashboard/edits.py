@@ -5,8 +5,8 @@ from pathlib import Path
 
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.toml_edit import comment_out, set_key, written
-from seatrial.campaign.named_files import place_of
-from seatrial.campaign.toml_file import toml_content
+from seatrial.campaign.config.named_files import place_of
+from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
 BOUNDS = ("lower", "upper", "rate")

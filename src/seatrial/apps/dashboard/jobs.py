@@ -13,8 +13,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from seatrial.apps.occupied import Occupant, occupant_of
-from seatrial.campaign.store import Store
+from seatrial.apps.campaign_lock import Occupant, occupant_of
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 
 COMMANDS = {

@@ -1,12 +1,105 @@
 """Logs inside a campaign's folder: what they hold, asked in a process of its own, and what an upload may be called."""
 
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from seatrial.apps.dashboard.isolated import isolated
+from seatrial.apps.dashboard.campaign_paths import upload_name
+from seatrial.apps.dashboard.view_models import PlainError, words_of
+from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.files import atomic_path
+from seatrial.core.processes import apart
 from seatrial.logs.formats.registry import FORMATS
 from seatrial.logs.inspect import inspect_log
 from seatrial.logs.summary import TableSummary
+
+# A look at a file that somebody sent, in a process of its own: what takes too much memory or time ends there and
+# nowhere else.
+
+MEMORY = 6 << 30
+"""Bytes of address space."""
+SECONDS = 300.0
+"""Of waiting."""
+
+
+def isolated(
+    what: str, question: Callable[..., Any], *about: Any, memory: int = MEMORY, seconds: float = SECONDS
+) -> Any:
+    """Answer a question in a process that ends with it.
+
+    Args:
+        what: the file, for errors.
+        question: function of a module.
+        about: its arguments.
+        memory: bytes it may use.
+        seconds: it may take.
+
+    Raises:
+        PlainError: an error of the question, in its words.
+        InputError: it took too much.
+    """
+    (answer,) = apart(what, _worded, question, about, memory=memory, seconds=seconds)
+    return answer
+
+
+def _worded(question: Callable[..., Any], about: tuple) -> Iterator[Any]:
+    try:
+        yield question(*about)
+    except (SeatrialError, OSError) as error:
+        raise PlainError(words_of(error)) from None
+
+
+# A log that is sent to a campaign: counted while it arrives, and kept under `logs/` whole or not at all.
+
+FOLDER = "logs"
+
+
+async def receive(body: AsyncIterator[bytes], folder: Path, given: str, suffixes: tuple[str, ...], most: int) -> str:
+    """Keep an uploaded log.
+
+    Args:
+        body: its bytes, as they arrive.
+        folder: of the campaign.
+        given: its name, as the sender says.
+        suffixes: that a log may have.
+        most: bytes, at most.
+
+    Returns:
+        its path from the campaign's folder.
+
+    Raises:
+        InputError: a name that cannot be used or is taken, nothing sent, or too much.
+        OSError: it cannot be written.
+    """
+    name = upload_name(given, suffixes)
+    place = folder / FOLDER
+    place.mkdir(exist_ok=True)
+    if place.resolve() != folder.resolve() / FOLDER:
+        raise InputError(str(place), found="a link", expected="a folder of the campaign", remedy="make it a folder")
+    path = place / name
+    if path.exists() or path.is_symlink():
+        raise InputError(
+            f'file "{FOLDER}/{name}"',
+            found="a log of that name",
+            expected="a new name",
+            remedy="rename the file, or use the one there",
+        )
+    size = 0
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        async for chunk in body:
+            size += len(chunk)
+            if size > most:
+                raise InputError(
+                    f'file "{name}"',
+                    found=f"more than {most >> 20:,} MiB",
+                    expected="less",
+                    remedy="copy it into the campaign's folder instead",
+                )
+            stream.write(chunk)
+        if not size:
+            raise InputError(f'file "{name}"', found="nothing", expected="a log", remedy="choose another file")
+    return f"{FOLDER}/{name}"
+
 
 SUFFIXES = tuple(sorted({suffix for form in FORMATS for suffix in form.suffixes if suffix.startswith(".")}))
 """Suffixes that a log may have."""

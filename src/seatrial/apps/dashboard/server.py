@@ -1,4 +1,4 @@
-"""The server: pages, files and uploads of one folder behind the gate, until it is interrupted."""
+"""The server: pages, files and uploads of one folder behind the guard, until it is interrupted."""
 
 import asyncio
 import logging
@@ -16,22 +16,22 @@ from fastapi.responses import FileResponse, PlainTextResponse, Response
 from nicegui import ui
 from starlette.requests import ClientDisconnect
 
-from seatrial.apps.dashboard.frame import frame
-from seatrial.apps.dashboard.gate import Gate, Gated, is_loopback
-from seatrial.apps.dashboard.house import House, say
-from seatrial.apps.dashboard.pace import Pace, punctual
+from seatrial.apps.dashboard.app_context import AppContext, say
+from seatrial.apps.dashboard.campaign_paths import CampaignPaths
+from seatrial.apps.dashboard.logs import receive
+from seatrial.apps.dashboard.page_layout import frame
 from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
-from seatrial.apps.dashboard.places import Places
-from seatrial.apps.dashboard.uploads import receive
-from seatrial.apps.dashboard.words import words_of
-from seatrial.campaign.named_files import keep_within
-from seatrial.core.apart import end_all
+from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, is_loopback
+from seatrial.apps.dashboard.throttling import Throttle, punctual
+from seatrial.apps.dashboard.view_models import words_of
+from seatrial.campaign.config.named_files import keep_within
 from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.processes import end_all
 from seatrial.report.figures.style import PALETTE
 
 UPLOAD_HERE, UPLOAD_FROM_ELSEWHERE = 8 << 30, 512 << 20
 """Bytes of an upload, at most: by whoever sits at this machine, and over the network."""
-PACE = Pace()
+PACE = Throttle()
 BUILD = 60.0
 """Seconds in which a page is built, on a machine that has other things to do."""
 REPORT_POLICY = (
@@ -54,16 +54,19 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, 
     Raises:
         InputError: no such folder, or an address that cannot be listened on.
     """
-    house = House(Places.of(folder))
-    others = [Places.of(other).root for other in also]
-    keep_within([house.places.root, *others])
+    context = AppContext(CampaignPaths.of(folder))
+    others = [CampaignPaths.of(other).root for other in also]
+    keep_within([context.campaign_paths.root, *others])
     here = _listen(host, port)
     port = here.getsockname()[1]
-    app = build(house, Gate(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
+    app = build(context, RequestGuard(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
     anywhere = host in ("0.0.0.0", "::")
     shown = _address(socket.gethostname() if anywhere else host, port, token)
-    print(f"{house.places.root} is served at {shown}", flush=True)
-    print(f"its campaigns read files below {' and '.join(map(str, [house.places.root, *others]))} only", flush=True)
+    print(f"{context.campaign_paths.root} is served at {shown}", flush=True)
+    print(
+        f"its campaigns read files below {' and '.join(map(str, [context.campaign_paths.root, *others]))} only",
+        flush=True,
+    )
     if not is_loopback(host):
         print(
             "the token is all that keeps others out, and travels unencrypted: use a network you trust, or ssh -L",
@@ -85,18 +88,18 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, 
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[here])
     finally:
-        house.desk.close()
+        context.worker_pool.close()
 
 
 def _address(host: str, port: int, token: str | None) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/{f'?token={quote(token)}' if token else ''}"
 
 
-def build(house: House, gate: Gate) -> Gated:
+def build(context: AppContext, guard: RequestGuard) -> GuardedApp:
     """Put the application together."""
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-    _add_files(app, house, gate)
-    _add_pages(house)
+    _add_files(app, context, guard)
+    _add_pages(context)
     ui.add_head_html('<link rel="stylesheet" href="/style.css">', shared=True)
     ui.run_with(
         app,
@@ -109,9 +112,9 @@ def build(house: House, gate: Gate) -> Gated:
         show_welcome_message=False,
     )
     logging.getLogger("nicegui").setLevel(logging.ERROR)
-    app.router.on_startup.append(house.desk.warm)
+    app.router.on_startup.append(context.worker_pool.warm)
     app.router.on_shutdown.append(end_all)
-    return Gated(app, gate, ("/", *(f"/{view}" for view in VIEWS)), PACE)
+    return GuardedApp(app, guard, ("/", *(f"/{view}" for view in VIEWS)), PACE)
 
 
 _FAVICON = (
@@ -120,7 +123,7 @@ _FAVICON = (
 )
 
 
-def _add_files(app: FastAPI, house: House, gate: Gate) -> None:
+def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
     style = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
     palette = "; ".join(f"--{name}: {light}" for name, (light, _) in PALETTE.items())
     style = f":root {{ {palette}; }}\n{style}"
@@ -132,7 +135,7 @@ def _add_files(app: FastAPI, house: House, gate: Gate) -> None:
     @app.get("/download")
     async def _download(campaign: str = "", file: str = "", shown: bool = False) -> Response:
         try:
-            path, kind = house.places.download(campaign, file)
+            path, kind = context.campaign_paths.download(campaign, file)
         except (SeatrialError, OSError) as error:
             return PlainTextResponse(f"{words_of(error)}\n", 404)
         headers = {"cache-control": "no-cache", "content-security-policy": REPORT_POLICY}
@@ -144,38 +147,38 @@ def _add_files(app: FastAPI, house: House, gate: Gate) -> None:
         from seatrial.apps.dashboard.logs import SUFFIXES
 
         try:
-            folder = house.places.folder(campaign)
-            kept = await receive(request.stream(), folder, name, SUFFIXES, gate.most)
+            folder = context.campaign_paths.folder(campaign)
+            kept = await receive(request.stream(), folder, name, SUFFIXES, guard.most)
         except InputError as error:
             return PlainTextResponse(f"{error}\n", 400)
         except OSError as error:
             return PlainTextResponse(f"{words_of(error)}\n", 507)
-        except ClientDisconnect:  # gone, or cut off by the gate
-            return PlainTextResponse(f"broken off, too slow, or more than {gate.most >> 20:,} MiB\n", 413)
+        except ClientDisconnect:  # gone, or cut off by the guard
+            return PlainTextResponse(f"broken off, too slow, or more than {guard.most >> 20:,} MiB\n", 413)
         return PlainTextResponse(kept)
 
 
-def _add_pages(house: House) -> None:
+def _add_pages(context: AppContext) -> None:
     @ui.page("/", response_timeout=BUILD)
     async def _overview() -> None:
-        await overview.build(house)
+        await overview.build(context)
 
     for view, make in VIEWS.items():
-        _add_view(house, view, make)
+        _add_view(context, view, make)
 
 
-def _add_view(house: House, view: str, make: Callable[..., Awaitable[None]]) -> None:
+def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None]]) -> None:
     @ui.page(f"/{view}", response_timeout=BUILD)
     async def _view(campaign: str = "") -> None:
         try:
-            folder = await asyncio.to_thread(house.places.folder, campaign)
+            folder = await asyncio.to_thread(context.campaign_paths.folder, campaign)
         except SeatrialError as error:
-            with frame(house, ""):
+            with frame(context, ""):
                 say(error)
             return
-        with frame(house, view, campaign, folder):
+        with frame(context, view, campaign, folder):
             try:
-                await make(house, campaign, folder)
+                await make(context, campaign, folder)
             except Exception as error:
                 logging.getLogger(__name__).exception("the view %s of %s", view, folder)
                 say(f"{type(error).__name__}: {error}. A result may be of another version: run the campaign again.")

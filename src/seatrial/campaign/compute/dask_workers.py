@@ -13,16 +13,74 @@ import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any
 
-from distributed import Client, Future, KilledWorker
+from distributed import Client, Future, KilledWorker, get_worker
 from distributed.comm.core import CommClosedError
 
 from seatrial.campaign.compute.machine import environment, processor
-from seatrial.campaign.compute.on_worker import Failed, Stranger, about, call, differing, load
 from seatrial.campaign.compute.workers import Done, Told, Work, nobody
-from seatrial.campaign.watch import Watch
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import InputError, NumericalError, SeatrialError
+from seatrial.core.progress import Reporter
+
+# What a process of the cluster runs: one piece of work, and what it reports sent on.
+
+EVERY = 0.5
+"""Seconds between two reports of one piece."""
+
+
+@dataclass(frozen=True)
+class Failed:
+    """An error that is meant for the user: a result, so that no worker tries again."""
+
+    error: SeatrialError
+
+
+@dataclass(frozen=True)
+class Stranger:
+    """A worker whose results might not be ours: its address, and versions and settings that differ, theirs and ours."""
+
+    address: str
+    differing: dict[str, tuple[str, str]]
+
+
+def about() -> tuple[dict[str, str], str]:
+    """Environment and processor of this process."""
+    return environment(), processor()
+
+
+def differing(ours: dict[str, str], theirs: dict[str, str]) -> dict[str, tuple[str, str]]:
+    """Versions and settings that are not the same: theirs and ours."""
+    return {name: (theirs.get(name, "missing"), mine) for name, mine in ours.items() if theirs.get(name) != mine}
+
+
+def load(content: bytes) -> Any:
+    """What all pieces share. A task of its own, so that a lost copy is made again from what the scheduler holds."""
+    return pickle.loads(content)
+
+
+def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[str, str]) -> Any:
+    """Do one piece of work; `ours` is checked because workers may join at any time.
+
+    Returns:
+        What the work returns, `Failed`, or `Stranger`.
+    """
+    worker, said = get_worker(), time.monotonic()
+    if other := differing(ours, environment()):
+        return Stranger(worker.address, other)
+
+    def report(done: int, total: int) -> None:
+        nonlocal said
+        if time.monotonic() - said >= EVERY:
+            said = time.monotonic()
+            worker.log_event(topic, (index, int(done), int(total)))
+
+    try:
+        return work(shared, item, report)
+    except SeatrialError as error:
+        return Failed(error)
+
 
 CONNECT = 5.0
 """Seconds in which a scheduler answers, if there is one."""
@@ -85,7 +143,7 @@ class DaskWorkers:
         )
         return f"no worker at {self.name}: waiting ({mend})"
 
-    def greet(self, watch: Watch) -> None:
+    def greet(self, reporter: Reporter) -> None:
         """Check the scheduler, which reads what the tasks are made of, and the workers that are there; say where they are.
 
         Raises:
@@ -109,9 +167,9 @@ class DaskWorkers:
         count = len(found)
         here = f"{count} worker{'s' * (count != 1)} at {self.name}" if count else self.none_yet
         link = self.client.dashboard_link
-        watch.say(here + (f"; the scheduler's page is {link}" if link else ""))
+        reporter.say(here + (f"; the scheduler's page is {link}" if link else ""))
         if others := {answer[1] for answer in found.values()} - {processor()}:
-            watch.say(
+            reporter.say(
                 f"caution: workers compute on {', '.join(sorted(others))}, this machine is {processor()}: results of two kinds of "
                 "processor may differ in their last bits"
             )
@@ -123,9 +181,9 @@ class DaskWorkers:
             if self.client.cluster is not None:
                 self.client.cluster.close(timeout=2)
 
-    def bound(self, watch: Watch) -> "WatchedDaskWorkers":
-        """These workers with a watch that is told how they are."""
-        return WatchedDaskWorkers(self, watch)
+    def bound(self, reporter: Reporter) -> "WatchedDaskWorkers":
+        """These workers with a reporter that is told how they are."""
+        return WatchedDaskWorkers(self, reporter)
 
     def _mute(self, who: str, answer: Exception) -> InputError:
         return InputError(
@@ -145,21 +203,23 @@ class DaskWorkers:
 
 
 class WatchedDaskWorkers:
-    """`Workers` at a scheduler, telling one watch."""
+    """`Workers` at a scheduler, telling one reporter."""
 
-    def __init__(self, cluster: DaskWorkers, watch: Watch):
-        self.cluster, self.watch = cluster, watch
+    def __init__(self, cluster: DaskWorkers, reporter: Reporter):
+        self.cluster, self.reporter = cluster, reporter
 
     def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, told: Told = nobody) -> None:
         """See `Workers.run`."""
-        _Run(self.cluster, self.watch, work, shared, items, told).until_done(done)
+        _Run(self.cluster, self.reporter, work, shared, items, told).until_done(done)
 
 
 class _Run:
     """Pieces of one call of `run`."""
 
-    def __init__(self, cluster: DaskWorkers, watch: Watch, work: Work, shared: Any, items: Sequence[Any], told: Told):
-        self.cluster, self.client, self.watch, self.work, self.told = cluster, cluster.client, watch, work, told
+    def __init__(
+        self, cluster: DaskWorkers, reporter: Reporter, work: Work, shared: Any, items: Sequence[Any], told: Told
+    ):
+        self.cluster, self.client, self.reporter, self.work, self.told = cluster, cluster.client, reporter, work, told
         self.name, self.total = f"{work.__name__.strip('_')}-{uuid.uuid4().hex[:12]}", len(items)
         self.waiting, self.ended = deque(enumerate(items)), queue.SimpleQueue[Future]()
         self.running: dict[str, tuple[int, Future]] = {}
@@ -249,7 +309,7 @@ class _Run:
         joined, self.alone = self.alone and bool(workers), not workers
         if joined or self.looked - self.said > SAY:
             self.said = self.looked
-            self.watch.say(f"{self.kept} of {self.total} tasks; {_memory(workers) or self.cluster.none_yet}")
+            self.reporter.say(f"{self.kept} of {self.total} tasks; {_memory(workers) or self.cluster.none_yet}")
 
     def _lost(self) -> InputError:
         return self.cluster._gone(self.kept, self.total)

@@ -6,20 +6,62 @@ What is computed does not depend on it, so no key of a result does.
 import atexit
 import os
 import re
+import shutil
+import sys
 from typing import Any
 
+from dask_jobqueue.slurm import SLURMCluster
+
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
-from seatrial.campaign.config import Campaign
-from seatrial.campaign.schema import SlurmTable
-from seatrial.campaign.watch import SILENT, Watch
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.schema import SlurmTable
 from seatrial.core.errors import InputError
+from seatrial.core.progress import SILENT, Reporter
+
+# Workers that SLURM starts: dask-jobqueue submits a job for each group of processes; the scheduler is a part of this
+# process.
+
+
+def job_options(table: SlurmTable) -> dict[str, Any]:
+    """Options of `SLURMCluster`: one process of one thread for each core."""
+    return {
+        "queue": table.queue,
+        "account": table.account,
+        "cores": table.cores,
+        "processes": table.cores,
+        "memory": table.memory,
+        "walltime": table.walltime,
+        "interface": table.interface,
+        "python": sys.executable,
+        "job_name": "seatrial",
+        "worker_extra_args": ["--no-dashboard"],
+    }
+
+
+def submit_jobs(table: SlurmTable) -> SLURMCluster:
+    """Submit the jobs that the table asks for; their workers join as SLURM starts them.
+
+    Raises:
+        InputError: there is no SLURM here.
+    """
+    if shutil.which("sbatch") is None:
+        raise InputError(
+            "workers slurm",
+            found="no command sbatch",
+            expected="a machine from which jobs are submitted to SLURM",
+            remedy='run on the cluster\'s login node, give the address of a scheduler, or set SEATRIAL_WORKERS="local"',
+        )
+    cluster = SLURMCluster(**job_options(table))
+    cluster.scale(jobs=table.jobs)
+    return cluster
+
 
 VARIABLE = "SEATRIAL_WORKERS"
 ADDRESS = re.compile(r"(tcp|tls)://\S+:\d+")
 """Of a scheduler; with `tls` the certificates are those of Dask's own configuration."""
 
 
-def workers_of(campaign: Campaign, watch: Watch = SILENT) -> Workers:
+def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
     """Whatever is to do the work of a campaign. A cluster is joined once in a process, and left at its end.
 
     Raises:
@@ -38,9 +80,9 @@ def workers_of(campaign: Campaign, watch: Watch = SILENT) -> Workers:
                 expected="what to ask SLURM for",
                 remedy='add [compute.slurm] with memory = "8GB", walltime = "02:00:00", cores and jobs',
             )
-        return _joined("slurm", table, watch).bound(watch)
+        return _joined("slurm", table, reporter).bound(reporter)
     if ADDRESS.fullmatch(place):
-        return _joined(place, None, watch).bound(watch)
+        return _joined(place, None, reporter).bound(reporter)
     raise InputError(
         where,
         found=f'"{place}"',
@@ -69,10 +111,9 @@ _JOINED: dict[tuple[str, SlurmTable | None], Any] = {}
 """Clusters that this process has joined."""
 
 
-def _joined(place: str, table: SlurmTable | None, watch: Watch) -> Any:
+def _joined(place: str, table: SlurmTable | None, reporter: Reporter) -> Any:
     try:
         from seatrial.campaign.compute.dask_workers import DaskWorkers
-        from seatrial.campaign.compute.slurm import submit_jobs
     except ImportError as cause:
         raise InputError(
             f"workers {place}",
@@ -84,6 +125,6 @@ def _joined(place: str, table: SlurmTable | None, watch: Watch) -> Any:
     if found is None or not found.is_there:
         found = DaskWorkers(place if table is None else submit_jobs(table), place)
         atexit.register(found.close)
-        found.greet(watch)
+        found.greet(reporter)
         _JOINED[place, table] = found
     return found

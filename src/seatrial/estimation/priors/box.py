@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 
 CORNER = 50.0
 """Sharpness of the bend where the box map leaves the line: within 1/50 of the width of a bound."""

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 
 LARGEST = 600.0
 """Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision."""

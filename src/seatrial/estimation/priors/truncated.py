@@ -14,7 +14,7 @@ import numpy as np
 from jax.scipy.special import ndtr, ndtri
 
 from seatrial.core.errors import InputError
-from seatrial.core.trees import compiled_tree
+from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors.box import CORNER
 
 LEAST = 1e-9

@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from seatrial.core.apart import MEMORY, Elsewhere, apart
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of, sha256_of_json
+from seatrial.core.processes import MEMORY, Elsewhere, apart
 from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, table_text, telemetry
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 

@@ -1,15 +1,203 @@
 """Probabilities with their Monte Carlo error: of models, and of terms."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from seatrial.report.figures.style import BLUE, DOTS, FONT, INK, SMALL, WIDE, label_axes, new_figure
+from seatrial.report.figures.style import (
+    BAND,
+    BLUE,
+    DOTS,
+    FONT,
+    HATCH,
+    INK,
+    MUTED,
+    ORANGE,
+    PAPER,
+    SMALL,
+    WIDE,
+    label_axes,
+    new_figure,
+)
+from seatrial.selection.verdict import DECIDED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
+
+
+# The space of structures: one column for each of the most probable ones, as wide as it is probable; one row for each
+# term.
+
+STRUCTURE_ROW = 18.0
+"""Height of a term, points."""
+
+
+def model_space(
+    labels: Sequence[str],
+    member: Bool[np.ndarray, "m k"],
+    probability: Float[np.ndarray, " m"],
+    sign: Float[np.ndarray, " k"],
+) -> "Figure":
+    """Draw the structures from the left, the best first; what those not shown hold together is hatched on the right.
+
+    Args:
+        labels: of the terms, from the top; text within dollars is mathematics.
+        member: which terms each structure has.
+        probability: of each structure, falling.
+        sign: of each term's averaged coefficient: positive is blue, negative orange.
+    """
+    from matplotlib.collections import PolyCollection
+
+    count = len(labels)
+    figure, (axes,) = new_figure(WIDE, [max(40.0, STRUCTURE_ROW * count)], left=62, right=14)
+    edges = np.concatenate([[0.0], np.cumsum(probability)])
+    for colour, name, chosen in ((BLUE, "positive", sign >= 0), (ORANGE, "negative", sign < 0)):
+        columns, rows = np.nonzero(member & chosen)
+        left, right = edges[columns], edges[columns + 1]
+        corners = [(left, rows - 0.5), (right, rows - 0.5), (right, rows + 0.5), (left, rows + 0.5)]
+        boxes = np.stack([np.stack(corner, -1) for corner in corners], 1) if rows.size else np.zeros((0, 4, 2))
+        axes.add_collection(
+            PolyCollection(list(boxes), facecolor=colour, alpha=0.75, linewidth=0, label=name), autolim=False
+        )
+    if edges[-1] < 1 - 1e-3:
+        axes.axvspan(edges[-1], 1.0, facecolor="none", edgecolor=HATCH, hatch="////", linewidth=0, label="not shown")
+    wide = np.concatenate([[0.0], edges[1:][np.diff(edges) > 0.004], [1.0]])
+    axes.vlines(wide, -0.5, count - 0.5, color=PAPER, linewidth=1.2, zorder=3)
+    axes.hlines(np.arange(1, count) - 0.5, 0, 1, color=PAPER, linewidth=1.6, zorder=3)
+    axes.set(xlim=(0, 1), ylim=(count - 0.5, -0.5))
+    axes.set_yticks(np.arange(count), labels, fontsize=FONT)
+    axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
+    axes.tick_params(axis="y", length=0)
+    axes.grid(False)
+    label_axes(axes, "structures, each as wide as it is probable")
+    return figure
+
+
+# What the choice between two structures changes: by how much the speed of the best exceeds the runner-up's in a
+# manoeuvre.
+
+GAP_ROW, HEAD = 92.0, 22.0
+"""Height of a panel and of the line above it, points."""
+
+
+class Gap(NamedTuple):
+    """Speed of the best minus the runner-up's in one manoeuvre, m/s, with its 90 % band; `where` is plain text."""
+
+    where: str
+    time: Float[np.ndarray, " n"]
+    difference: Float[np.ndarray, " n"]
+    lower: Float[np.ndarray, " n"]
+    upper: Float[np.ndarray, " n"]
+
+
+def speed_gaps(gaps: Sequence[Gap], noise: float) -> "Figure":
+    """Draw one panel for each manoeuvre, on one scale of speed, with the sensor's noise on both sides.
+
+    Args:
+        gaps: from the top.
+        noise: standard deviation of the sensor, m/s; NaN where the speed is not measured.
+    """
+    figure, panels = new_figure(
+        WIDE, [GAP_ROW] * len(gaps), left=58, right=14, top=HEAD, gap=HEAD + 22, bottom=38, share_x=False
+    )
+    reach = 1.15 * max(float(np.nanmax(np.abs([gap.lower, gap.upper, gap.difference]))) for gap in gaps)
+    reach = max(reach, 1.15 * noise if np.isfinite(noise) and noise < 4 * reach else 0.0, 1e-9)
+    for axes, gap in zip(panels, gaps, strict=True):
+        axes.fill_between(
+            gap.time, gap.lower, gap.upper, color=BLUE, alpha=BAND, linewidth=0, label="90 % band of both posteriors"
+        )
+        axes.plot(gap.time, gap.difference, color=BLUE, linewidth=1.5, label="posterior means")
+        axes.axhline(0.0, color=MUTED, linewidth=0.8)
+        for side in (-noise, noise):
+            if np.isfinite(side):
+                axes.axhline(side, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="noise of the sensor")
+        axes.set(xlim=(float(gap.time[0]), float(gap.time[-1])), ylim=(-reach, reach))
+        axes.set_title(gap.where.replace("$", r"\$"), fontsize=SMALL, color=INK, loc="left", pad=4)
+        label_axes(axes, y=r"$\Delta u$ [m/s]")
+    label_axes(panels[-1], "time [s]")
+    return figure
+
+
+# Probability that each term is needed: by the closed form over all structures, and beside it by simulation where there
+# is one.
+
+TERM_ROW = 30.0
+"""Height of a term, points."""
+
+
+def inclusion_bars(
+    labels: Sequence[str], closed: "ArrayLike", simulated: "ArrayLike", error: "ArrayLike | None" = None
+) -> "Figure":
+    """Draw two bars for each term, from the top down, and the lines beyond which the data have decided.
+
+    Args:
+        labels: names; text within dollars is mathematics.
+        closed: probability by the screening, NaN where there is none, shape (k,).
+        simulated: probability by simulation, NaN where there is none, shape (k,).
+        error: Monte Carlo standard error of `simulated`, shape (k,); None for none.
+    """
+    count = len(labels)
+    first, second = np.asarray(closed, float), np.asarray(simulated, float)
+    spread = np.zeros(count) if error is None else np.nan_to_num(np.asarray(error, float))
+    figure, (axes,) = new_figure(WIDE, [max(44.0, TERM_ROW * count)], left=62, right=44, top=24)
+    place = np.arange(count)
+    both = np.isfinite(first).any() and np.isfinite(second).any()
+    height, apart = (0.34, 0.19) if both else (0.6, 0.0)
+    for value, offset, colour, name in (
+        (first, -apart, DOTS, "closed form"),
+        (second, apart, BLUE, "simulation"),
+    ):
+        there = np.isfinite(value)
+        if not there.any():
+            continue
+        axes.barh(place[there] + offset, value[there], height=height, color=colour, zorder=2, label=name)
+        for index in place[there]:
+            edge = value[index] + (spread[index] if value is second else 0.0)
+            axes.annotate(
+                f"{value[index]:.2f}",
+                (min(float(edge), 1.0), index + offset),
+                xytext=(5, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=SMALL,
+                color=INK,
+                annotation_clip=False,
+                bbox={"facecolor": PAPER, "linewidth": 0, "pad": 0.6},
+                zorder=5,
+            )
+    there = np.isfinite(second)
+    value, spread = second[there], spread[there]
+    axes.errorbar(
+        value,
+        place[there] + apart,
+        xerr=[np.minimum(spread, value), np.minimum(spread, 1 - value)],
+        fmt="none",
+        ecolor=INK,
+        elinewidth=1.2,
+        capsize=2,
+        zorder=3,
+    )
+    for line in (1 - DECIDED, DECIDED):
+        axes.axvline(line, color=ORANGE, linewidth=1.1, linestyle=(0, (4, 3)), zorder=4)
+        axes.annotate(
+            f"{line:.2f}",
+            (line, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 4),
+            textcoords="offset points",
+            ha="center",
+            fontsize=SMALL,
+            color=MUTED,
+        )
+    axes.set(xlim=(0, 1), ylim=(count - 0.45, -0.55))
+    axes.set_yticks(place, labels, fontsize=FONT)
+    axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
+    axes.grid(False, axis="y")
+    label_axes(axes, "probability that it is needed")
+    return figure
 
 
 def probability_bars(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.loop import Outcome
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.report.drawing import truth_of
 from seatrial.report.figures.posterior import PriorShape
 from seatrial.report.labels import label_html

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.loop import Outcome
-from seatrial.campaign.predict import Fit, trial_verdicts
+from seatrial.campaign.inference.predict import Fit, trial_verdicts
+from seatrial.campaign.workflow.run import Outcome
+from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.core.shown import shown_unit
-from seatrial.estimation.judgement import NARROW, POOR
+from seatrial.estimation.predictive_check import NARROW, POOR
 from seatrial.report.drawing import draw, record_curves
 from seatrial.report.figures.fit import record_fit
 from seatrial.report.figures.residuals import record_residuals

@@ -4,8 +4,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from seatrial.campaign.known import BY_ITSELF, Direction, Known
-from seatrial.campaign.loop import Outcome
+from seatrial.campaign.inference.identifiability import BY_ITSELF, Direction, Known
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html
 from seatrial.report.numbers import DASH, decimals, rounded, short, times_ten, typeset, unit_html

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.config import FILE_NAME
-from seatrial.campaign.loop import Outcome
-from seatrial.campaign.store import Store
+from seatrial.campaign.config.campaign import FILE_NAME
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.report.numbers import percent, short
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 

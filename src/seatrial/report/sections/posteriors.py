@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.loop import Outcome
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.report.drawing import Drawing, draw, labels_of, truth_of, units_of
 from seatrial.report.figures.pairs import correlations, pair
 from seatrial.report.figures.posterior import marginal

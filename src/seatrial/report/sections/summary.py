@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from seatrial.campaign.loop import ENOUGH, Outcome
-from seatrial.core.shown import shown_unit
+from seatrial.campaign.workflow.run import ENOUGH, Outcome
+from seatrial.core.display_units import shown_unit
 from seatrial.manoeuvres.shapes import SHAPES
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from seatrial.campaign.contenders import ENOUGH, undecided_words
-from seatrial.campaign.loop import Outcome
+from seatrial.campaign.selection.runner_up import ENOUGH, undecided_words
+from seatrial.campaign.workflow.run import Outcome
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.report.drawing import draw, labels_of
 from seatrial.report.labels import sentence_html

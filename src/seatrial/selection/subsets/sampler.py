@@ -19,15 +19,15 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import MonteCarlo, SubsetPosterior
+from seatrial.selection.subsets.chain_statistics import Seen, Sums, presence_r_hat, share_inside, sums_over, walk
 from seatrial.selection.subsets.conjugate import evidence_of
 from seatrial.selection.subsets.gram import Gram
 from seatrial.selection.subsets.prior import Prior
 from seatrial.selection.subsets.prior_mass import allowed_mass, closure, wanted_by
 from seatrial.selection.subsets.problem import Problem, averages, make_problem
-from seatrial.selection.subsets.question import MOST_OPTIONAL, Question, check_question
 from seatrial.selection.subsets.rules import MOST_TERMS, Rules, bits, no_structure
 from seatrial.selection.subsets.structure_chains import Chains, RuleArrays, make_units, rungs_between, some_starts
-from seatrial.selection.subsets.tour import Seen, Sums, presence_r_hat, share_inside, sums_over, walk
+from seatrial.selection.subsets.subset_problem import MOST_OPTIONAL, Question, check_question
 
 MAX_R_HAT = 1.05
 """Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more."""

@@ -7,9 +7,9 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.dashboard.frame import section, table
-from seatrial.apps.dashboard.house import House, markup, say
-from seatrial.campaign.store import Store, read_json
+from seatrial.apps.dashboard.app_context import AppContext, markup, say
+from seatrial.apps.dashboard.page_layout import section, table
+from seatrial.campaign.store.files import Store, read_json
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, rounded, times_ten, unit_html
@@ -18,12 +18,12 @@ FAR = 3.0
 """Joint standard deviations from which two values contradict each other."""
 
 
-async def build(house: House, campaign: str, folder: Path) -> None:
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     others = [
         name
-        for name in house.places.campaigns()
-        if name != campaign and Store(house.places.folder(name)).summary.is_file()
+        for name in context.campaign_paths.campaigns()
+        if name != campaign and Store(context.campaign_paths.folder(name)).summary.is_file()
     ]
     with section(
         "Two campaigns side by side",
@@ -35,7 +35,7 @@ async def build(house: House, campaign: str, folder: Path) -> None:
         if not others:
             markup(
                 Markup("<p>No other campaign with results in {}. Serve a folder that holds several.</p>").format(
-                    house.places.root
+                    context.campaign_paths.root
                 )
             )
             return
@@ -50,7 +50,7 @@ async def build(house: House, campaign: str, folder: Path) -> None:
             holder.clear()
             with holder:
                 try:
-                    there = house.places.folder(str(form.value))
+                    there = context.campaign_paths.folder(str(form.value))
                     sides = [read_json(Store(one).summary, f"seatrial run {one}") for one in (folder, there)]
                 except (SeatrialError, OSError) as error:
                     say(error)

@@ -8,24 +8,24 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
-from seatrial.apps.dashboard.answers import Asked, Clicked, Limit, Plot, Swept
+from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.edits import with_limit
-from seatrial.apps.dashboard.frame import button, figure, section, table
-from seatrial.apps.dashboard.house import House, fill, markup, say
+from seatrial.apps.dashboard.page_layout import button, figure, section, table
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.campaign.store import Store
+from seatrial.apps.dashboard.view_models import Asked, Clicked, Limit, Plot, Swept
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short
 
 WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from what the data taught"}
 
 
-async def build(house: House, campaign: str, folder: Path) -> None:
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     paths = {"design": Store(folder).design, "next": Store(folder).next_design}
     there = [which for which, path in paths.items() if path.is_file()]
     if there:
-        Surface(house, folder, paths, there[-1], there)
+        Surface(context, folder, paths, there[-1], there)
     else:
         with section(
             "No design yet", "Run the design below: every trial of the grid is weighed, which takes seconds to minutes."
@@ -36,9 +36,9 @@ async def build(house: House, campaign: str, folder: Path) -> None:
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
         holder = ui.element("div")
-        await fill(holder, house.asked(folder), lambda found: Limits(house, folder, found))
+        await fill(holder, context.asked(folder), lambda found: Limits(context, folder, found))
     with section("Run it", "Results that no longer belong to the campaign file are made anew."):
-        live, said = live_view(house, folder), ui.element("div")
+        live, said = live_view(context, folder), ui.element("div")
 
         async def reload() -> None:
             ui.navigate.reload()
@@ -48,7 +48,7 @@ async def build(house: House, campaign: str, folder: Path) -> None:
             for command, words in (("design", "Run the design"), ("next", "Design the next trial")):
                 button(
                     words,
-                    lambda command=command: (begin(house, folder, said, command), live.look()),
+                    lambda command=command: (begin(context, folder, said, command), live.look()),
                     main=command == "design",
                 )
 
@@ -63,8 +63,8 @@ _WHERE = """(e) => {
 class Surface:
     """The picture of a sweep that can be clicked, forms that do the same by keyboard, and the design that is looked at."""
 
-    def __init__(self, house: House, folder: Path, paths: dict[str, Path], which: str, there: list[str]):
-        self.house, self.folder, self.paths, self.which = house, folder, paths, which
+    def __init__(self, context: AppContext, folder: Path, paths: dict[str, Path], which: str, there: list[str]):
+        self.context, self.folder, self.paths, self.which = context, folder, paths, which
         self.family, self.measure, self.found, self.plot = 0, "gain", None, None
         self.at = (0, 0)
         with section("What each design would teach", "Click a design, or choose its amplitude and period below."):
@@ -84,7 +84,7 @@ class Surface:
         """Read the sweep and draw it, with its best design chosen."""
         path = self.paths[self.which]
         try:
-            found: Swept = await self.house.desk.draw("swept", path, files=[path])
+            found: Swept = await self.context.worker_pool.draw("swept", path, files=[path])
         except (SeatrialError, OSError) as error:
             self.holder.clear()
             with self.holder:
@@ -127,7 +127,7 @@ class Surface:
     async def _draw(self) -> None:
         path, found = self.paths[self.which], self.found
         assert found is not None
-        plot: Plot = await self.house.desk.draw("surface", path, self.family, self.measure, files=[path])
+        plot: Plot = await self.context.worker_pool.draw("surface", path, self.family, self.measure, files=[path])
         self.plot = plot
         self.holder.clear()
         with self.holder, ui.element("div").classes("plot surface") as area:
@@ -184,7 +184,7 @@ class Surface:
         y = bottom - (found.amplitude[self.at[0]] - y0) / ((y1 - y0) or 1.0) * (bottom - top)
         self.mark.style(f"left: {100 * x:.2f}%; top: {100 * y:.2f}%; display: {'none' if flat else 'block'}")
         self.details.clear()
-        asked = self.house.desk.think(
+        asked = self.context.worker_pool.think(
             "look_at",
             str(self.folder),
             self.which,
@@ -248,8 +248,8 @@ def _kept(kept: bool) -> Markup:
 class Limits:
     """The form of limits: text with units, as the file has them."""
 
-    def __init__(self, house: House, folder: Path, found: Asked):
-        self.house, self.folder = house, folder
+    def __init__(self, context: AppContext, folder: Path, found: Asked):
+        self.context, self.folder = context, folder
         try:
             self.seen = read_file(folder)
         except (SeatrialError, OSError) as error:
@@ -296,7 +296,7 @@ class Limits:
                 if not changed:
                     markup("<p>Nothing was changed.</p>")
                     return
-                await self.house.desk.think("check", str(self.folder), text)
+                await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, self.seen)
             except (SeatrialError, OSError) as error:
                 say(error)

@@ -8,10 +8,10 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file
-from seatrial.apps.dashboard.answers import Beginning, Stage
-from seatrial.apps.dashboard.frame import VIEWS, button, frame, link, section
-from seatrial.apps.dashboard.house import PATIENCE, House, fill, markup, say
-from seatrial.campaign.toml_file import toml_content
+from seatrial.apps.dashboard.app_context import PATIENCE, AppContext, fill, markup, say
+from seatrial.apps.dashboard.page_layout import VIEWS, button, frame, link, section
+from seatrial.apps.dashboard.view_models import Beginning, Stage
+from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import SeatrialError
 
 EVERY = 2.0
@@ -24,40 +24,42 @@ NEW = (
 )
 
 
-async def build(house: House) -> None:
+async def build(context: AppContext) -> None:
     """Build the page."""
-    with frame(house, ""):
-        names = await asyncio.to_thread(house.places.campaigns)
+    with frame(context, ""):
+        names = await asyncio.to_thread(context.campaign_paths.campaigns)
         if not names:
             words = "<section><p>No campaign in {} yet. Begin one below, or in a shell with <code>seatrial init</code>.</p></section>"
-            markup(Markup(words).format(house.places.root))
-            await _begin_form(house)
+            markup(Markup(words).format(context.campaign_paths.root))
+            await _begin_form(context)
             return
-        markup(Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), house.places.root, LEGEND))
-        folders = {name: house.places.folder(name) for name in names}
-        standing = {name: asyncio.ensure_future(house.steps(folder)) for name, folder in folders.items()}
+        markup(
+            Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), context.campaign_paths.root, LEGEND)
+        )
+        folders = {name: context.campaign_paths.folder(name) for name in names}
+        standing = {name: asyncio.ensure_future(context.steps(folder)) for name, folder in folders.items()}
         await asyncio.wait(standing.values(), timeout=PATIENCE)
         looks = []
         with ui.element("div").classes("cards"):
             for name, folder in folders.items():
-                looks.append(await _card(house, name, folder, standing[name]))
+                looks.append(await _card(context, name, folder, standing[name]))
         ui.timer(EVERY, lambda: [look() for look in looks])
         if names != ["."]:
-            await _begin_form(house)
+            await _begin_form(context)
 
 
-async def _begin_form(house: House) -> None:
+async def _begin_form(context: AppContext) -> None:
     """Build the part where a campaign is begun."""
     with section("Begin a campaign", NEW):
         holder = ui.element("div")
-        await fill(holder, house.desk.think("beginnings"), lambda found: Begin(house, found))
+        await fill(holder, context.worker_pool.think("beginnings"), lambda found: Begin(context, found))
 
 
 class Begin:
     """The form of a new campaign: its name, the template, and of which published vehicle."""
 
-    def __init__(self, house: House, found: tuple[Beginning, ...]):
-        self.house, self.found = house, {one.template: one for one in found}
+    def __init__(self, context: AppContext, found: tuple[Beginning, ...]):
+        self.context, self.found = context, {one.template: one for one in found}
         look, first = "outlined options-dense hide-bottom-space", found[0]
         with ui.element("div").classes("line"):
             self.name = ui.input("Name").props("outlined hide-bottom-space")
@@ -80,20 +82,22 @@ class Begin:
         self.said.clear()
         with self.said:
             try:
-                folder = self.house.places.new_folder(self.name.value or "")
+                folder = self.context.campaign_paths.new_folder(self.name.value or "")
                 about = str(folder), str(self.template.value), folder.name, self.vehicle.value or ""
-                self.house.places.begin(folder, await self.house.desk.think("begun", *about))
+                self.context.campaign_paths.begin(folder, await self.context.worker_pool.think("begun", *about))
             except (SeatrialError, OSError) as error:
                 say(error)
                 return
         ui.navigate.to(link("design", folder.name))
 
 
-async def _card(house: House, name: str, folder: Path, standing: Awaitable[tuple[Stage, ...]]) -> Callable[[], None]:
+async def _card(
+    context: AppContext, name: str, folder: Path, standing: Awaitable[tuple[Stage, ...]]
+) -> Callable[[], None]:
     """Build the card of a campaign; returns what brings it up to date."""
     with ui.element("article").classes("card"):
         title = title_of(folder) or (folder.name if name == "." else name)
-        place = folder.relative_to(house.places.root.parent)
+        place = folder.relative_to(context.campaign_paths.root.parent)
         head = Markup('<h2><a href="{}">{}</a></h2><p class="note">{}</p>')
         markup(head.format(link("results", name), title, place))
         holder = ui.element("div")
@@ -107,7 +111,7 @@ async def _card(house: House, name: str, folder: Path, standing: Awaitable[tuple
         markup(Markup('<div class="links">{}</div>').format(links))
 
     def look() -> None:
-        job = house.look(folder)
+        job = context.look(folder)
         words = (
             job.occupant.words if job.running and job.occupant else "a command was just started" if job.running else ""
         )

@@ -10,13 +10,13 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import read_file, with_trim, write_file
-from seatrial.apps.dashboard.answers import Asked, Recorded
+from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.campaign_paths import CAMPAIGN, logs_of
 from seatrial.apps.dashboard.edits import with_map
-from seatrial.apps.dashboard.frame import button, section, table
-from seatrial.apps.dashboard.house import House, fill, markup, say
+from seatrial.apps.dashboard.page_layout import button, section, table
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.apps.dashboard.places import CAMPAIGN, logs_of
-from seatrial.campaign.store import Store
+from seatrial.apps.dashboard.view_models import Asked, Recorded
+from seatrial.campaign.store.files import Store
 from seatrial.core.errors import SeatrialError
 
 FEW = 20
@@ -33,47 +33,47 @@ _SEND = """async (e) => {
 }"""
 
 
-async def build(house: House, campaign: str, folder: Path) -> None:
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section(
         "What was recorded", "As they are: the least and greatest of every column of pixels, so that no spike is lost."
     ):
         stored = sorted(path.stem for path in (Store(folder).results / "records").glob("*.nc"))
         holder = ui.element("div")
-        await fill(holder, house.asked(folder), lambda found: Trimming(house, folder, found, stored).build())
+        await fill(holder, context.asked(folder), lambda found: Trimming(context, folder, found, stored).build())
     with section(
         "Checks",
         "The words of `seatrial check`: direction, size, delay, outliers, holes, and what each record can tell.",
     ):
-        live, said = live_view(house, folder), ui.element("div")
+        live, said = live_view(context, folder), ui.element("div")
         with ui.element("div").classes("line"):
-            button("Check the records", lambda: (begin(house, folder, said, "check"), live.look()), main=bool(stored))
-            button("Import or simulate anew", lambda: again(house, folder, said, live))
+            button("Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(stored))
+            button("Import or simulate anew", lambda: again(context, folder, said, live))
     with section(
         "A new log",
         "Put a log into the campaign's folder, or send it from here; look at what it holds; then write its channel map into campaign.toml.",
     ):
-        NewLog(house, campaign, folder).build()
+        NewLog(context, campaign, folder).build()
 
 
-async def again(house: House, folder: Path, said: ui.element, live: Any) -> None:
+async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:
     """Make the records anew, as the campaign says."""
     said.clear()
     try:
-        found = await house.asked(folder)
+        found = await context.asked(folder)
     except SeatrialError as error:
         with said:
             say(error)
         return
-    begin(house, folder, said, "simulate" if found.simulated else "import")
+    begin(context, folder, said, "simulate" if found.simulated else "import")
     live.look()
 
 
 class Trimming:
     """The picture of a record, with handles for where it begins and ends, and the same as numbers."""
 
-    def __init__(self, house: House, folder: Path, found: Asked, stored: list[str]):
-        self.house, self.folder, self.found, self.stored = house, folder, found, stored
+    def __init__(self, context: AppContext, folder: Path, found: Asked, stored: list[str]):
+        self.context, self.folder, self.found, self.stored = context, folder, found, stored
         self.run = ""
 
     async def build(self) -> None:
@@ -104,12 +104,14 @@ class Trimming:
             with self.holder:
                 markup(Markup("<p>Run {} is not imported yet.</p>").format(self.run))
             return
-        await fill(self.holder, self.house.desk.draw("record", path, files=[path]), self._show, "drawing …")
+        await fill(self.holder, self.context.worker_pool.draw("record", path, files=[path]), self._show, "drawing …")
 
     async def _whole(self) -> None:
         self.holder.clear()
         logs = [self.folder / name for name in logs_of(self.folder, ("",))]
-        asked = self.house.desk.think("whole_log", str(self.folder), self.run, files=[self.folder / CAMPAIGN, *logs])
+        asked = self.context.worker_pool.think(
+            "whole_log", str(self.folder), self.run, files=[self.folder / CAMPAIGN, *logs]
+        )
         await fill(self.holder, asked, self._show, "reading the whole log …")
 
     def _show(self, record: Recorded) -> None:
@@ -180,7 +182,7 @@ class Trimming:
                     raise ValueError
                 seen = read_file(self.folder)
                 text = with_trim(self.folder, seen, self.run, f"{start:.6g} s", f"{end:.6g} s")
-                await self.house.desk.think("check", str(self.folder), text)
+                await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, seen)
             except ValueError:
                 say("The begin has to be before the end.")
@@ -193,8 +195,8 @@ class Trimming:
 class NewLog:
     """A log of the folder: what it holds, the map that is guessed, and the map in the campaign file."""
 
-    def __init__(self, house: House, campaign: str, folder: Path):
-        self.house, self.campaign, self.folder = house, campaign, folder
+    def __init__(self, context: AppContext, campaign: str, folder: Path):
+        self.context, self.campaign, self.folder = context, campaign, folder
 
     def build(self) -> None:
         """Build it."""
@@ -240,8 +242,8 @@ class NewLog:
     async def _looked(self, name: str) -> Any:
         from seatrial.apps.dashboard.logs import look_into
 
-        path = self.house.places.inside(self.folder, name)
-        found = await self.house.asked(self.folder)
+        path = self.context.campaign_paths.inside(self.folder, name)
+        found = await self.context.asked(self.folder)
         return await asyncio.to_thread(look_into, str(path), name, found.channels), found
 
     def _show(self, name: str, log: Any, found: Asked) -> None:
@@ -284,7 +286,7 @@ class NewLog:
                 try:
                     seen = read_file(self.folder)
                     text = with_map(self.folder, seen, str(label.value), str(edited.value))
-                    await self.house.desk.think("check", str(self.folder), text)
+                    await self.context.worker_pool.think("check", str(self.folder), text)
                     write_file(self.folder, text, seen)
                 except (SeatrialError, OSError) as error:
                     say(error)

@@ -5,11 +5,11 @@ from pathlib import Path
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.dashboard.frame import button, link, section
-from seatrial.apps.dashboard.house import House, markup
+from seatrial.apps.dashboard.app_context import AppContext, markup
+from seatrial.apps.dashboard.campaign_paths import DOWNLOADS
+from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.apps.dashboard.places import DOWNLOADS
-from seatrial.campaign.store import Store
+from seatrial.campaign.store.files import Store
 
 TARGETS = {
     "gz": "vehicle: Gazebo (gz-sim)",
@@ -29,7 +29,7 @@ TARGETS = {
 NOWHERE = "nowhere: the campaign models all"
 
 
-async def build(house: House, campaign: str, folder: Path) -> None:
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section("Report", "One page with everything, for archive and print; it needs no server."):
         report = Store(folder).report
@@ -46,14 +46,14 @@ async def build(house: House, campaign: str, folder: Path) -> None:
             markup("<p>No report yet.</p>")
         button(
             "Write the report anew",
-            lambda: (begin(house, folder, said, "report"), live.look()),
+            lambda: (begin(context, folder, said, "report"), live.look()),
             main=not report.is_file(),
         )
     with section(
         "Export",
         "Out to a simulator, under export/ in the campaign's folder. What a target cannot carry is said below and in the file.",
     ):
-        names = await house.desk.think("whole_vehicles")
+        names = await context.worker_pool.think("whole_vehicles")
         with ui.element("div").classes("line"):
             look = "outlined options-dense hide-bottom-space"
             target = ui.select(TARGETS, value="gz", label="Simulator or format").props(look).classes("wide")
@@ -63,14 +63,14 @@ async def build(house: House, campaign: str, folder: Path) -> None:
             rest.props(look).classes("wide")
 
             def export() -> None:
-                begin(house, folder, said, "export", *options_of(str(target.value), str(rest.value)))
+                begin(context, folder, said, "export", *options_of(str(target.value), str(rest.value)))
                 live.look()
 
             button("Export", export, main=True)
         _exported(folder, campaign)
     with section("At work"):
         said = ui.element("div")
-        live = live_view(house, folder)
+        live = live_view(context, folder)
 
         async def again() -> None:
             ui.navigate.reload()

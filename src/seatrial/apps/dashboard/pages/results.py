@@ -6,10 +6,10 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.dashboard.answers import Told
-from seatrial.apps.dashboard.frame import figure, link, section, table
-from seatrial.apps.dashboard.house import House, fill, markup, say
-from seatrial.campaign.store import Store, read_json
+from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.page_layout import figure, link, section, table
+from seatrial.apps.dashboard.view_models import Told
+from seatrial.campaign.store.files import Store, read_json
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html, label_mathtext
@@ -18,7 +18,7 @@ from seatrial.report.numbers import percent, probability, rounded, short, times_
 MOST = 12
 
 
-async def build(house: House, campaign: str, folder: Path) -> None:
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     store = Store(folder)
     try:
@@ -32,7 +32,7 @@ async def build(house: House, campaign: str, folder: Path) -> None:
         return
     labels = {row["name"]: row["label"] for row in summary["coefficients"]}
     with section(summary["name"]):
-        await _currency(house, campaign, folder)
+        await _currency(context, campaign, folder)
         for kind in ("alarms", "verdicts", "cautions"):
             if summary[kind]:
                 marks = Markup("").join(
@@ -45,17 +45,19 @@ async def build(house: House, campaign: str, folder: Path) -> None:
         "Fit and residuals",
         "Dots or strokes: measured, the least and greatest of each column of pixels. Line and 90 % band: predicted from the inputs alone.",
     ):
-        await _fits(house, store)
+        await _fits(context, store)
     with section(
         "Posteriors",
         "Histogram: draws. Dashed: prior. Thin line: normal approximation. Dotted: the truth of a simulated vehicle.",
     ):
         path = store.posterior(str(summary["chosen"]))
         holder = ui.element("div").classes("figures small")
-        truth = _truth(house, folder)
-        await fill(holder, _posteriors(house, path, await truth), lambda found: [markup(figure(svg)) for svg in found])
+        truth = _truth(context, folder)
+        await fill(
+            holder, _posteriors(context, path, await truth), lambda found: [markup(figure(svg)) for svg in found]
+        )
     with section("Models and terms"):
-        await _models(house, store, summary, labels)
+        await _models(context, store, summary, labels)
     with section("The next trial"):
         trial = summary["next_trial"]
         words = str(trial["words"])
@@ -98,7 +100,7 @@ def coefficients(summary: dict[str, Any]) -> Markup:
     return table(head, rows, f"Parameters of {summary['chosen']}: {' '.join(summary['terms'])}")
 
 
-async def _currency(house: House, campaign: str, folder: Path) -> None:
+async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
     """Say so where the results no longer belong to the campaign file."""
     holder = ui.element("div")
 
@@ -112,10 +114,10 @@ async def _currency(house: House, campaign: str, folder: Path) -> None:
                 )
             )
 
-    await fill(holder, house.steps(folder), build, "looking whether these results are current …")
+    await fill(holder, context.steps(folder), build, "looking whether these results are current …")
 
 
-async def _fits(house: House, store: Store) -> None:
+async def _fits(context: AppContext, store: Store) -> None:
     path = store.predictions
     if not path.is_file():
         markup("<p>No predictions yet.</p>")
@@ -137,7 +139,7 @@ async def _fits(house: House, store: Store) -> None:
         head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
         markup(table(head, rows, "How well each record is predicted"))
         pictures = ui.element("div").classes("figures")
-        places = {
+        campaign_paths = {
             (i, j): f"run {record}, {channel}{' (held back)' if record in told.held_back else ''}"
             for i, record in enumerate(told.records)
             for j, channel in enumerate(told.channels)
@@ -145,11 +147,11 @@ async def _fits(house: House, store: Store) -> None:
 
         async def show(at: tuple[int, int]) -> None:
             pictures.clear()
-            asked = house.desk.draw("fit", path, *at, files=[path])
+            asked = context.worker_pool.draw("fit", path, *at, files=[path])
             await fill(pictures, asked, lambda found: [markup(figure(svg)) for svg in found], "drawing …")
 
-        if len(places) > 1:
-            names = {f"{i}/{j}": words for (i, j), words in places.items()}
+        if len(campaign_paths) > 1:
+            names = {f"{i}/{j}": words for (i, j), words in campaign_paths.items()}
             form = (
                 ui.select(names, value="0/0", label="Record and channel")
                 .props("outlined options-dense hide-bottom-space")
@@ -164,17 +166,17 @@ async def _fits(house: House, store: Store) -> None:
             form.on_value_change(changed)
         return show((0, 0))
 
-    await fill(holder, house.desk.draw("predicted", path, files=[path]), build)
+    await fill(holder, context.worker_pool.draw("predicted", path, files=[path]), build)
 
 
-async def _posteriors(house: House, path: Path, truth: tuple[tuple[str, float], ...]) -> list[str]:
-    return await house.desk.draw("posteriors", path, truth, files=[path])
+async def _posteriors(context: AppContext, path: Path, truth: tuple[tuple[str, float], ...]) -> list[str]:
+    return await context.worker_pool.draw("posteriors", path, truth, files=[path])
 
 
-async def _truth(house: House, folder: Path) -> tuple[tuple[str, float], ...]:
+async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], ...]:
     """True values of a simulated vehicle, as the campaign file has them."""
     from seatrial.apps.campaign_text import read_file
-    from seatrial.campaign.toml_file import toml_content
+    from seatrial.campaign.config.toml import toml_content
 
     try:
         content = toml_content(folder, read_file(folder))
@@ -183,12 +185,12 @@ async def _truth(house: House, folder: Path) -> tuple[tuple[str, float], ...]:
         return ()
 
 
-async def _models(house: House, store: Store, summary: dict[str, Any], labels: dict[str, str]) -> None:
+async def _models(context: AppContext, store: Store, summary: dict[str, Any], labels: dict[str, str]) -> None:
     ranked = sorted(summary["structures"], key=lambda one: -one["probability"])
     if len(ranked) > 1:
         holder = ui.element("div").classes("figures")
         shown = ranked[:MOST]
-        asked = house.desk.draw(
+        asked = context.worker_pool.draw(
             "bars",
             tuple(one["label"] for one in shown),
             tuple(one["probability"] for one in shown),
@@ -205,7 +207,7 @@ async def _models(house: House, store: Store, summary: dict[str, Any], labels: d
         except (SeatrialError, OSError, KeyError):
             terms = []
         if terms:
-            asked = house.desk.draw(
+            asked = context.worker_pool.draw(
                 "bars",
                 tuple(label_mathtext(labels.get(term) or CoefficientName.parse(term).label) for term in terms),
                 tuple(chosen["inclusion"][term] for term in terms),

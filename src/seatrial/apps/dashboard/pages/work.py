@@ -5,30 +5,32 @@ from pathlib import Path
 from markupsafe import Markup, escape
 from nicegui import ui
 
-from seatrial.apps.dashboard.frame import EVERY, button, section
-from seatrial.apps.dashboard.house import House, fill, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.jobs import COMMANDS, Job
+from seatrial.apps.dashboard.page_layout import EVERY, button, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.core.errors import SeatrialError
 
 OFFERED = ("run", "prior", "design", "rehearse", "simulate", "import", "check", "estimate", "select", "next", "report")
 
 
-async def build(house: House, campaign: str, folder: Path) -> None:
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section("Where this campaign stands", LEGEND):
         holder = ui.element("div")
-        await fill(holder, house.steps(folder), lambda steps: markup(steps_html(steps)), "looking at what is current …")
+        await fill(
+            holder, context.steps(folder), lambda steps: markup(steps_html(steps)), "looking at what is current …"
+        )
     with section(
         "At work",
         "The same commands as in a shell. They go on when this page or the dashboard is closed; started again, they resume.",
     ):
-        live = live_view(house, folder)
+        live = live_view(context, folder)
 
         async def again() -> None:
             with holder:
                 holder.clear()
-                await fill(holder, house.steps(folder), lambda steps: markup(steps_html(steps)))
+                await fill(holder, context.steps(folder), lambda steps: markup(steps_html(steps)))
 
         live.on_end.append(again)
         said = ui.element("div")
@@ -40,14 +42,14 @@ async def build(house: House, campaign: str, folder: Path) -> None:
             )
 
             def start() -> None:
-                begin(house, folder, said, str(command.value))
+                begin(context, folder, said, str(command.value))
                 live.look()
 
             def stop() -> None:
                 said.clear()
                 with said:
                     try:
-                        house.jobs.stop(folder)
+                        context.jobs.stop(folder)
                     except (SeatrialError, OSError) as error:
                         say(error)
                 live.look()
@@ -56,24 +58,24 @@ async def build(house: House, campaign: str, folder: Path) -> None:
             button("Stop", stop)
 
 
-def begin(house: House, folder: Path, said: ui.element, command: str, *options: str) -> bool:
+def begin(context: AppContext, folder: Path, said: ui.element, command: str, *options: str) -> bool:
     """Start a command, or say in its place why that cannot be."""
     said.clear()
     with said:
         try:
-            house.jobs.start(folder, command, *options)
+            context.jobs.start(folder, command, *options)
         except (SeatrialError, OSError) as error:
             say(error)
             return False
-    house.glances.pop(folder, None)
+    context.glances.pop(folder, None)
     return True
 
 
 class Live:
     """What is at work, kept up to date; `on_end` is called when it ends."""
 
-    def __init__(self, house: House, folder: Path, with_output: bool):
-        self.house, self.folder, self.with_output = house, folder, with_output
+    def __init__(self, context: AppContext, folder: Path, with_output: bool):
+        self.context, self.folder, self.with_output = context, folder, with_output
         self.part = markup("").props('aria-live="polite"').classes("live")
         self.was_running = False
         self.on_end: list = []
@@ -83,7 +85,7 @@ class Live:
 
     def look(self) -> Job:
         """Show what is at work."""
-        job = self.house.look(self.folder)
+        job = self.context.look(self.folder)
         html = str(live_html(job, self.with_output))
         if html != self.shown:
             self.shown = html
@@ -99,9 +101,9 @@ class Live:
                 await call()
 
 
-def live_view(house: House, folder: Path, with_output: bool = True) -> Live:
+def live_view(context: AppContext, folder: Path, with_output: bool = True) -> Live:
     """Show what is at work on a campaign."""
-    return Live(house, folder, with_output)
+    return Live(context, folder, with_output)
 
 
 def live_html(job: Job, with_output: bool) -> Markup:

@@ -1,0 +1,123 @@
+"""What every page shares: the folder that is served, who works on it, and parts of pages that come when they are ready."""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup, escape
+from nicegui import ui
+
+from seatrial.apps.campaign_text import CAMPAIGN
+from seatrial.apps.dashboard.campaign_paths import CampaignPaths
+from seatrial.apps.dashboard.jobs import Job, Jobs
+from seatrial.apps.dashboard.view_models import Asked, Stage, words_of
+from seatrial.apps.dashboard.worker_pool import WorkerPool
+from seatrial.campaign.store.files import Store
+from seatrial.core.errors import SeatrialError
+
+PATIENCE = 0.35
+"""Seconds that a page waits for a part before it is shown without it."""
+GLANCE = 0.5
+"""Seconds for which a look at a running command is good for all viewers."""
+
+
+@dataclass(eq=False)
+class AppContext:
+    """What is served, and who works on it.
+
+    Attributes:
+        campaign_paths: campaigns.
+        worker_pool: drawing and thinking.
+        jobs: commands at work.
+    """
+
+    campaign_paths: CampaignPaths
+    worker_pool: WorkerPool = field(default_factory=WorkerPool)
+    jobs: Jobs = field(default_factory=Jobs)
+    glances: dict[Path, tuple[float, Job]] = field(default_factory=dict)
+
+    def look(self, folder: Path) -> Job:
+        """The command at work on a campaign, as it was half a second ago at most."""
+        seen = self.glances.get(folder)
+        if seen is None or time.monotonic() - seen[0] > GLANCE:
+            seen = time.monotonic(), self.jobs.look(folder)
+            self.glances[folder] = seen
+        return seen[1]
+
+    async def steps(self, folder: Path) -> tuple[Stage, ...]:
+        """Which steps of a campaign are current."""
+        files = await asyncio.to_thread(evidence_of, folder)
+        return await self.worker_pool.think("steps", str(folder), files=files)
+
+    async def asked(self, folder: Path) -> Asked:
+        """A campaign, for the forms."""
+        return await self.worker_pool.think("asked", str(folder), files=[folder / CAMPAIGN])
+
+
+async def fill(
+    holder: Any,
+    answer: Awaitable[Any],
+    build: Callable[[Any], Any],
+    waiting: str = "one moment …",
+    patience: float = PATIENCE,
+) -> None:
+    """Put a part into a page: at once where its answer is there, else when it comes; what went wrong is said in its place."""
+    task = asyncio.ensure_future(answer)
+    done, _ = await asyncio.wait({task}, timeout=patience)
+    if not done:
+        with holder:
+            ui.html(f'<p class="waiting" role="status">{escape(waiting)}</p>', sanitize=False)
+
+    async def put() -> None:
+        try:
+            found = await task
+        except (SeatrialError, OSError) as error:
+            if holder.is_deleted:
+                return
+            holder.clear()
+            with holder:
+                say(error)
+            return
+        if holder.is_deleted:  # the viewer has gone on to something else
+            return
+        holder.clear()
+        with holder:
+            made = build(found)
+            if asyncio.iscoroutine(made):
+                await made
+
+    if done:
+        await put()
+    else:
+        ui.timer(0.0, put, once=True)  # beside the holder: clearing that would end what clears it
+
+
+def say(error: BaseException | str) -> None:
+    """Show an error, in words."""
+    words = error if isinstance(error, str) else words_of(error)
+    ui.html(
+        Markup('<div class="error" role="alert"><strong>This did not work.</strong><pre>{}</pre></div>').format(words),
+        sanitize=False,
+    )
+
+
+def markup(text: str) -> ui.html:
+    """Show our own markup, whose foreign parts are escaped."""
+    return ui.html(text, sanitize=False).classes("plain")
+
+
+def evidence_of(folder: Path) -> list[Path]:
+    """Files whose change may change what is current: the campaign file, its results, the logs beside it."""
+    results = Store(folder).results
+    files = [*_files(results), *(path for path in _files(folder, deep=False) if not path.name.startswith("."))]
+    return [path for path in files if path.name != "last_command.txt" and path.suffix not in (".npz", ".part")]
+
+
+def _files(folder: Path, deep: bool = True) -> list[Path]:
+    try:
+        return sorted(path for path in (folder.rglob("*") if deep else folder.iterdir()) if path.is_file())
+    except OSError:
+        return []

@@ -1,0 +1,236 @@
+"""Questions that need the vehicle and so the whole package; answered in the thinking process."""
+
+import tempfile
+import tomllib
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from seatrial.apps.dashboard import result_plots as drawings
+from seatrial.apps.dashboard.downsample import Drawn, envelopes
+from seatrial.apps.dashboard.result_plots import as_plot, as_recorded
+from seatrial.apps.dashboard.view_models import Asked, Beginning, Clicked, Limit, Margin, Recorded, Stage
+from seatrial.apps.toml_edit import set_key
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.limits import TRACKS
+from seatrial.campaign.config.load import check_text, load_campaign
+from seatrial.campaign.config.templates import TEMPLATES, template_text
+from seatrial.campaign.data.import_logs import read_untrimmed
+from seatrial.campaign.data.simulate import chosen_of
+from seatrial.campaign.design.evaluate import plan_as_run, plan_of
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.sweep import read_designs
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.workflow.status import standing
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.display_units import shown_unit
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.core.units import quantity
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import Sweep
+from seatrial.report.drawing import signal_axis
+from seatrial.report.figures.records import control_over_time
+from seatrial.report.figures.style import own_settings
+from seatrial.selection.structures import Structure
+from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+
+
+def steps(folder: str) -> tuple[Stage, ...]:
+    """Which steps are current."""
+    return tuple(Stage(*step) for step in standing(Path(folder)))
+
+
+def ready() -> bool:
+    """Nothing, but everything is imported, fonts are found, units known, and JAX has found its device then."""
+    quantity("1 rpm", "rad/s", "nothing")
+    return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
+
+
+def whole_vehicles() -> tuple[str, ...]:
+    """Published vehicles in six degrees of freedom, from which what a campaign does not model may be taken."""
+    found = {name: load_vehicle(name) for name in vehicle_names()}
+    return tuple(name for name, one in found.items() if set(one.moves) == set(RATES) and one.written is None)
+
+
+def asked(folder: str) -> Asked:
+    """Read a campaign for the forms."""
+    campaign = load_campaign(folder)
+    source, control = campaign.source, campaign.source.design.control
+    states = campaign.model(campaign.full).states
+    known, limits = [control, *states, *TRACKS], []
+    for name in [control, *(one for one in source.limits if one != control)]:
+        table = source.limits.get(name)
+        unit = "m" if name in TRACKS else shown_unit(name)[1]
+        written = [str(getattr(table, part) or "") for part in ("lower", "upper", "rate")]
+        limits.append(Limit(name, unit, *written, has_rate=name == control))
+    table, shown = source.imported, {term: source.truth.get(term, 0.0) for term in campaign.full.terms}
+    return Asked(
+        source.campaign.name,
+        table is not None,
+        campaign.is_simulated,
+        control,
+        (*campaign.model(campaign.full).controls, *campaign.channels),
+        tuple(limits),
+        tuple(one for one in dict.fromkeys(known) if one not in source.limits and one != control),
+        tuple(shown.items()) if source.truth else (),
+        tuple(table.fit) if table else (),
+        tuple(table.predict) if table else (),
+    )
+
+
+def beginnings() -> tuple[Beginning, ...]:
+    """Templates to begin from, each with its published vehicle, and with others where its priors are those of the vehicle."""
+    found = []
+    for template, meaning in TEMPLATES.items():
+        table = tomllib.loads(template_text(template))["vehicle"]
+        own = (table["catalogue"],) if "catalogue" in table else ()
+        others = (one for one in vehicle_names() if one not in own and _usable(template, one))
+        found.append(Beginning(template, meaning, (*own, *(others if "published_to" in table else ()))))
+    return tuple(found)
+
+
+def begun(folder: str, template: str, name: str, vehicle: str) -> str:
+    """Text of a campaign file that a template begins, checked.
+
+    Args:
+        folder: where it is to stand.
+        template: its name.
+        name: of the campaign.
+        vehicle: of the catalogue; empty for the template's own.
+
+    Raises:
+        InputError: no such template or vehicle, or a vehicle that the template cannot be of.
+    """
+    text = set_key(template_text(template), "campaign", "name", name)
+    if vehicle:
+        text = set_key(text, "vehicle", "catalogue", vehicle)
+    check_text(Path(folder), text)
+    return text
+
+
+def check(folder: str, text: str) -> None:
+    """Check a campaign file before it is written.
+
+    Raises:
+        InputError: what is wrong with it.
+    """
+    check_text(Path(folder), text)
+
+
+def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clicked:
+    """Look at one design of a stored sweep: its control, its room inside every limit, and its schedule.
+
+    Args:
+        folder: of the campaign.
+        which: `design` or `next`.
+        family: as the file counts them.
+        row: of its amplitude.
+        column: of its period.
+    """
+    campaign, store = load_campaign(folder), Store(Path(folder))
+    path = store.design if which == "design" else store.next_design
+    kinds = [str(kind) for kind in open_dataset(path)["family"].values]
+    sweep = next(one for one in read_designs(campaign, path).sweeps if one.family.kind == kinds[family])
+    if not (0 <= row < sweep.amplitude.size and 0 <= column < sweep.period.size):
+        raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
+    chosen = chosen_of(sweep, (row, column))
+    manoeuvre = chosen.manoeuvre(campaign)
+    time, values = manoeuvre.sample(sweep.family.sample_time)
+    factor, _ = shown_unit(manoeuvre.control)
+    limits = campaign.limits()
+    low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
+    with own_settings():
+        figure = control_over_time(time, values * factor, signal_axis(manoeuvre.control), (low, high))
+        plot = as_plot(figure, "control", "Control of the design over time")
+    with tempfile.TemporaryDirectory() as place:
+        schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
+    margins = (*_of_control(campaign, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
+    return Clicked(design_words(sweep.family, chosen.amplitude, chosen.period), plot, margins, schedule)
+
+
+def whole_log(folder: str, run: str) -> Recorded:
+    """Draw all that the files of a run hold, before any trimming."""
+    found = read_untrimmed(load_campaign(folder), run)
+    columns = {name: found.channel(name) for name in (*found.measured, *found.controls)}
+    curves = envelopes(found.time, lambda a, b: {name: values[a:b] for name, values in columns.items()})
+    about = {channel.name: (channel.unit, channel.role) for channel in found.channels}
+    return as_recorded(Drawn(curves, about, found.time.size, dict(found.provenance.options), found.provenance.source))
+
+
+def _usable(template: str, vehicle: str) -> bool:
+    try:
+        return bool(begun(".", template, template, vehicle))
+    except InputError:
+        return False
+
+
+def _of_control(campaign: Campaign, sweep: Sweep, values: np.ndarray) -> list[Margin]:
+    limits, control = campaign.limits(), sweep.family.control
+    factor, unit = shown_unit(control)
+    fastest = float(np.abs(np.diff(values)).max(initial=0.0) / sweep.family.sample_time)
+    rows = [
+        (f"{control} at least", limits.lower, float(values.min()), 1, unit),
+        (f"{control} at most", limits.upper, float(values.max()), -1, unit),
+        (f"rate of {control} at most", limits.rate, fastest, -1, f"{unit}/s"),
+    ]
+    found = []
+    for what, bound, reached, sign, shown in rows:
+        if bound is not None:
+            room = sign * (reached - bound) * factor
+            kept = room >= -1e-9 * max(1.0, abs(bound * factor))
+            found.append(
+                Margin(
+                    what,
+                    f"{bound * factor:.4g} {shown}",
+                    f"{reached * factor:.4g} {shown}",
+                    f"{room:.3g} {shown}",
+                    kept,
+                )
+            )
+    return found
+
+
+def _of_motion(campaign: Campaign, which: str, sweep: Sweep, at: tuple[int, int]) -> list[Margin]:
+    """Room inside the limits of the motion, over draws of what is believed."""
+    if not campaign.motion_limits:
+        return []
+    model, draws = _believed(campaign, which)
+    plan = plan_of(campaign, model)
+    if sweep.length is not None and np.isfinite(sweep.length[at]):
+        plan = (
+            plan_as_run(plan, sweep)
+            if at == sweep.best
+            else plan.until(round(float(sweep.length[at]) / sweep.family.sample_time))
+        )
+    controls = sweep.controls(*at)[: plan.step.shape[0]][None]
+    probability = campaign.source.design.probability
+    safety = judge_safety(plan, controls, draws, campaign.motion_limits, probability)
+    found = []
+    for i, limit in enumerate(safety.limits):
+        factor, unit = limit.shown
+        room = float(safety.margin[0, i]) * factor
+        reached = f"kept in {int(safety.held[0, :, i].sum())} of {safety.draws} draws"
+        found.append(Margin(limit.words, f"probability {probability:g}", reached, f"{room:.3g} {unit}", room >= 0))
+    return found
+
+
+def _believed(campaign: Campaign, which: str):
+    """Model, and draws of its coefficients that had no part in choosing the design."""
+    if which == "design":
+        model = campaign.model(campaign.full)
+        draws = prior_draws(campaign, model)
+        return model, draws[len(draws) // 2 :]
+    store = Store(campaign.folder)
+    label = str(open_dataset(store.next_design).attrs["basis"]).removeprefix("the posterior of ")
+    data = open_dataset(store.posterior(label))
+    names = [str(name) for name in data["parameter"].values]
+    structure = next((one for one in campaign.structures if one.label == label), None) or Structure(
+        label, campaign.full.terms
+    )
+    model = campaign.model(structure)
+    terms = [term.text for term in model.coefficients]
+    table = data["draws"].sel(parameter=[term for term in terms if term in names]).values.reshape(-1, len(terms))
+    return model, table[:: max(1, len(table) // 400)][:400]

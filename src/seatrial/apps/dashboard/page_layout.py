@@ -1,0 +1,135 @@
+"""The frame of every page: where you are, the views of a campaign, what is at work, and the theme for sunlight."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlencode
+
+from markupsafe import Markup, escape
+from nicegui import ui
+
+from seatrial.apps.dashboard.app_context import AppContext, markup
+
+VIEWS = {
+    "import": "Records",
+    "design": "Design",
+    "run": "Run",
+    "results": "Results",
+    "compare": "Compare",
+    "report": "Report and export",
+}
+"""Views of a campaign, in the order of the work."""
+EVERY = 1.0
+"""Seconds between looks at what is running."""
+_THEME = """<script>
+(function () {
+  const root = document.documentElement;
+  root.lang = "en";
+  try { root.dataset.theme = localStorage.getItem("seatrial-theme") || ""; } catch (e) {}
+  window.seatrialTheme = function () {
+    root.dataset.theme = root.dataset.theme === "sun" ? "" : "sun";
+    try { localStorage.setItem("seatrial-theme", root.dataset.theme); } catch (e) {}
+    document.querySelectorAll(".theme").forEach((b) => b.setAttribute("aria-pressed", root.dataset.theme === "sun"));
+  };
+  window.addEventListener("load", () => setTimeout(() =>
+    document.querySelectorAll(".theme").forEach((b) => b.setAttribute("aria-pressed", root.dataset.theme === "sun")), 0));
+})();
+</script>"""
+
+
+def link(view: str, campaign: str = "", **more: str) -> str:
+    """Address of a view."""
+    query = urlencode({"campaign": campaign, **more}) if campaign else ""
+    return f"/{view}" + (f"?{query}" if query else "")
+
+
+@contextmanager
+def frame(context: AppContext, view: str, campaign: str = "", folder: Path | None = None) -> Iterator[None]:
+    """Lay out a page around the block.
+
+    Args:
+        context: what is served.
+        view: key of `VIEWS`, or empty for the overview.
+        campaign: its name below the root.
+        folder: of the campaign, to show what is at work on it.
+    """
+    ui.add_head_html(_THEME)
+    title = VIEWS.get(view, "Campaigns")
+    ui.page_title(f"{title} · {campaign if campaign not in ('', '.') else context.campaign_paths.root.name} · seatrial")
+    markup('<a class="skip" href="#main">Skip to the content</a>')
+    with ui.element("header").classes("top"):
+        markup(_top(context, campaign))
+        if folder is not None:
+            flag = markup("").classes("at-work")
+            ui.timer(EVERY, lambda: flag.set_content(_at_work(context, folder, campaign)))
+            flag.set_content(_at_work(context, folder, campaign))
+    if campaign:
+        links = Markup("").join(
+            Markup('<li><a href="{}"{}>{}</a></li>').format(
+                link(key, campaign), Markup(' aria-current="page"') if key == view else "", name
+            )
+            for key, name in VIEWS.items()
+        )
+        markup(Markup('<nav aria-label="Views of the campaign"><ul>{}</ul></nav>').format(links))
+    with ui.element("main").props('id=main tabindex="-1"'):
+        markup(Markup("<h1>{}</h1>").format(title))
+        yield
+
+
+@contextmanager
+def section(title: str, note: str = "") -> Iterator[ui.element]:
+    """A titled part of a page."""
+    with ui.element("section") as part:
+        markup(Markup("<h2>{}</h2>").format(title) + (Markup('<p class="note">{}</p>').format(note) if note else ""))
+        yield part
+
+
+def button(words: str, action, *, main: bool = False) -> ui.button:
+    """A button that reads as what it does."""
+    kind = "unelevated color=primary" if main else "outline color=primary"
+    return ui.button(words, on_click=action).props(f"no-caps {kind}").classes("button")
+
+
+def figure(svg: str, caption: str = "") -> Markup:
+    """A figure; the drawing is our own markup."""
+    below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
+    return Markup("<figure>{}{}</figure>").format(Markup(svg), below)
+
+
+def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:
+    """A table that scrolls inside its own frame; the first `left` columns are text."""
+
+    def cells(row: list[str | Markup], tag: str) -> Markup:
+        parts = []
+        for i, cell in enumerate(row):
+            kind = "th" if i == 0 or tag == "th" else "td"
+            scope = Markup(' scope="{}"').format("col" if tag == "th" else "row") if kind == "th" else ""
+            parts.append(
+                Markup("<{}{}{}>{}</{}>").format(
+                    Markup(kind), scope, Markup(' class="text"') if i < left else "", cell, Markup(kind)
+                )
+            )
+        return Markup("<tr>{}</tr>").format(Markup("").join(parts))
+
+    body = Markup("").join(cells(row, "td") for row in rows)
+    title = Markup("<caption>{}</caption>").format(caption) if caption else ""
+    return Markup(
+        '<div class="scroll" tabindex="0" role="region" aria-label="{}"><table>{}<thead>{}</thead><tbody>{}</tbody></table></div>'
+    ).format(caption or "table", title, cells(list(head), "th"), body)
+
+
+def _top(context: AppContext, campaign: str) -> Markup:
+    place = context.campaign_paths.root.name if campaign in ("", ".") else campaign
+    return Markup(
+        '<a class="brand" href="/">seatrial</a><span class="place" title="{}">{}</span>'
+        '<button type="button" class="theme" aria-pressed="false" onclick="seatrialTheme()">Sunlight contrast</button>'
+    ).format(context.campaign_paths.root, place if campaign else "")
+
+
+def _at_work(context: AppContext, folder: Path, campaign: str) -> str:
+    job = context.look(folder)
+    if not job.running:
+        return ""
+    command = job.occupant.command if job.occupant and job.occupant.alive else ("seatrial", "…")
+    words = escape(" ".join(command[:2]))
+    return f'<a class="running" href="{escape(link("run", campaign))}"><span class="dot"></span>{words} is running</a>'

@@ -1,0 +1,68 @@
+"""Campaigns to begin from, as `seatrial init` writes them."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from seatrial.campaign.config.campaign import FILE_NAME
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.files import write_text
+
+TEMPLATES = {
+    "remus100": "a simulated REMUS 100: the whole loop at once",
+    "design": "a vehicle of your own before there are any data: a first trial to design",
+    "steering": "a published vehicle before there are any data: which rudder to try first",
+    "log": "a CSV log of a trial that was run",
+}
+"""What each template is, by name."""
+
+
+def template_names() -> tuple[str, ...]:
+    """Return the names of the templates."""
+    return tuple(TEMPLATES)
+
+
+def init_campaign(folder: Path | str, template: str) -> Path:
+    """Write a template's campaign file into a folder, which is made if missing; returns the file.
+
+    Raises:
+        InputError: no such template, or a folder that holds a campaign already.
+    """
+    text, path = template_text(template), Path(folder) / FILE_NAME
+    if path.exists():
+        raise InputError(
+            str(path),
+            found="a campaign already",
+            expected="a folder without one",
+            remedy="choose another folder, or delete the file",
+        )
+    write_text(path, text)
+    return path
+
+
+def template_text(template: str) -> str:
+    """Return the text of a template.
+
+    Raises:
+        InputError: no such template.
+    """
+    if template not in TEMPLATES:
+        raise InputError(
+            f'template "{template}"',
+            found="no such template",
+            expected="; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()),
+            remedy=nearest(template, TEMPLATES),
+        )
+    return files(__name__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
+
+
+def example_of(key: Sequence[str | int]) -> str:
+    """Return how a key or table of a campaign file that is missing may be written, as the template `design` writes it."""
+    table, keys = str(key[0]), [str(part) for part in key[1:]]
+    blocks = [block.splitlines() for block in template_text("design").split("\n\n")]
+    written = [[line for line in block if not line.startswith("#")] for block in blocks]
+    block = next((lines for lines in written if lines and lines[0].strip("[]").split(".")[0] == table), [])
+    line = next((line for name in reversed(keys) for line in block if line.startswith(f"{name} = ")), "")
+    if not block or (keys and not line):
+        return "`seatrial init` writes examples: " + ", ".join(TEMPLATES)
+    return f"for example {line}" if keys else "for example\n" + "\n".join(f"    {one}" for one in block)

@@ -1,0 +1,1 @@
+"""The trials' records: simulated, or imported from logs, and checked."""

@@ -1,0 +1,135 @@
+"""Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.data.record_cautions import record_cautions
+from seatrial.campaign.design.prior_state_space import coefficient_priors
+from seatrial.campaign.inference.posterior import initial_state, random_key
+from seatrial.core.record import Record
+from seatrial.design.prior_belief import draw_values
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.record_checks import (
+    Finding,
+    check_excitation,
+    check_motion,
+    check_samples,
+    not_judged,
+    says_direction,
+)
+
+DRAWS = 32
+"""Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordJudgement:
+    """What was found about one record.
+
+    Attributes:
+        record: it.
+        findings: every check, also those that pass.
+        cautions: holes and controls that never move.
+    """
+
+    record: Record
+    findings: tuple[Finding, ...]
+    cautions: tuple[str, ...]
+
+    @property
+    def level(self) -> str:
+        """The gravest."""
+        levels = {finding.level for finding in self.findings}
+        return "fail" if "fail" in levels else "caution" if "caution" in levels or self.cautions else "pass"
+
+    def lines(self) -> list[str]:
+        """A headline, one line for each trouble, and what passes."""
+        head = f"record {self.record.label}: {self.level}; {self.record.time.size} samples over {self.record.time[-1]:.1f} s"
+        troubles = [f"  {finding.line}" for finding in self.findings if finding.level != "pass"]
+        passed: dict[str, list[str]] = {}
+        for finding in self.findings:
+            if finding.level == "pass":
+                passed.setdefault(finding.check, []).append(finding.signal)
+        fine = "; ".join(f"{check} of {', '.join(signals)}" for check, signals in passed.items())
+        cautions = [f"  caution {text}" for text in self.cautions]
+        return [head, *troubles, *cautions, *((f"  pass    {fine}",) if fine else ())]
+
+
+def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
+    """Judge every record, fitted and held back; vehicles of the priors say what is expected, as far as they agree."""
+    return [_judge(campaign, record) for record in (*trials.fit, *trials.predict)]
+
+
+def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
+    model = campaign.model(campaign.full)
+    priors = coefficient_priors(campaign, model)
+    mean = np.array([float(prior.mean) for prior in priors])
+    step = np.append(np.diff(record.time), 0.0)
+    control = np.column_stack([record.channel(name) for name in model.controls])
+    measured = {name: record.channel(name) for name in campaign.channels}
+    weight = np.column_stack([np.isfinite(column) / campaign.noise(name) for name, column in measured.items()])
+    plan = TrialPlan(model, campaign.channels, np.array(initial_state(campaign, model, record)), step, weight)
+    alone = TrialPlan(model, campaign.channels, plan.start, step, np.ones_like(weight))
+    tried = np.vstack([mean, draw_values(priors, random_key(campaign, "vehicles of the priors"), DRAWS)])
+    expected, *drawn = np.asarray(_shown(alone, tried, control))
+    findings = [
+        finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise(name))
+    ]
+    if not np.isfinite(expected).all():
+        remedy = "narrow the priors, so that the vehicle at their means can be simulated over this record"
+        findings.append(
+            Finding("motion", "direction", "caution", "the vehicle at the prior means runs away", "finite", remedy)
+        )
+        return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+    usual, unsaid = float(np.median(step[:-1])), []
+    for index, (name, column) in enumerate(measured.items()):
+        ways = np.array([one[:, index] for one in drawn])
+        if says_direction(expected[:, index], ways, campaign.noise(name)):
+            findings += check_motion(name, usual, column, expected[:, index])
+        else:
+            unsaid.append(name)
+    if unsaid:
+        findings += [not_judged(unsaid), *_excitation_as_moved(record, plan, priors, control)]
+    else:
+        findings += _excitation(plan, priors, mean, control)
+    return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+
+
+def _excitation(
+    plan: TrialPlan, priors: tuple[Prior, ...], values: np.ndarray, control: np.ndarray, about: str = ""
+) -> list[Finding]:
+    """What the record can tell, linearised at some values of the coefficients."""
+    before = np.array([float(prior.sd) for prior in priors])
+    information = np.asarray(plan.information(values, control))
+    after = np.sqrt(np.diag(np.linalg.inv(information + np.diag(before**-2.0))))
+    return check_excitation(plan.names, before, after, about)
+
+
+def _excitation_as_moved(
+    record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
+) -> list[Finding]:
+    """The same where the vehicle at the prior means does not move as this one did: at a fit of the measured motion."""
+    found = first_guess(plan.model, [record], [tuple(plan.start)], dict(zip(plan.names, priors, strict=True)))
+    if found:
+        values = np.array([found[name] for name in plan.names])
+        if np.isfinite(np.asarray(plan.motion(values, control))).all():
+            return _excitation(plan, priors, values, control, "at a fit of the measured motion")
+    reason = (
+        "the vehicle fitted to the measured motion runs away" if found else "too few velocities are measured to fit it"
+    )
+    value = "not judged; the vehicle at the prior means does not move as this one did"
+    remedy = "priors of known sign would say"
+    return [Finding("all", "excitation", "note", value, f"but {reason}", remedy)]
+
+
+@jax.jit
+def _shown(plan: TrialPlan, values: Array, control: Array) -> Array:
+    """What the sensors would show of several vehicles, shape (d, n, m)."""
+    return jax.vmap(lambda one: plan.outputs(one, control))(values)

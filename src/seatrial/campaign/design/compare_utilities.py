@@ -1,0 +1,124 @@
+"""How well the cheap measures of a design agree with its expected information gain, over some designs of a campaign.
+
+The expected information gain is that of the whole prior, by nested Monte Carlo with its error; the cheap ones are what a sweep can
+afford: the filter's entropy reduction at the prior means, and criteria of the Fisher information there or over draws.
+"""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
+from seatrial.campaign.design.prior_state_space import coefficient_priors
+from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.utility import UTILITY_DRAWS
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import NumericalError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.design.expected_gain import GainSettings, importance_gain
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.prior_belief import draw_values, prior_cov
+from seatrial.design.robust import local_utility, utility_table
+from seatrial.design.utility_agreement import Agreement, compare_utilities
+
+FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
+EXPECTED = "expected information gain"
+SETTINGS = GainSettings(inner=256)
+"""Four times the usual importance draws: weak designs leave posteriors that press on the priors' bounds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """Every measure of some designs, as stored: each by `design`, and `error`, the Monte Carlo error of the expected gain."""
+
+    data: xr.Dataset
+
+    @property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Each cheap measure beside the expected gain."""
+        cheap = {name: self.data[name].values for name in self.data.data_vars if name not in (EXPECTED, "error")}
+        return compare_utilities(
+            {str(name): x for name, x in cheap.items()}, self.data[EXPECTED].values, self.data["error"].values
+        )
+
+    def lines(self) -> list[str]:
+        """The best design by the expected gain, and how each cheap measure ranks them."""
+        gain, best = self.data[EXPECTED].values, int(np.argmax(self.data[EXPECTED].values))
+        error = float(self.data["error"].values[best])
+        return [
+            f"of {gain.size} designs the {self.data['design'].values[best]} has the largest {EXPECTED}: {gain[best]:.2f} ± {error:.2g} "
+            f"nat; the least has {gain.min():.2f}",
+            *(found.words for found in self.agreements),
+            *json.loads(self.data.attrs["refused"]),
+        ]
+
+
+def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT) -> Measures:
+    """Compute every measure for the best design of each family and for others spread over what they reach; a current result is read.
+
+    Args:
+        campaign: its priors, families and limits.
+        count: designs, 5 at least.
+        reporter: who is told.
+
+    Raises:
+        NumericalError: the motion diverges at a draw of the priors.
+    """
+    check_whole_trials(campaign, "--compare", joules=True)
+    store, key = Store(campaign.folder), key_of("measures", count, design_key(campaign))
+    if not is_current(store.measures, key):
+        write_dataset(store.measures, _compute(campaign, count, reporter), key)
+    return Measures(open_dataset(store.measures))
+
+
+def _compute(campaign: Campaign, count: int, reporter: Reporter) -> xr.Dataset:
+    designs, model = design_first(campaign, reporter), campaign.model(campaign.full)
+    priors = coefficient_priors(campaign, model)
+    plan, cov = plan_of(campaign, model), prior_cov(priors)
+    names, controls, entropy = [], [], []
+    for sweep, row, column in _spread(designs.sweeps, count):
+        amplitude, period = float(sweep.amplitude[row]), float(sweep.period[column])
+        names.append(design_words(sweep.family, amplitude, period))
+        controls.append(sweep.controls(row, column))
+        entropy.append(float(sweep.gain[row, column]))
+    held = np.stack(controls)
+    measures = {"entropy of the filter": np.array(entropy)}
+    mean = np.array([float(prior.mean) for prior in priors])
+    for name in FISHER:
+        measures[f"{name} at the prior means"] = local_utility(plan, held, mean, find_criterion(name, cov))
+    draws = draw_values(priors, random_key(campaign, "draws of the measures"), UTILITY_DRAWS)
+    averaged = utility_table(plan, held, draws, find_criterion("fisher-d", cov)).mean
+    measures[f"fisher-d over {UTILITY_DRAWS} draws"] = averaged
+    progress, gains, refused = reporter.progress(f"expected gain of {len(names)} designs"), [], []
+    for done, control in enumerate(held):
+        progress(done, len(names))
+        gains.append(importance_gain(plan, priors, control, random_key(campaign, "expected gain"), SETTINGS))
+        if gains[-1].status:
+            refused.append(f"{names[done]}: {gains[-1].status}")
+    progress(len(names), len(names))
+    if len(refused) > len(names) / 2:
+        raise NumericalError("the expected gain cannot be computed for most designs; " + refused[0])
+    kept = np.array([not gain.status for gain in gains])
+    measures[EXPECTED] = np.array([gain.value for gain in gains])
+    measures["error"] = np.array([gain.std_error for gain in gains])
+    return xr.Dataset(
+        {name: ("design", values[kept]) for name, values in measures.items()},
+        coords={"design": np.array(names)[kept]},
+        attrs={"refused": json.dumps(refused)},
+    )
+
+
+def _spread(sweeps: tuple, count: int) -> list[tuple]:
+    """The best design of each family, and others at even ranks of the gain among all that are inside the limits."""
+    chosen = [(sweep, *sweep.best) for sweep in sweeps[:count]]
+    others = [(sweep, int(i), int(j)) for sweep in sweeps for i, j in np.argwhere(np.isfinite(sweep.gain))]
+    others = [one for one in others if (one[1], one[2]) != one[0].best]
+    others.sort(key=lambda one: one[0].gain[one[1], one[2]])
+    places = np.linspace(0, len(others) - 1, min(count - len(chosen), len(others))).round().astype(int)
+    return chosen + [others[place] for place in places]

@@ -1,0 +1,185 @@
+"""Weighs the designs of a sweep: which keep the vehicle inside its limits, what each is worth, and what it costs."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
+from seatrial.core.errors import InputError
+from seatrial.design.cost import PropellerPower, expected_cost, gain_per_cost, in_joules
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.limit_conflicts import check_some_allowed
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_safety
+from seatrial.design.stopping import best_stops
+from seatrial.design.sweep import Sweep, in_blocks
+from seatrial.design.trial_plan import TrialPlan, plan_trial
+from seatrial.vehicles.model import VehicleModel
+
+
+def plan_of(campaign: Campaign, model: VehicleModel) -> TrialPlan:
+    """Plan of the campaign's trials: from trim, with its sensors."""
+    time = campaign.family.time()
+    start = campaign.state_trim(model)
+    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    return plan_trial(model, start, noise, time.size, campaign.family.sample_time, campaign.measured_mask(time))
+
+
+def weigh(
+    campaign: Campaign,
+    plan: TrialPlan,
+    sweep: Sweep,
+    draws: Float[np.ndarray, "S k"],
+    scales: Float[np.ndarray, " k"],
+) -> Sweep:
+    """The sweep without the designs that may leave the limits of the motion, and with what each of the others is worth.
+
+    Where seconds are counted, all that is said of a design, its limits included, is of the trial as it is ended.
+
+    Args:
+        campaign: limits, utility and power.
+        plan: of its trials.
+        sweep: entropy reduction of each design.
+        draws: coefficients drawn from what is believed, SI; half of them choose.
+        scales: units of the coefficients in the sweep, SI.
+
+    Raises:
+        InputError: no design keeps the limits of the motion with the probability asked for, or limits the vehicle cannot have.
+        NumericalError: the motion diverges at a draw that a utility is averaged over.
+    """
+    limits, table = campaign.motion_limits, campaign.source.design
+    if not limits and table.utility == "entropy" and table.per == "trial":
+        return sweep
+    if table.per == "second":
+        sweep = _by_the_second(campaign, plan, sweep, draws, scales)
+    rows, columns, controls = sweep.inside()
+    if limits:
+        samples = None if sweep.length is None else _samples(sweep, sweep.length[rows, columns])
+        safety = judge_safety(plan, controls, _for_choice(draws), limits, table.probability, samples=samples)
+        places = zip(rows, columns, strict=True)
+        words = tuple(design_words(sweep.family, sweep.amplitude[i], sweep.period[j]) for i, j in places)
+        check_some_allowed(replace(safety, names=words))
+        sweep = _only(sweep, rows, columns, safety.allowed)
+        rows, columns, controls = sweep.inside()
+    if table.per == "second":
+        return sweep
+    utility = sweep.gain[rows, columns]
+    if table.utility != "entropy":
+        utility = _utility(campaign, plan, controls, draws)
+    if table.per == "joule":
+        power, at, hotel = campaign.power()
+        cost = in_joules(hotel, PropellerPower(power, at, sweep.family.control))
+        utility = gain_per_cost(
+            utility - _of_no_trial(campaign, plan, draws),
+            expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean,
+        )
+    found = np.full(sweep.gain.shape, np.nan)
+    found[rows, columns] = utility
+    return replace(sweep, utility=found)
+
+
+def safety_lines(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: Float[np.ndarray, "S k"]) -> Sequence[str]:
+    """How surely the best design keeps each limit of the motion, on draws that had no part in choosing it."""
+    if not campaign.motion_limits:
+        return ()
+    fresh, probability = draws[len(_for_choice(draws)) :], campaign.source.design.probability
+    samples = None if sweep.length is None else _samples(sweep, sweep.length[[sweep.best[0]], [sweep.best[1]]])
+    controls = sweep.best_controls()[None]
+    return judge_safety(plan, controls, fresh, campaign.motion_limits, probability, samples=samples).words(0)
+
+
+def plan_as_run(plan: TrialPlan, sweep: Sweep) -> TrialPlan:
+    """The plan of a sweep's best design, ended when that is."""
+    return plan if sweep.length is None else plan.until(int(_samples(sweep, sweep.length[sweep.best])))
+
+
+def _for_choice(draws: np.ndarray) -> np.ndarray:
+    """The half of the draws by which designs are chosen; the other half judges the one that is."""
+    return draws[: len(draws) // 2]
+
+
+def check_whole_trials(campaign: Campaign, option: str, joules: bool = False) -> None:
+    """Check that designs are of full length, as an option of `seatrial design` takes them, and worth what one trial teaches.
+
+    Args:
+        campaign: what is counted.
+        option: in words.
+        joules: whether the option may stand beside designs that are counted per joule.
+
+    Raises:
+        InputError: the campaign counts seconds, or joules where the option cannot.
+    """
+    per = campaign.source.design.per
+    if per == "second" or (per == "joule" and not joules):
+        why = "knows trials of full length only" if per == "second" else "does not count joules"
+        raise InputError(
+            campaign.where("design.per"),
+            found=f'"{per}" with {option}, which {why}',
+            expected='"trial" or "joule"' if joules else '"trial"',
+            remedy=f'set per = "trial", or leave out {option}',
+        )
+
+
+def utility_unit(campaign: Campaign) -> str:
+    """Unit of the utility that is maximised."""
+    table = campaign.source.design
+    units = {"entropy": "nat", "fisher-d": "nat", "fisher-me": "nat", "fisher-c": "nat", "discrimination": "nat"}
+    unit = units.get(table.utility, "")
+    return unit + {"joule": "/J", "second": "/s", "trial": ""}[table.per]
+
+
+def _of_no_trial(campaign: Campaign, plan: TrialPlan, draws: np.ndarray) -> float:
+    """Utility without information: what is counted for a joule is the gain beyond it."""
+    if campaign.source.design.utility == "entropy":
+        return 0.0
+    few, k = utility_draws(campaign, draws), draws.shape[1]
+    return float(np.mean(np.asarray(criterion_of(campaign, plan, draws)(np.zeros((len(few), k, k))))))
+
+
+def _utility(campaign: Campaign, plan: TrialPlan, controls: np.ndarray, draws: np.ndarray) -> np.ndarray:
+    found = utility_table(plan, controls, utility_draws(campaign, draws), criterion_of(campaign, plan, draws))
+    return found.worst() if campaign.source.design.over == "worst" else found.mean
+
+
+def _by_the_second(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: np.ndarray, scales: np.ndarray) -> Sweep:
+    """Each design ended when that is worth most for the time it takes; its gain is the D criterion of what is measured by then."""
+    rows, columns, controls = sweep.inside()
+    table, shape = campaign.source.design, sweep.gain.shape
+    turnaround = campaign.si(table.turnaround, "s", "design.turnaround")
+    few, cov = utility_draws(campaign, draws), np.atleast_2d(np.cov(draws, rowvar=False))
+    stops = best_stops(plan, controls, few, criterion_of(campaign, plan, draws), turnaround)
+    left = np.linalg.inv(stops.information + np.linalg.inv(cov))
+    utility, length, gain, peak = (np.full(shape, np.nan) for _ in range(4))
+    final_sd = np.full_like(sweep.final_sd, np.nan)
+    utility[rows, columns], length[rows, columns] = stops.rate, stops.length
+    gain[rows, columns] = np.asarray(find_criterion("fisher-d", cov)(stops.information)).mean(-1)
+    final_sd[rows, columns] = np.sqrt(np.diagonal(left, axis1=2, axis2=3).mean(1)) / scales
+    (leading,) = in_blocks(partial(_leading, plan, jnp.asarray(draws.mean(0))), controls)
+    taken = np.arange(leading.shape[1]) < stops.samples[:, None]
+    peak[rows, columns] = np.where(taken, np.abs(leading), 0.0).max(1)
+    return replace(sweep, gain=gain, final_sd=final_sd, peak_speed=peak, utility=utility, length=length)
+
+
+@jax.jit
+def _leading(plan: TrialPlan, values: Array, controls: Array) -> tuple[Array]:
+    return (jax.vmap(lambda control: plan.motion(values, control)[:, 0])(controls),)
+
+
+def _samples(sweep: Sweep, length: np.ndarray) -> np.ndarray:
+    return np.round(length / sweep.family.sample_time).astype(int)
+
+
+def _only(sweep: Sweep, rows: np.ndarray, columns: np.ndarray, allowed: np.ndarray) -> Sweep:
+    lost = rows[~allowed], columns[~allowed]
+    gain, utility = sweep.gain.copy(), None if sweep.utility is None else sweep.utility.copy()
+    for worth in (gain, utility):
+        if worth is not None:
+            worth[lost] = np.nan
+    return replace(sweep, gain=gain, utility=utility)

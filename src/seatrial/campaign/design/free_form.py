@@ -1,0 +1,188 @@
+"""The free-form trial: not a member of a family but every level chosen, by gradients, inside all limits."""
+
+from dataclasses import asdict, dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
+from seatrial.campaign.design.prior_state_space import HALF, coefficient_priors
+from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.core.display_units import shown_unit
+from seatrial.core.errors import InputError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.free_form import FreeFormDesign, design_free_form
+from seatrial.design.free_form_problem import FreeFormProblem
+from seatrial.design.prior_belief import draw_values, prior_cov
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_safety
+from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
+
+POINTS = 4
+"""Draws of the priors over which the utility is averaged."""
+SAFE_FOR = 64
+"""Draws for which limits of the motion hold during the search; judged on fresh ones afterwards."""
+
+RISK = 0.75
+"""Share of the risk allowed that the search takes: the rest is for what draws it has not seen."""
+
+
+@dataclass(frozen=True)
+class FreeTrial:
+    """The trial found, and what it is worth beside the best of the families.
+
+    Attributes:
+        levels: of the control, SI, each held as long as the others.
+        utility: mean of the D criterion over draws of the priors, nats, whatever the utility of the campaign.
+        beside: the same of the best design of the families.
+        family: name of that one.
+        at_bounds: share of the levels at a bound.
+        active: limits that hold it back.
+        safety: how surely each limit of the motion is kept, on fresh draws.
+        starts: name and utility in nats of each start, before and after.
+        status: of the search.
+    """
+
+    levels: tuple[float, ...]
+    utility: float
+    beside: float
+    family: str
+    at_bounds: float
+    active: tuple[str, ...]
+    safety: tuple[str, ...]
+    starts: tuple[tuple[str, float, float], ...]
+    status: str
+
+    def lines(self) -> list[str]:
+        """In words."""
+        held = f"; held back by {', '.join(self.active)}" if self.active else ""
+        return [
+            f"free-form design by the D criterion: {self.utility:.2f} nat, the best of the families ({self.family}) "
+            f"{self.beside:.2f} nat by the same measure; {self.at_bounds:.0%} of {len(self.levels)} levels at a bound{held}",
+            *(f"start {name}: {before:.2f} nat, then {after:.2f}" for name, before, after in self.starts),
+            self.status,
+            *self.safety,
+        ]
+
+
+def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILENT) -> tuple[FreeTrial, Path]:
+    """Search the levels that teach most about the full structure under its priors; a current result is read.
+
+    Returns:
+        what was found, and the schedule.
+
+    Raises:
+        InputError: no bounds of the control, limits that admit nothing, or another vehicle than a surge model.
+        NumericalError: the vehicle diverges at a draw of the priors.
+    """
+    check_free_trial(campaign)
+    store = Store(campaign.folder)
+    key = key_of("free form", "active", levels, design_key(campaign))
+    if not is_current(store.free_design, key):
+        write_stamped_json(store.free_design, asdict(_search(campaign, levels, reporter)), key)
+    content: dict[str, Any] = read_json(store.free_design, f"seatrial design {campaign.folder}")
+    fields = {name: content[name] for name in FreeTrial.__dataclass_fields__}
+    found = FreeTrial(**{name: _tuples(value) for name, value in fields.items()})
+    manoeuvre = _form(campaign, levels).manoeuvre(np.array(found.levels))
+    return found, write_schedule(store.schedule(store.free_design), manoeuvre, campaign.family.sample_time)
+
+
+def check_free_trial(campaign: Campaign) -> None:
+    """Check that a campaign has what a free form needs, before any work.
+
+    Raises:
+        InputError: another vehicle than a surge model, designs that are counted by the second or joule, a control without both bounds.
+    """
+    campaign.check_surge("a free form")
+    check_whole_trials(campaign, "--free-form")
+    limits, control = campaign.limits(), campaign.family.control
+    if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
+        unit = shown_unit(control)[1]
+        raise InputError(
+            campaign.where(f"limits.{control}"),
+            found="a bound that is missing",
+            expected="lower and upper: a free form goes as far as it may",
+            remedy=f'for example lower = "800 {unit}"',
+        )
+
+
+def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
+    model, form = campaign.model(campaign.full), _form(campaign, levels)
+    priors = coefficient_priors(campaign, model)
+    plan, cov = plan_of(campaign, model), prior_cov(priors)
+    draws = draw_values(priors, random_key(campaign, "draws of the free form"), 2 * HALF)
+    best = design_first(campaign, reporter).best
+    family = best.best_manoeuvre()
+    problem = FreeFormProblem(
+        plan,
+        form,
+        campaign.limits(),
+        draws[:POINTS],
+        cov,
+        motion=campaign.motion_limits,
+        draws=draws[:SAFE_FOR],
+        risk=RISK * (1.0 - campaign.source.design.probability),
+    )
+    time, control = family.sample(best.family.sample_time)
+    near = nearest_levels(form, time, control)
+    found = design_free_form(
+        problem,
+        campaign.source.campaign.seed,
+        {f"the best {family.name}": near, **_random(campaign, form)},
+        progress=reporter.progress("free-form design"),
+    )
+    utility, beside = _judged(plan, cov, draws, found.manoeuvre, family, best.family.sample_time)
+    return FreeTrial(
+        tuple(map(float, found.levels)),
+        utility,
+        beside,
+        family.name,
+        float(found.at_bounds),
+        found.active,
+        _safety(campaign, plan, found, draws),
+        tuple((one.name, float(one.before), float(one.utility)) for one in found.outcomes),
+        found.status,
+    )
+
+
+def _judged(
+    plan: Any, cov: np.ndarray, draws: np.ndarray, found: Manoeuvre, family: Manoeuvre, sample_time: float
+) -> tuple[float, float]:
+    """Both by the same measure, on draws that had no part in the search."""
+    controls = np.stack([one.sample(sample_time)[1] for one in (found, family)])[..., None]
+    mean = utility_table(plan, controls, draws[SAFE_FOR : SAFE_FOR + 64], find_criterion("fisher-d", cov)).mean
+    return float(mean[0]), float(mean[1])
+
+
+def _safety(campaign: Campaign, plan: Any, found: FreeFormDesign, draws: np.ndarray) -> tuple[str, ...]:
+    if not campaign.motion_limits:
+        return ()
+    control = found.manoeuvre.sample(campaign.family.sample_time)[1]
+    probability = campaign.source.design.probability
+    return judge_safety(plan, control[None, :, None], draws[HALF:], campaign.motion_limits, probability).words(0)
+
+
+def _form(campaign: Campaign, levels: int) -> SteppedInput:
+    """Levels over the active time of the families, and the way back to trim after it, or before the end of the trial."""
+    family = campaign.family
+    active = min(family.active, family.duration - family.start - family.ramp)
+    return SteppedInput(family.control, family.trim, family.duration, family.start, active, levels, edge=family.ramp)
+
+
+def _random(campaign: Campaign, form: SteppedInput) -> dict[str, np.ndarray]:
+    limits, random = campaign.limits(), np.random.default_rng(campaign.source.campaign.seed)
+    assert limits.lower is not None
+    assert limits.upper is not None
+    return {f"random levels {i + 1}": random.choice([limits.lower, limits.upper], form.size) for i in range(2)}
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

@@ -1,0 +1,210 @@
+"""The best design between the points of the grid: amplitude and period of every family by global search (CMA-ES)."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
+from seatrial.campaign.design.prior_state_space import HALF, prior_draws
+from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.utility import criterion_of, utility_draws
+from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.core.errors import InputError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.design.global_search import search_globally
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import all_controls
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.family import Family
+
+POPULATION = 16
+"""Designs that are evaluated at once."""
+
+
+@dataclass(frozen=True)
+class Searched:
+    """The design found.
+
+    Attributes:
+        kind: of its family.
+        amplitude: SI.
+        period: s.
+        utility: on draws that had no part in the search.
+        beside: the same of the best design of the grid.
+        grid: that one, in words.
+        evaluations: designs evaluated.
+        settled: whether the search of its family had come to rest.
+        safety: how surely each limit of the motion is kept, on fresh draws.
+        refused: families without a design inside the limits.
+        unit: of the utility.
+        budget: designs asked for.
+    """
+
+    kind: str
+    amplitude: float
+    period: float
+    utility: float
+    beside: float
+    grid: str
+    evaluations: int
+    settled: bool
+    safety: tuple[str, ...]
+    refused: tuple[str, ...]
+    unit: str
+    budget: int
+
+    def lines(self, family: Family) -> list[str]:
+        """In words."""
+        rest = "" if self.settled else "; it had not come to rest: search longer"
+        rounded = f" ({self.budget} asked for: whole populations of {POPULATION} in each family)"
+        over = f"{self.evaluations} designs{rounded if self.evaluations != self.budget else ''}"
+        found, beside = (f"{value:.3f} {self.unit}".rstrip() for value in (self.utility, self.beside))
+        return [
+            f"global search over {over}: {design_words(family, self.amplitude, self.period)}: "
+            f"{found}, the best of the grid ({self.grid}) {beside} by the same measure{rest}",
+            *self.safety,
+            *(f"{kind}: no design inside the limits was met" for kind in self.refused),
+        ]
+
+
+def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) -> tuple[Searched, Family, Path]:
+    """Search the box of the grid, family by family, under the priors; a current result is read.
+
+    Args:
+        campaign: families, grid, utility (`fisher-d` in place of the filter's entropy) and limits.
+        budget: designs to evaluate in all.
+        reporter: who is told.
+
+    Returns:
+        what was found, its family, and the schedule.
+
+    Raises:
+        InputError: a grid of one amplitude or period, too small a budget, or no design inside the limits.
+        NumericalError: the motion diverges at a draw of the priors.
+    """
+    check_search(campaign, budget)
+    store, key = (
+        Store(campaign.folder),
+        key_of("searched", list(Searched.__dataclass_fields__), budget, design_key(campaign)),
+    )
+    if not is_current(store.searched, key):
+        write_stamped_json(store.searched, asdict(_search(campaign, budget, reporter)), key)
+    content: dict[str, Any] = read_json(store.searched, f"seatrial design {campaign.folder}")
+    fields = {name: content[name] for name in Searched.__dataclass_fields__}
+    found = Searched(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    family = next(one for one in campaign.families if one.kind == found.kind)
+    manoeuvre = family.manoeuvre(found.amplitude, found.period)
+    return found, family, write_schedule(store.schedule(store.searched), manoeuvre, family.sample_time)
+
+
+def check_search(campaign: Campaign, budget: int) -> None:
+    """Check that there is something to search in, and enough to search it, before any work.
+
+    Raises:
+        InputError: a grid of one amplitude or period, too small a budget, or designs that are counted by the second or joule.
+    """
+    check_whole_trials(campaign, "--search")
+    lower, upper = _box(campaign)
+    for name, low, high in zip(("amplitude", "period"), lower, upper, strict=True):
+        if not low < high:
+            raise InputError(
+                campaign.where(f"design.{name}"),
+                found="one value",
+                expected="a range to search in",
+                remedy="give `from` below `to`, or leave out --search",
+            )
+    if budget < (fewest := POPULATION * len(campaign.families)):
+        raise InputError(
+            "--search",
+            found=f"{budget} design{'s' * (budget != 1)}",
+            expected=f"at least {fewest}: populations of {POPULATION} in each family",
+            remedy=f"ask for some {20 * fewest}",
+        )
+
+
+def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
+    lower, upper = _box(campaign)
+    model = campaign.model(campaign.full)
+    plan, best = plan_of(campaign, model), design_first(campaign, reporter).best
+    draws = prior_draws(campaign, model)
+    found, refused = [], []
+    for family in campaign.families:
+        worth = _worth_of(campaign, plan, family, draws[:HALF])
+        share, seed = budget // len(campaign.families), campaign.source.campaign.seed
+        progress = reporter.progress(f"global search: {family.words}")
+        try:
+            found.append((family, search_globally(worth, lower, upper, share, seed, POPULATION, progress=progress)))
+        except InputError as error:
+            if "allowed" not in error.found:
+                raise
+            refused.append(family.words)
+    if not found:
+        raise InputError(
+            campaign.where("design"),
+            found=f"{budget} designs, none of them inside the limits",
+            expected="some that are",
+            remedy="widen the limits, or the ranges of amplitude and period",
+        )
+    family, optimum = max(found, key=lambda one: one[1].utility)
+    trim = campaign.control_trim(model)
+    controls = np.stack([all_controls(family, trim, *(x[None] for x in optimum.settings))[0], best.best_controls()])
+    fresh = draws[HALF:]
+    utility, beside = utility_table(
+        plan, controls, utility_draws(campaign, fresh), criterion_of(campaign, plan, fresh)
+    ).mean
+    safety: tuple[str, ...] = ()
+    if campaign.motion_limits:
+        probability = campaign.source.design.probability
+        safety = judge_safety(plan, controls[:1], fresh, campaign.motion_limits, probability).words(0)
+    row, column = best.best
+    grid = design_words(best.family, float(best.amplitude[row]), float(best.period[column]))
+    at = optimum.settings
+    evaluations = budget // len(campaign.families) // POPULATION * POPULATION * len(campaign.families)
+    return Searched(
+        family.kind,
+        float(at[0]),
+        float(at[1]),
+        float(utility),
+        float(beside),
+        grid,
+        evaluations,
+        optimum.settled,
+        safety,
+        tuple(refused),
+        utility_unit(campaign),
+        budget,
+    )
+
+
+def _box(campaign: Campaign) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest amplitude and period of the grid."""
+    amplitude, period = campaign.grid()
+    return np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
+
+
+def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.ndarray):
+    """Utility of designs by amplitude and period; NaN where one does not fit or may leave the limits."""
+    criterion, few = criterion_of(campaign, plan, draws), utility_draws(campaign, draws)
+    trim, limits, worst = campaign.control_trim(plan.model), campaign.limits(), campaign.source.design.over == "worst"
+    place = [name for name, _ in trim].index(family.control)
+
+    def worth(settings: np.ndarray) -> np.ndarray:
+        controls = all_controls(family, trim, settings[:, 0], settings[:, 1])
+        allowed = family.fits(settings[:, 1])
+        allowed &= [not limits.excess(one, family.sample_time) for one in controls[..., place]]
+        if campaign.motion_limits:
+            # Designs that are refused stand in with the trim, which is quick to judge and not looked at.
+            held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
+            allowed &= judge_safety(
+                plan, held, draws, campaign.motion_limits, campaign.source.design.probability
+            ).allowed
+        held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
+        found = utility_table(plan, held, few, criterion)
+        return np.where(allowed, found.worst() if worst else found.mean, np.nan)
+
+    return worth

@@ -1,0 +1,364 @@
+"""The self-oscillating test: its amplitude and threshold chosen, and its loop closed on every vehicle that is believed possible."""
+
+from dataclasses import asdict, dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.schema import RelayTable
+from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
+from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, coefficient_priors
+from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.utility import UTILITY_DRAWS
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.core.display_units import shown_unit
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.signals import signal_unit
+from seatrial.core.state_space import StateSpace
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.prior_belief import draw_values, prior_cov
+from seatrial.design.relay_sweep import RelaySweep, sweep_relay
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_runs, probability_at_least
+from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.manoeuvres.relay import RelayFamily, RelayRun, oscillation, replay, run_relay
+
+# The campaign's relay: its family on the state space of what is believed, closed on any vehicle and through a noisy
+# sensor.
+
+
+@dataclass(frozen=True, eq=False)
+class RelayLoop:
+    """A relay and the vehicle that is believed in.
+
+    Attributes:
+        family: what is switched and fed back.
+        space: state space of the belief; coefficients in units of `scales`.
+        scales: SI, shape (k,).
+        plan: of the trials.
+        thresholds: of the grid, SI, shape (T,).
+    """
+
+    family: RelayFamily
+    space: StateSpace
+    scales: np.ndarray
+    plan: TrialPlan
+    thresholds: np.ndarray
+
+    def runs(self, amplitude: float, threshold: float, draws: np.ndarray, noise: np.ndarray) -> list[np.ndarray]:
+        """Controls and outputs fed back of one design with every draw, shapes (S, n, c) and (S, n)."""
+        d = self.space.n_dynamic
+        starts = np.hstack([np.tile(self.space.initial.mean[:d], (len(draws), 1)), draws / self.scales])
+        at = self.space.outputs.index(self.family.output)
+
+        def run(start: Array, error: Array) -> tuple[Array, Array]:
+            found = _closed(self.family, self.space, amplitude, threshold, start, error)
+            return found.control, found.outputs[..., at]
+
+        return in_blocks(run, starts, noise)
+
+    def foreseen(self, amplitude: float, threshold: float) -> tuple[Manoeuvre, Float[np.ndarray, " n"]]:
+        """One design at the mean of the belief with a perfect sensor, and its output, SI."""
+        run = run_relay(self.space, self.family, amplitude, threshold, self.space.initial.mean)
+        at = self.space.outputs.index(self.family.output)
+        return replay(self.family, amplitude, threshold, run), np.asarray(run.outputs)[:, at]
+
+
+def relay_loop(campaign: Campaign) -> RelayLoop:
+    """The relay of `[design.relay]`.
+
+    Raises:
+        InputError: no such table, or an output that is not measured or does not answer the control.
+    """
+    table, model = check_relay(campaign), campaign.model(campaign.full)
+    shared, plan, rate = campaign.family, plan_of(campaign, model), campaign.limits().rate
+    priors, trim = coefficient_priors(campaign, model), campaign.control_trim(model)
+    space, scales = belief_space(campaign, model, believed(priors))
+    trimmed = dict(zip(model.states, campaign.state_trim(model), strict=True)).get(table.output, 0.0)
+    family = RelayFamily(
+        trim,
+        shared.control,
+        table.output,
+        trimmed,
+        shared.duration,
+        shared.sample_time,
+        shared.start,
+        shared.active,
+        _effect(campaign, plan, trim, trimmed, np.array([prior.mean for prior in priors])),
+        inf if rate is None else rate,
+    )
+    thresholds = campaign.range(table.threshold, signal_unit(table.output), "design.relay.threshold")
+    return RelayLoop(family, space, scales, plan, thresholds)
+
+
+def check_relay(campaign: Campaign) -> RelayTable:
+    """`[design.relay]`, found before any work to be there and to feed back what is measured.
+
+    Raises:
+        InputError: no such table, an output that is not measured, or designs that are counted by the second.
+    """
+    check_whole_trials(campaign, "--self-oscillation", joules=True)
+    table = campaign.source.design.relay
+    if table is None:
+        raise InputError(
+            campaign.where("design.relay"),
+            found="nothing",
+            expected="the output that is fed back, and its thresholds",
+            remedy='add [design.relay] with output = "r" and threshold = { from = "2 deg/s", to = "10 deg/s", points = 8 }',
+        )
+    if table.output not in campaign.channels:
+        raise InputError(
+            campaign.where("design.relay.output"),
+            found=f'"{table.output}"',
+            expected="a measured channel: " + ", ".join(campaign.channels),
+            remedy=nearest(table.output, campaign.channels),
+        )
+    return table
+
+
+def sensor_noise(campaign: Campaign, output: str, count: int) -> Float[np.ndarray, "S n"]:
+    """Noise of the output that is fed back in so many runs, SI, NaN where it is not measured."""
+    time, at = campaign.family.time(), campaign.channels.index(output)
+    drawn = jax.random.normal(random_key(campaign, "noise of the output fed back"), (count, time.size))
+    return np.where(campaign.measured_mask(time)[:, at] > 0, campaign.noise(output) * np.asarray(drawn), np.nan)
+
+
+def _effect(campaign: Campaign, plan: TrialPlan, trim: tuple, trimmed: float, values: np.ndarray) -> float:
+    """Sign of the output's answer to a step of the control, where it first is half of what it comes to."""
+    table, family = campaign.source.design.relay, campaign.family
+    assert table is not None
+    control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
+    control[:, [name for name, _ in trim].index(family.control)] += campaign.grid()[0][0]
+    at = plan.channels.index(table.output)
+    measured = np.asarray(plan.weight)[:, at] > 0
+    answer = np.asarray(plan.outputs(values, control))[measured, at] / np.asarray(plan.weight)[measured, at] - trimmed
+    most = np.abs(answer).max()
+    if not most > 1e-9:
+        raise InputError(
+            campaign.where("design.relay.output"),
+            found=f"{table.output}, which {family.control} does not move at the prior means",
+            expected="an output that answers the control",
+            remedy="feed another output back, or drive another control",
+        )
+    return float(np.sign(answer[np.argmax(np.abs(answer) >= 0.5 * most)]))
+
+
+def _closed(
+    family: RelayFamily, space: StateSpace, amplitude: float, threshold: float, starts: Array, errors: Array
+) -> RelayRun:
+    settings = jnp.asarray(amplitude, float), jnp.asarray(threshold, float)
+    return jax.vmap(lambda start, error: run_relay(space, family, *settings, start, error))(starts, errors)
+
+
+CONFIDENCE = 0.95
+"""Of the claim that a test oscillates inside the limits with the probability asked for."""
+RANGE = (0.05, 0.5, 0.95)
+"""Quantiles over the vehicles that are believed possible."""
+
+
+@dataclass(frozen=True)
+class RelayTrial:
+    """The test found, and what it is worth beside the best of the open-loop families.
+
+    Attributes:
+        control: channel that is switched.
+        output: channel that is fed back.
+        amplitude: of the control about its trim, SI.
+        threshold: of the output about its trim, SI.
+        effect: +1 where more control raises the output, -1 where it lowers it.
+        gain: entropy reduction by the filter at the prior means, nats.
+        utility: expected entropy reduction by Fisher information over draws of the priors, nats.
+        beside: the same of the best design of the families.
+        family: name of that one.
+        oscillates: share of the vehicles in which the control is reversed twice at least.
+        reversals: 5, 50 and 95 % quantiles of their number over the vehicles.
+        period: likewise, s; of those that oscillate.
+        first_overshoot: likewise, SI.
+        second_overshoot: likewise, SI.
+        passed_over: more informative designs that may not oscillate or may break a limit.
+        safety: how surely each limit of the motion is kept, on draws that had no part in choosing it.
+    """
+
+    control: str
+    output: str
+    amplitude: float
+    threshold: float
+    effect: float
+    gain: float
+    utility: float
+    beside: float
+    family: str
+    oscillates: float
+    reversals: tuple[float, ...]
+    period: tuple[float, ...]
+    first_overshoot: tuple[float, ...]
+    second_overshoot: tuple[float, ...]
+    passed_over: int
+    safety: tuple[str, ...]
+
+    @property
+    def rule(self) -> str:
+        """What the operator or the autopilot does."""
+        (c, c_unit), (y, y_unit) = shown_unit(self.control), shown_unit(self.output)
+        first, second = ("+", "-") if self.effect > 0 else ("-", "+")
+        return (
+            f"begin with {self.control} {self.amplitude * c:.4g} {c_unit} above trim; below trim once {self.output} is "
+            f"{first}{self.threshold * y:.4g} {y_unit} from its trim, above again once it is {second}{self.threshold * y:.4g} {y_unit}"
+        )
+
+    def lines(self) -> list[str]:
+        """In words."""
+        (c, c_unit), (y, y_unit) = shown_unit(self.control), shown_unit(self.output)
+        low, middle, high = (value * y for value in self.first_overshoot)
+        after = [value * y for value in self.second_overshoot]
+        return [
+            f"self-oscillation of ±{self.amplitude * c:.4g} {c_unit} in {self.control}, reversed at ±{self.threshold * y:.4g} {y_unit} "
+            f"of {self.output}: {self.gain:.2f} nat",
+            f"over the priors {self.utility:.2f} nat, the best of the families ({self.family}) {self.beside:.2f} nat by the same measure",
+            f"{self.reversals[1]:g} reversals (90 % of vehicles {self.reversals[0]:g} to {self.reversals[2]:g}), period "
+            f"{self.period[1]:.3g} s ({self.period[0]:.3g} to {self.period[2]:.3g}), first overshoot {middle:.3g} {y_unit} "
+            f"({low:.3g} to {high:.3g}), second {after[1]:.3g} {y_unit} ({after[0]:.3g} to {after[2]:.3g})",
+            f"it oscillates in {self.oscillates:.0%} of the vehicles that are believed possible",
+            *(
+                (
+                    f"{self.passed_over} more informative design{'s' * (self.passed_over != 1)} may not oscillate, or break a limit",
+                )
+                if self.passed_over
+                else ()
+            ),
+            *self.safety,
+            self.rule,
+        ]
+
+
+def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[RelayTrial, Path]:
+    """Choose the most informative test that oscillates and keeps the limits; a current result is read.
+
+    Returns:
+        what was found, and the schedule that is foreseen at the prior means.
+
+    Raises:
+        InputError: no `[design.relay]`, an output that is not measured or does not answer the control, or no design that oscillates
+            inside the limits.
+        NumericalError: the vehicle diverges at the prior means.
+    """
+    store, loop = Store(campaign.folder), relay_loop(campaign)
+    key = key_of("self-oscillation", design_key(campaign))
+    if not is_current(store.relay_design, key):
+        write_stamped_json(store.relay_design, asdict(_search(campaign, loop, reporter)), key)
+    content: dict[str, Any] = read_json(store.relay_design, f"seatrial design {campaign.folder}")
+    fields = {name: content[name] for name in RelayTrial.__dataclass_fields__}
+    found = RelayTrial(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    path = store.schedule(store.relay_design)
+    return found, write_schedule(
+        path, loop.foreseen(found.amplitude, found.threshold)[0], campaign.family.sample_time, found.rule
+    )
+
+
+def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTrial:
+    priors = coefficient_priors(campaign, campaign.model(campaign.full))
+    draws = draw_values(priors, random_key(campaign, "draws of the self-oscillation"), 2 * HALF)
+    noise = sensor_noise(campaign, loop.family.output, len(draws))
+    amplitudes = campaign.grid()[0]
+    mask = campaign.measured_mask(loop.family.time())
+    sweep = sweep_relay(
+        loop.space, loop.family, amplitudes, loop.thresholds, campaign.limits(), measured=mask, noise=noise[0]
+    )
+    row, column, passed_over = _sure_best(campaign, loop, sweep, draws[:HALF], noise[:HALF], reporter)
+    chosen = float(amplitudes[row]), float(loop.thresholds[column])
+    fresh, errors = draws[HALF:], noise[HALF:]
+    controls, outputs = loop.runs(*chosen, fresh, errors)
+    safety: tuple[str, ...] = ()
+    if campaign.motion_limits:
+        probability = campaign.source.design.probability
+        safety = tuple(judge_runs(loop.plan, controls, fresh, campaign.motion_limits, probability).words(0))
+    shown = oscillation(loop.family, outputs, outputs + errors, chosen[1])
+    oscillates = shown.reversals >= 2
+    best = design_first(campaign, reporter).best
+    utility, beside = _judged(loop, prior_cov(priors), fresh, controls, best.best_controls())
+    return RelayTrial(
+        loop.family.control,
+        loop.family.output,
+        *chosen,
+        loop.family.effect,
+        float(sweep.gain[row, column]),
+        utility,
+        beside,
+        best.family.words,
+        float(oscillates.mean()),
+        _quantiles(shown.reversals[oscillates].astype(float)),
+        _quantiles(shown.period[oscillates]),
+        _quantiles(shown.first_overshoot[oscillates]),
+        _quantiles(shown.second_overshoot[oscillates]),
+        passed_over,
+        safety,
+    )
+
+
+def _sure_best(
+    campaign: Campaign, loop: RelayLoop, sweep: RelaySweep, draws: np.ndarray, noise: np.ndarray, reporter: Reporter
+) -> tuple[int, int, int]:
+    """The most informative design that surely oscillates and keeps the limits, each vehicle's loop closed by itself.
+
+    Returns:
+        row, column, and how many more informative designs were passed over.
+    """
+    gain, probability = np.where(sweep.oscillates, sweep.gain, np.nan), campaign.source.design.probability
+    order = [int(i) for i in np.argsort(-gain, axis=None) if np.isfinite(gain.ravel()[i])]
+    report, most = reporter.progress("self-oscillation"), (-1.0, "")
+    for tried, place in enumerate(order):
+        row, column = divmod(place, gain.shape[1])
+        report(tried, len(order))
+        threshold = float(sweep.threshold[column])
+        controls, outputs = loop.runs(float(sweep.amplitude[row]), threshold, draws, noise)
+        turns = oscillation(loop.family, outputs, outputs + noise, threshold).reversals >= 2
+        kept, words = turns, f"oscillates in {turns.mean():.0%} of the vehicles"
+        if campaign.motion_limits:
+            safety = judge_runs(loop.plan, controls, draws, campaign.motion_limits, probability)
+            kept, words = turns & safety.held[0].all(1), "; ".join((words, *safety.words(0)))
+        if probability_at_least(kept.sum(), len(draws), CONFIDENCE) >= probability:
+            report(len(order), len(order))
+            return row, column, tried
+        (c, c_unit), (y, y_unit) = shown_unit(loop.family.control), shown_unit(loop.family.output)
+        design = f"±{sweep.amplitude[row] * c:.4g} {c_unit} reversed at ±{threshold * y:.4g} {y_unit}"
+        most = max(most, (float(kept.mean()), f"{design}, {words}"))
+    raise InputError(
+        campaign.where("design.relay"),
+        found=f"{len(order)} of {sweep.gain.size} designs of the grid oscillate at the prior means"
+        f", none of them surely enough; the surest, {most[1]}",
+        expected=f"one at least that oscillates inside every limit with probability {probability:g}",
+        remedy="lower the thresholds, lengthen the trial, narrow priors that let a vehicle hardly answer the control, or widen the limits",
+    )
+
+
+def _judged(
+    loop: RelayLoop, cov: np.ndarray, draws: np.ndarray, controls: np.ndarray, family: np.ndarray
+) -> tuple[float, float]:
+    """Both by the same measure: the test with each draw's own control, the family with one for all."""
+    criterion, few = find_criterion("fisher-d", cov), slice(UTILITY_DRAWS)
+    (information,) = in_blocks(
+        lambda control, values: (_information(loop.plan, control, values),), controls[few], draws[few]
+    )
+    beside = utility_table(loop.plan, family[None], draws[few], criterion).mean[0]
+    return float(np.mean(np.asarray(criterion(information)))), float(beside)
+
+
+def _quantiles(values: np.ndarray) -> tuple[float, ...]:
+    there = values[np.isfinite(values)]
+    return tuple(map(float, np.quantile(there, RANGE))) if there.size else (float("nan"),) * len(RANGE)
+
+
+@jax.jit
+def _information(plan: TrialPlan, controls: Array, values: Array) -> Array:
+    return jax.vmap(lambda control, point: plan.information(point, control))(controls, values)

@@ -1,0 +1,101 @@
+"""Are the sensors enough? The best design weighed with each sensor at other rates, with half its noise, and without it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.design.utility import UTILITY_DRAWS
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.signals import signal_unit
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.sensor_choice import SensorChoice, SensorWorth, sensor_worth
+from seatrial.design.trial_plan import plan_trial
+
+RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Hz; those up to the sample rate are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorTable:
+    """What the best design would teach with other sensors.
+
+    Attributes:
+        names: coefficients.
+        units: SI unit of each.
+        rows: each choice in words, and what it is worth; the first is as the campaign says.
+        meets: whether each row meets the standard deviations of the goal; empty where it asks for none.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[tuple[str, SensorWorth], ...]
+    meets: tuple[bool, ...] = ()
+
+    def lines(self) -> list[str]:
+        """A table."""
+        width = max(len(words) for words, _ in self.rows)
+        columns = [
+            f"{f'sd({name})':>{max(14, len(name) + 4)}} {unit}"
+            for name, unit in zip(self.names, self.units, strict=True)
+        ]
+        lines = [f"{'sensors':<{width}}  {'nat':>6}  {'  '.join(columns)}"]
+        for (words, worth), met in zip(self.rows, self.meets or (False,) * len(self.rows), strict=True):
+            values = [f"{sd:>{len(column)}.3g}" for sd, column in zip(worth.sd, columns, strict=True)]
+            lines.append(f"{words:<{width}}  {worth.utility:>6.2f}  {'  '.join(values)}{'  meets the goal' * met}")
+        if self.meets and not any(self.meets):
+            lines.append("none of them meets the goal with this one trial")
+        return lines
+
+
+def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorTable:
+    """Weigh other sensors on the best design, over draws of the priors.
+
+    Raises:
+        NumericalError: the motion diverges at a draw of the priors.
+    """
+    best, model, family = design_first(campaign, reporter).best, campaign.model(campaign.full), campaign.family
+    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    controls = best.best_controls()
+    plan = plan_trial(model, campaign.state_trim(model), noise, len(controls), family.sample_time)
+    words, choices = zip(*_choices(campaign), strict=True)
+    draws = prior_draws(campaign, model)
+    cov = np.atleast_2d(np.cov(draws, rowvar=False))
+    found = sensor_worth(plan, controls, draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices)
+    units = tuple(model.unit_of(term) for term in model.coefficients)
+    goal, mean, meets = campaign.goal, draws.mean(0), ()
+    if goal is not None and (goal.shares or goal.sds):
+        meets = tuple(
+            not goal.unmet({name: (mean[i], worth.sd[i]) for i, name in enumerate(plan.names)}) for worth in found
+        )
+    return SensorTable(plan.names, units, tuple(zip(words, found, strict=True)), meets)
+
+
+def _choices(campaign: Campaign) -> list[tuple[str, SensorChoice]]:
+    """As the campaign says, and each sensor changed by itself."""
+    mask, step = campaign.measured_mask(campaign.family.time()), campaign.family.sample_time
+    every = tuple(round(len(mask) / column.sum()) for column in mask.T)
+    ones = (1.0,) * len(every)
+    rates = (
+        f"{channel} at {1.0 / (samples * step):.3g} Hz"
+        for channel, samples in zip(campaign.channels, every, strict=True)
+    )
+    found = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
+    for i, channel in enumerate(campaign.channels):
+        for rate in RATES:
+            samples = round(1.0 / (rate * step))
+            if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
+                found.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
+        better = campaign.noise(channel) / 2
+        found.append(
+            (f"{channel} of noise {better:.3g} {signal_unit(channel)}", SensorChoice(every, _with(ones, i, 0.5)))
+        )
+        if len(every) > 1:
+            found.append((f"without {channel}", SensorChoice(_with(every, i, 0), ones)))
+    return found
+
+
+def _with(values: tuple, place: int, value: float) -> tuple:
+    return (*values[:place], value, *values[place + 1 :])

@@ -1,0 +1,362 @@
+"""Design of the first trial from the priors, and of the next one from the posterior."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.compute.place import workers_of
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
+from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, coefficient_priors, prior_draws
+from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.utility import design_filter, prediction_lines
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.batching import on_accelerator
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError
+from seatrial.core.gaussian import Gaussian
+from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.signals import signal_unit
+from seatrial.design.sweep import LANES, Sweep, sweep_family
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.family import Family
+from seatrial.selection.structures import Structure
+
+# Sweeps done in rows of the grid, each row's designs predicted and weighed wherever there is a worker, and put
+# together again.
+
+ARRAYS = ("gain", "peak_speed", "final_sd", "utility", "length")
+"""What a sweep has of every design."""
+
+
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """What designs are swept from.
+
+    Attributes:
+        structure: terms of the model.
+        belief: coefficients, SI.
+        draws: of them, SI, shape (S, k).
+    """
+
+    structure: Structure
+    belief: Gaussian
+    draws: np.ndarray
+
+
+class _Rows(NamedTuple):
+    """Some rows of one family's grid: their amplitudes from `first` to before `last`."""
+
+    family: int
+    first: int
+    last: int
+
+
+def sweep_all(
+    campaign: Campaign, believed: Believed, report: Progress, reporter: Reporter
+) -> tuple[list[Sweep], dict[str, InputError]]:
+    """Sweep every family of a campaign and weigh its designs.
+
+    Args:
+        campaign: configuration.
+        believed: what is known before the trial.
+        report: receives the rows done.
+        reporter: receives what happens.
+
+    Returns:
+        Sweeps of the families that have a design inside the limits, in the campaign's order, and why the others have none.
+
+    Raises:
+        NumericalError: the expected motion diverges for a design that is inside the limits.
+    """
+    amplitude, period = campaign.grid()
+    every = amplitude.size if on_accelerator() else max(1, -(-LANES // period.size))
+    parts = [
+        _Rows(family, first, min(first + every, amplitude.size))
+        for family in range(len(campaign.families))
+        for first in range(0, amplitude.size, every)
+    ]
+    found: dict[_Rows, Sweep] = {}
+    refused: dict[_Rows, InputError] = {}
+
+    def done(index: int, result: tuple[_Rows, Sweep | InputError]) -> _Rows | None:
+        rows, outcome = result
+        if isinstance(outcome, Sweep):
+            found[rows] = outcome
+        else:
+            refused[rows] = outcome
+        report(len(found) + len(refused), len(parts))
+        of_family = [one for one in parts if one.family == rows.family]
+        if len(of_family) > 1 and all(one in refused for one in of_family) and rows in of_family:
+            return _Rows(rows.family, 0, amplitude.size)  # only the grid as a whole says what is the gentlest design
+        return None
+
+    report(0, len(parts))
+    study = Study(campaign, extra=believed)
+    workers_of(campaign, reporter).run(_sweep_rows, study, parts, done)
+    sweeps, reasons = [], {}
+    for number, family in enumerate(campaign.families):
+        rows = [one for one in parts if one.family == number]
+        there = [found.get(one) for one in rows]
+        if any(there):
+            sweeps.append(_joined(rows, there, amplitude))
+        else:
+            reasons[family.kind] = refused[_Rows(number, 0, amplitude.size)]
+    return sweeps, reasons
+
+
+def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Sweep | InputError]:
+    """Predict and weigh the designs of some rows; an error where none is inside the limits."""
+    campaign, believed = study.campaign, study.extra
+    known = study.once("belief", lambda: _prepare(campaign, believed))
+    amplitude, period = campaign.grid()
+    try:
+        sweep = known.predict(campaign.families[rows.family], amplitude[rows.first : rows.last], period)
+        return rows, weigh(campaign, known.plan, sweep, believed.draws, known.scales)
+    except InputError as error:
+        return rows, error
+
+
+class _Prepared(NamedTuple):
+    """What all rows are predicted with."""
+
+    plan: TrialPlan
+    scales: np.ndarray
+    predict: Callable[[Family, np.ndarray, np.ndarray], Sweep]
+
+
+def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
+    model = campaign.model(believed.structure)
+    space, scales = belief_space(campaign, model, believed.belief)
+    method, trim = design_filter(campaign, len(space.states)), campaign.control_trim(model)
+    mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits()
+
+    def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
+        return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim)
+
+    return _Prepared(plan_of(campaign, model), scales, predict)
+
+
+def _joined(parts: Sequence[_Rows], sweeps: Sequence[Sweep | None], amplitude: np.ndarray) -> Sweep:
+    """One sweep of all rows; those of refused ones are NaN."""
+    known = next(sweep for sweep in sweeps if sweep is not None)
+
+    def column(name: str) -> np.ndarray | None:
+        one = getattr(known, name)
+        if one is None:
+            return None
+        empty = [np.full((part.last - part.first, *one.shape[1:]), np.nan) for part in parts]
+        return np.concatenate(
+            [blank if sweep is None else getattr(sweep, name) for blank, sweep in zip(empty, sweeps, strict=True)]
+        )
+
+    return replace(known, amplitude=np.asarray(amplitude, float), **{name: column(name) for name in ARRAYS})
+
+
+SWEPT = {
+    "gain": "entropy reduction of the coefficients",
+    "worth": "what makes a design the best",
+    "peak_speed": "largest magnitude of the first state in the expected motion",
+    "final_sd": "predicted sd after the trial",
+    "length": "time at which the trial is ended",
+}
+"""What is kept of every design."""
+
+
+def design_key(campaign: Campaign) -> str:
+    """Key of the first design."""
+    source = campaign.source
+    return key_of(
+        "design",
+        *(part.model_dump() for part in (source.vehicle, source.structure, source.design)),
+        None if source.power is None else source.power.model_dump(),
+        {name: table.model_dump() for name, table in source.prior.items()},
+        {name: table.model_dump() for name, table in source.sensors.items()},
+        {name: table.model_dump() for name, table in source.limits.items()},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Designs:
+    """What was swept: one sweep for each family that has a design inside the limits.
+
+    Attributes:
+        sweeps: that of the best design first.
+        refused: families without a design inside the limits, and why.
+        basis: what the designs were swept from, in words.
+        names: coefficients.
+        sd_before: their standard deviations before the trial, SI.
+        unit: of what makes a design the best, where that is not the entropy reduction itself.
+        safety: how surely the best design keeps each limit of the motion.
+        prediction: how well the stated prediction is known before and after it.
+    """
+
+    sweeps: tuple[Sweep, ...]
+    refused: dict[str, str]
+    basis: str
+    names: tuple[str, ...]
+    sd_before: np.ndarray
+    unit: str = "nat"
+    safety: tuple[str, ...] = ()
+    prediction: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> Sweep:
+        """Sweep of the family that holds the best design; its duration is that design's, where it is ended early."""
+        return self.sweeps[0].as_run()
+
+    def lines(self) -> list[str]:
+        """The best of each family, and the families that have none."""
+        found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
+        return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
+
+    def _worth(self, sweep: Sweep) -> str:
+        worth, gain = sweep.worth[sweep.best], sweep.gain[sweep.best]
+        return "" if worth == gain else f", worth {worth:.3g} {self.unit}".rstrip()
+
+
+def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
+    """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
+    store, key = Store(campaign.folder), design_key(campaign)
+    if is_current(store.design, key):
+        return read_designs(campaign, store.design)
+    model = campaign.model(campaign.full)
+    belief, draws = believed(coefficient_priors(campaign, model)), prior_draws(campaign, model)
+    return _sweep(campaign, campaign.full, belief, draws, store.design, key, "the priors", reporter)
+
+
+def is_designed(campaign: Campaign) -> bool:
+    """Whether there is a first design that belongs to the campaign as it is."""
+    return is_current(Store(campaign.folder).design, design_key(campaign))
+
+
+def design_next(campaign: Campaign, structure: Structure, draws: np.ndarray, key: str, reporter: Reporter) -> Designs:
+    """Sweep the grid for the chosen structure from what the trials so far have taught.
+
+    Args:
+        campaign: configuration.
+        structure: chosen structure.
+        draws: posterior draws of its coefficients, SI, shape (n, k).
+        key: key of the posterior.
+        reporter: who is told.
+    """
+    store = Store(campaign.folder)
+    stamp = key_of("next", design_key(campaign), key, structure.terms)
+    if is_current(store.next_design, stamp):
+        return read_designs(campaign, store.next_design)
+    belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
+    basis = f"the posterior of {structure.label}"
+    order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * HALF]
+    return _sweep(campaign, structure, belief, draws[order], store.next_design, stamp, basis, reporter)
+
+
+def read_designs(campaign: Campaign, path: Path) -> Designs:
+    """Read stored sweeps; the schedule of the best trial is written again where it is missing or not the same."""
+    data, families = open_dataset(path), {family.kind: family for family in campaign.families}
+    grid = np.asarray(data["amplitude"]), np.asarray(data["period"])
+    trim = tuple((str(name), float(value)) for name, value in json.loads(data.attrs["trim"]))
+    sweeps = []
+    for kind in data["family"].values:
+        gain, worth, peak_speed, final_sd, length = (np.asarray(data[name].sel(family=kind)) for name in SWEPT)
+        ended = length if campaign.source.design.per == "second" else None
+        sweeps.append(Sweep(families[str(kind)], *grid, gain, peak_speed, final_sd, trim, worth, ended))
+    found = Designs(
+        tuple(sorted(sweeps, key=lambda sweep: -sweep.worth[sweep.best])),
+        json.loads(data.attrs["refused"]),
+        data.attrs["basis"],
+        tuple(str(name) for name in data["coefficient"].values),
+        np.asarray(data["sd_before"]),
+        utility_unit(campaign),
+        tuple(json.loads(data.attrs["safety"])),
+        tuple(json.loads(data.attrs["prediction"])),
+    )
+    sample_time = campaign.family.sample_time
+    write_schedule(Store(campaign.folder).schedule(path), found.best.best_manoeuvre(), sample_time)
+    return found
+
+
+def _sweep(
+    campaign: Campaign,
+    structure: Structure,
+    belief: Gaussian,
+    draws: np.ndarray,
+    path: Path,
+    key: str,
+    basis: str,
+    reporter: Reporter,
+) -> Designs:
+    model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.grid()
+    scales, plan, trim = (
+        belief_space(campaign, model, belief)[1],
+        plan_of(campaign, model),
+        campaign.control_trim(model),
+    )
+    report = reporter.progress(
+        f"design: {(count := len(families) * amplitude.size * period.size)} trial{'s' * (count != 1)}"
+    )
+    sweeps, errors = sweep_all(campaign, Believed(structure, belief, draws), report, reporter)
+    if len(families) == 1 and errors:
+        raise next(iter(errors.values()))
+    refused = {kind: f"{error.found}; expected {error.expected}" for kind, error in errors.items()}
+    if not sweeps:
+        raise InputError(
+            campaign.where("design"),
+            found="of all families none:" + "".join(f"\n    {kind}: {error.found}" for kind, error in errors.items()),
+            expected="one design at least that fits and is inside the limits",
+            remedy="; or ".join(dict.fromkeys(error.remedy for error in errors.values())),
+        )
+    best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
+    units = {
+        "gain": "nat",
+        "worth": utility_unit(campaign),
+        "peak_speed": signal_unit(model.states[0]),
+        "final_sd": "SI",
+        "length": "s",
+    }
+    dataset = xr.Dataset(
+        {
+            name: (
+                ("family", "amplitude", "period", *(("coefficient",) if name == "final_sd" else ())),
+                np.stack([_kept(sweep, name) for sweep in sweeps]) * (scales if name == "final_sd" else 1.0),
+                {"units": units[name], "long_name": SWEPT[name]},
+            )
+            for name in SWEPT
+        }
+        | {"sd_before": (("coefficient",), scales, {"units": "SI", "long_name": "sd before the trial"})},
+        coords={
+            "family": [sweep.family.kind for sweep in sweeps],
+            "amplitude": ("amplitude", amplitude, {"units": "SI"}),
+            "period": ("period", period, {"units": "s"}),
+            "coefficient": [term.text for term in model.coefficients],
+        },
+        attrs={
+            "basis": basis,
+            "control": campaign.family.control,
+            "trim": json.dumps(trim),
+            "refused": json.dumps(refused),
+            "safety": json.dumps(safety_lines(campaign, plan, best, draws)),
+            "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
+        },
+    )
+    write_dataset(path, dataset, key)
+    return read_designs(campaign, path)
+
+
+def _kept(sweep: Sweep, name: str) -> np.ndarray:
+    return (
+        np.full(sweep.gain.shape, sweep.family.duration)
+        if name == "length" and sweep.length is None
+        else getattr(sweep, name)
+    )
+
+
+def _words(sweep: Sweep) -> str:
+    row, column = sweep.best
+    words = design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
+    return words if sweep.length is None else f"{words}, ended after {sweep.length[row, column]:.3g} s"

@@ -1,0 +1,247 @@
+"""Estimation of every candidate structure: mode, chains with checkpoints, health in words."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.compute.place import workers_of
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.posterior import is_whole, random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.estimation.checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.draw_posterior import spread_starts
+from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.noncentred import in_posterior, uncouple
+from seatrial.estimation.output_error import deviation_name, is_deviation, of_deviation, spread_name
+from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.sampling.run import (
+    BLOCK,
+    ChainSettings,
+    Draws,
+    arrays_of_run,
+    complaints_of_draws,
+    is_finished,
+    run_from_arrays,
+)
+from seatrial.sampling.sampler import SAMPLERS
+from seatrial.sampling.target import Target
+from seatrial.selection.structures import Structure
+
+CHECKPOINT_EVERY = 5
+CURVE = 241
+"""Points of a prior's density."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Posterior of one structure as stored: parameters on `parameter`, draws on `chain` and `draw`.
+
+    Attributes:
+        structure: which terms.
+        data: the stored dataset.
+    """
+
+    structure: Structure
+    data: xr.Dataset
+
+    @property
+    def key(self) -> str:
+        """Stamp of the result."""
+        return self.data.attrs["key"]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(str(name) for name in self.data["parameter"].values)
+
+    @property
+    def alarms(self) -> list[str]:
+        """What makes the draws unfit for use."""
+        return json.loads(self.data.attrs["alarms"])
+
+    @property
+    def cautions(self) -> list[str]:
+        """What a reader must know."""
+        return json.loads(self.data.attrs["cautions"])
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """Draws of the named parameters, SI, all chains together, shape (n, k)."""
+        chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
+        return chosen.values.reshape(-1, chosen.sizes["parameter"])
+
+    def own_values(self) -> list[tuple[str, str, float, float, str]]:
+        """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
+        found = []
+        for name, label in map(of_deviation, filter(is_deviation, self.names)):
+            common, spread, deviation = self.draws([name, spread_name(name), deviation_name(name, label)]).T
+            own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
+            found.append((name, label, float(own.mean()), float(own.std()), unit))
+        return found
+
+
+def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
+    """Key of one structure's posterior."""
+    source = campaign.source
+    priors = {name: table.model_dump() for name, table in source.prior.items()}
+    sensors = {name: table.model_dump() for name, table in source.sensors.items()}
+    return key_of(
+        "posterior",
+        trials.key,
+        structure.terms,
+        source.vehicle.model_dump(),
+        priors,
+        sensors,
+        source.estimation.model_dump(),
+        source.campaign.seed,
+    )
+
+
+def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[Estimate]:
+    """Estimate every candidate structure, side by side; current results are read."""
+    store, keys = Store(campaign.folder), {one: estimate_key(campaign, one, trials) for one in campaign.structures}
+    missing = [one for one, key in keys.items() if not is_current(store.posterior(one.label), key)]
+    if missing:
+        total = campaign.source.estimation.warmup + campaign.source.estimation.draws
+        shown = [reporter.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]
+
+        def done(index: int, result: _Ended | _Unended) -> _Unended | None:
+            """Keep what is there: a finished posterior, or the chains so far, from which its next piece goes on."""
+            structure = missing[index]
+            key, checkpoint = keys[structure], store.checkpoint(f"posterior-{structure.label}")
+            if isinstance(result, _Unended):
+                save_checkpoint(checkpoint, key, result.run)
+                shown[index](int(result.run["iteration"]), total)
+                return result
+            write_dataset(store.posterior(structure.label), result.data, key)
+            checkpoint.unlink(missing_ok=True)
+            shown[index](total, total)
+            return None
+
+        def told(index: int, done: int, total: int) -> None:
+            shown[index](done, total)
+
+        begun = [_Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), keys[one])) for one in missing]
+        workers_of(campaign, reporter).run(_advance, Study(campaign, trials.fit), begun, done, told)
+    return [Estimate(one, open_dataset(store.posterior(one.label))) for one in keys]
+
+
+class _Begun(NamedTuple):
+    """A structure whose chains are to begin, or to go on from arrays of their run."""
+
+    structure: Structure
+    run: dict[str, np.ndarray] | None
+
+
+class _Unended(NamedTuple):
+    """A structure and its chains' run so far."""
+
+    structure: Structure
+    run: dict[str, np.ndarray]
+
+
+class _Ended(NamedTuple):
+    """The posterior of a structure, as it is stored."""
+
+    data: xr.Dataset
+
+
+def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
+    """Run the chains of one structure to the next checkpoint, or to their end."""
+    campaign, structure = study.campaign, item.structure
+    posterior, mode, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
+    table = campaign.source.estimation
+    sampler = SAMPLERS[table.sampler]
+    settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
+    draw_key = random_key(campaign, f"chains {structure.terms}")
+    if item.run is None:
+        starts = spread_starts(target, there, settings.chains, jax.random.fold_in(draw_key, 2**31))
+        run = sampler.start_chains(target, starts, jnp.asarray(there.cov))
+    else:
+        run = run_from_arrays(sampler.State, item.run)
+    total = settings.warmup + settings.draws
+    while not is_finished(run, settings):
+        run = sampler.advance_chains(target, run, draw_key, settings)
+        report(run.iteration, total)
+        if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
+            return _Unended(structure, arrays_of_run(run))
+    draws = in_posterior(target, sampler.finish(run))
+    return _Ended(_dataset(posterior, mode, draws, campaign.hull.trim))
+
+
+def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Target, Mode]:
+    """Posterior and mode of a structure, and both in the coordinates in which it is sampled."""
+    campaign, posterior = study.campaign, study.posterior(structure)
+    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
+    return posterior, mode, *uncouple(posterior, mode)
+
+
+def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, float]) -> xr.Dataset:
+    values = np.asarray(posterior.constrain(jnp.asarray(draws.z)))
+    health = diagnose(values)
+    parameters = posterior.parameters
+    prior_sd = np.array([parameter.prior.sd for parameter in parameters])
+    sd = values.std(axis=(0, 1))
+    cautions = information_complaints(posterior, mode, values.reshape(-1, posterior.dim), at)
+    per_parameter = {
+        "mode": mode.values,
+        "laplace_sd": mode.sd,
+        "mean": values.mean(axis=(0, 1)),
+        "sd": sd,
+        "prior_mean": [p.prior.mean for p in parameters],
+        "prior_sd": prior_sd,
+        "prior_lower": [p.prior.bounds[0] for p in parameters],
+        "prior_upper": [p.prior.bounds[1] for p in parameters],
+        "r_hat": health.r_hat,
+        "ess_bulk": health.ess_bulk,
+        "ess_tail": health.ess_tail,
+        "geweke": health.geweke,
+        "mcse": health.mcse,
+    }
+    return xr.Dataset(
+        {
+            "draws": (("chain", "draw", "parameter"), values),
+            "log_density": (("chain", "draw"), draws.log_density),
+            **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()},
+            **prior_curves(posterior),
+        },
+        coords={
+            "parameter": list(posterior.names),
+            "unit": ("parameter", [p.unit for p in parameters]),
+            "label": ("parameter", [p.label for p in parameters]),
+            "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
+        },
+        attrs={
+            "acceptance": draws.acceptance,
+            "laplace_log_evidence": mode.log_evidence,
+            "alarms": json.dumps(complaints(posterior.names, health) + complaints_of_draws(draws)),
+            "cautions": json.dumps(cautions),
+        },
+    )
+
+
+def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
+    """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
+    z = jnp.broadcast_to(jnp.linspace(-4.0, 4.0, CURVE)[:, None], (CURVE, posterior.dim))
+    values, slopes = (
+        np.asarray(x).T for x in jax.jit(jax.jvp, static_argnums=0)(posterior.constrain, (z,), (jnp.ones_like(z),))
+    )
+    log_density = np.stack([np.asarray(p.prior.log_density(z[:, i])) for i, p in enumerate(posterior.parameters)])
+    density = np.exp(log_density) / np.abs(slopes)
+    order = np.argsort(values, axis=1)
+    across = ("parameter", "point")
+    return {
+        "prior_value": (across, np.take_along_axis(values, order, 1)),
+        "prior_density": (across, np.take_along_axis(density, order, 1)),
+    }

@@ -1,0 +1,131 @@
+"""Filter traces: how the square-root UKF's belief about the coefficients narrows along the fitted records."""
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.design.prior_state_space import STATE_SD
+from seatrial.campaign.inference.estimate import Estimate
+from seatrial.campaign.inference.posterior import initial_state
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.gaussian import Gaussian
+from seatrial.core.record import Record
+from seatrial.core.state_space import StateSpace
+from seatrial.estimation.simulation import delay_control
+from seatrial.filters.large import unscented_filter
+from seatrial.filters.run import FilterTrace, run_filter
+from seatrial.vehicles.discretise import discretise
+from seatrial.vehicles.model import VehicleModel
+
+
+def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
+    """Run the filter over the fitted records one after another, each beginning with what the last one taught.
+
+    Coefficients start from the mean and standard deviation of their priors; a delay is set to its posterior mean.
+    Sensor and process noise are those of the configuration.
+    """
+    store = Store(campaign.folder)
+    noise = [campaign.noise(channel) for channel in campaign.channels]
+    key = key_of("filter", estimate.key, noise, campaign.process_noise().tolist())
+    if not is_current(store.filter, key):
+        write_dataset(store.filter, _traces(campaign, estimate, trials), key)
+    return open_dataset(store.filter)
+
+
+def filter_complaints(dataset: xr.Dataset) -> list[str]:
+    """What is wrong with the filter's run, in words."""
+    said = []
+    if dataset.attrs["failures"] > 0:
+        said.append(
+            f"the filter lost a positive covariance at {dataset.attrs['failures']} samples: its traces are not to be used; "
+            "narrow the priors or raise the sensor noise"
+        )
+    nis, count = dataset["nis"].values, dataset["n_measured"].values
+    ratio = float(nis[count > 0].sum() / max(count.sum(), 1))
+    error = np.sqrt(2.0 / max(count.sum(), 1))
+    if abs(ratio - 1.0) > max(5.0 * error, 0.2):
+        word = "smaller" if ratio < 1 else "larger"
+        said.append(
+            f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1): "
+            f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}, or expect model error; `seatrial tuning` says more"
+        )
+    return said
+
+
+def prior_belief(campaign: Campaign, model: VehicleModel) -> tuple[Gaussian, np.ndarray]:
+    """Belief about the coefficients before the first record, in units of their prior standard deviations, and these, SI."""
+    priors = [campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients]
+    scales = np.array([prior.sd for prior in priors])
+    return Gaussian(np.array([prior.mean for prior in priors]) / scales, np.eye(scales.size)), scales
+
+
+def filter_record(
+    campaign: Campaign, estimate: Estimate, record: Record, belief: Gaussian, scales: np.ndarray
+) -> tuple[StateSpace, FilterTrace]:
+    """Run the filter along one record.
+
+    Args:
+        campaign: configuration, whose sensor and process noise the filter has.
+        estimate: of the full structure; a delay is set to its posterior mean.
+        record: trial.
+        belief: about the coefficients, in units of `scales`.
+        scales: SI value of one unit of each coefficient.
+    """
+    model = campaign.model(estimate.structure)
+    d = len(model.states)
+    chol = np.zeros((d + scales.size,) * 2)
+    chol[range(d), range(d)] = STATE_SD
+    chol[d:, d:] = belief.chol_cov
+    initial = Gaussian(np.concatenate([initial_state(campaign, model, record), belief.mean]), chol)
+    gained = campaign.process_noise() * np.sqrt(np.median(record.step)) / np.concatenate([np.ones(d), scales])
+    noise = np.array([campaign.noise(channel) for channel in campaign.channels])
+    space = discretise(model, campaign.channels, initial, gained, noise, scales.tolist())
+    delay = float(estimate.draws(["delay"]).mean()) if campaign.has_delay else 0.0
+    control = np.column_stack(
+        [np.asarray(delay_control(record.channel(name), delay / record.step[0])) for name in model.controls]
+    )
+    measured = np.column_stack([record.channel(channel) for channel in campaign.channels])
+    return space, run_filter(unscented_filter(len(space.states)), space, control, measured, record.step)
+
+
+def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
+    model = campaign.model(estimate.structure)
+    names, d = [term.text for term in model.coefficients], len(model.states)
+    belief, scales = prior_belief(campaign, model)
+    pieces, failures = [], 0
+    for index, record in enumerate(trials.fit):
+        _, trace = filter_record(campaign, estimate, record, belief, scales)
+        belief = trace.final.marginal(d)
+        failures += int(trace.failures)
+        pieces.append(
+            {
+                "time": record.time,
+                "record": np.full(record.time.size, index),
+                "nis": trace.nis,
+                "n_measured": trace.n_measured,
+                "mean": np.asarray(trace.means)[:, d:] * scales,
+                "sd": np.asarray(trace.sds)[:, d:] * scales,
+                "state": np.asarray(trace.means)[:, :d],
+                "innovation": trace.innovations,
+            }
+        )
+    columns = {name: np.concatenate([np.asarray(piece[name]) for piece in pieces]) for name in pieces[0]}
+    dims = {
+        "mean": ("sample", "coefficient"),
+        "sd": ("sample", "coefficient"),
+        "state": ("sample", "state_name"),
+        "innovation": ("sample", "channel"),
+    }
+    return xr.Dataset(
+        {name: (dims.get(name, ("sample",)), values) for name, values in columns.items()},
+        coords={"coefficient": names, "state_name": list(model.states), "channel": list(campaign.channels)},
+        attrs={
+            "failures": failures,
+            "records": json.dumps([record.label for record in trials.fit]),
+            "filter": "square-root UKF",
+        },
+    )

@@ -1,0 +1,118 @@
+"""Whether the campaign's filter is tuned, record by record, and the noise of its sensors as the records show it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import Estimate
+from seatrial.campaign.inference.filter_trace import filter_record, prior_belief
+from seatrial.campaign.inference.posterior import initial_state
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.core.signals import signal_unit
+from seatrial.filters.noise import NoiseEstimate, noise_from_high_pass
+from seatrial.filters.tuning import TuningReport, check_tuning
+from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import simulate
+
+WHERE = "P_0 of a coefficient is its [prior], Q is [filter] process_noise, R is the noise in [sensors]"
+"""Which keys of the campaign's file the findings are about."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordTuning:
+    """The check along one record.
+
+    Attributes:
+        record: trial.
+        constants: names of the coefficients.
+        report: of a filter that began with the priors.
+        noise: of each channel by high-pass filtering; where it cannot be had, why.
+    """
+
+    record: Record
+    constants: tuple[str, ...]
+    report: TuningReport
+    noise: dict[str, NoiseEstimate | str]
+
+    @property
+    def tuned(self) -> bool:
+        """Whether P, Q and R can stay as they are."""
+        return all(finding.change == "trial" for finding in self.report.findings)
+
+    def lines(self) -> list[str]:
+        """The check in lines of text: numbers, what they may be by chance, and what to change."""
+        report = self.report
+        said = [f"  NIS {report.nis:.3g} for each measurement, {_band(report.nis_band)} if tuned"]
+        for i, name in enumerate(self.record.measured):
+            said.append(
+                f"  innovations of {name}: correlation {report.correlation[i]:+.2f}, p-value of whiteness {report.whiteness[i]:.2g}"
+            )
+        if np.isfinite(report.nees):
+            said.append(f"  NEES {report.nees:.3g} for each state, {_band(report.nees_band)} if tuned")
+        if np.isfinite(report.moved):
+            said.append(
+                f"  coefficients moved {report.moved:.3g} times what P_0 allows, squared, {_band(report.moved_band)} if tuned"
+            )
+        for i, name in enumerate(self.constants):
+            said.append(
+                f"  {name}: sd at the end {report.settling[i]:.2f} of that at three quarters, "
+                f"estimates travel {report.erratic[i]:.2f} times as far as a tuned filter's"
+            )
+        for name, found in self.noise.items():
+            said.append(
+                f"  noise of {name} from the record: {found if isinstance(found, str) else _noise(name, found)}"
+            )
+        findings = [f"  -> {finding.words}" for finding in report.findings]
+        return [*said, *(findings or ["  -> nothing to change"])]
+
+
+def check_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> list[RecordTuning]:
+    """Check the campaign's filter along each fitted record, from the priors each time.
+
+    Args:
+        campaign: configuration.
+        estimate: of the full structure.
+        trials: records.
+
+    Raises:
+        NumericalError: the filter failed.
+        InputError: too short a record to check.
+    """
+    model = campaign.model(estimate.structure)
+    belief, scales = prior_belief(campaign, model)
+    checks = []
+    for record in trials.fit:
+        space, trace = filter_record(campaign, estimate, record, belief, scales)
+        report = check_tuning(trace, space, _true_state(campaign, model, record, scales))
+        noise = {name: _noise_of(record, name) for name in campaign.channels}
+        checks.append(RecordTuning(record, tuple(term.text for term in model.coefficients), report, noise))
+    return checks
+
+
+def _true_state(campaign: Campaign, model: VehicleModel, record: Record, scales: np.ndarray) -> np.ndarray | None:
+    """State at the last sample of a simulated record, coefficients in units of `scales`; None for a real one."""
+    if campaign.source.imported is not None:
+        return None
+    truth = {term.text: campaign.source.truth.get(term.text, 0.0) for term in model.coefficients}
+    control = np.column_stack([record.channel(name) for name in model.controls])
+    start = np.array(initial_state(campaign, model, record))
+    states = np.asarray(simulate(model, truth, control, record.step, start))
+    return np.concatenate([states[-1], np.array(list(truth.values())) / scales])
+
+
+def _noise_of(record: Record, channel: str) -> NoiseEstimate | str:
+    try:
+        return noise_from_high_pass(record.time, record.channel(channel))
+    except InputError as error:
+        return f"not to be had, {error.found}; {error.remedy}"
+
+
+def _noise(channel: str, found: NoiseEstimate) -> str:
+    return f"{found.sd:.3g} ± {found.std_error:.1g} {signal_unit(channel)}, by differences of order {found.order}"
+
+
+def _band(band: tuple[float, float]) -> str:
+    return f"{band[0]:.3g} to {band[1]:.3g}"

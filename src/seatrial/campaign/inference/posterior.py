@@ -1,0 +1,222 @@
+"""From a campaign and its records to the posterior of one structure."""
+
+import zlib
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.nuisance_parameters import deviations, nuisances, varying
+from seatrial.campaign.config.vehicle import first_measured, level_start
+from seatrial.core.errors import InputError, located
+from seatrial.core.record import Record
+from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
+from seatrial.estimation.filter_error import FilterError, filter_error
+from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.output_error import OutputError, initial_name, output_error
+from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.priors import Normal
+from seatrial.estimation.trial_data import TrialData
+from seatrial.selection.structures import Structure
+from seatrial.vehicles.model import VehicleModel
+
+WIDEST = 1e30
+"""Standard deviation of a prior, SI, beyond which squares of it leave double precision."""
+NARROWEST = 1e-9
+"""Standard deviation over value of a prior below which rounding is felt."""
+
+
+def random_key(campaign: Campaign, purpose: str) -> jax.Array:
+    """Random key of one piece of work, from the campaign's seed and the work's name."""
+    return jax.random.fold_in(jax.random.key(campaign.source.campaign.seed), zlib.crc32(purpose.encode()))
+
+
+def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[Record]) -> Posterior:
+    """Joint posterior of a structure's coefficients and nuisances given several trials.
+
+    Raises:
+        InputError: a channel a record lacks, a record whose first samples leave the initial state unknown, too few measurements, a
+            prior too wide or too narrow to compute with, or what varies between trials of which there is one.
+    """
+    model = campaign.model(structure)
+    parameters = build_parameters(campaign, model, records)
+    _check_widths(campaign, parameters)
+    _check_trials(campaign, records)
+    _check_enough(campaign, records, len(parameters))
+    return Posterior(
+        parameters, *build_likelihood(campaign, model, records), _guess(campaign, model, records, parameters)
+    )
+
+
+def _guess(
+    campaign: Campaign, model: VehicleModel, records: Sequence[Record], parameters: Sequence[Parameter]
+) -> np.ndarray | None:
+    """Coefficients from the measured motion; in surge alone draws from the prior do as well."""
+    if campaign.vehicle.is_surge:
+        return None
+    priors = {parameter.name: parameter.prior for parameter in parameters}
+    found = first_guess(model, records, [initial_state(campaign, model, record) for record in records], priors)
+    return np.array([found.get(parameter.name, np.nan) for parameter in parameters])
+
+
+def is_whole(campaign: Campaign, structure: Structure) -> bool:
+    """Whether a structure has every term that any may have, or all that the shortlist has."""
+    terms = {term for one in campaign.shortlist or (campaign.full,) for term in one.terms}
+    return terms <= set(structure.terms)
+
+
+def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> tuple[Parameter, ...]:
+    """Coefficients and nuisances with their priors, those of each trial under its label."""
+    labels, own = tuple(record.label for record in records), campaign.own
+    parameters = [
+        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text, model.unit_of(term)))
+        for term in model.coefficients
+    ]
+    for nuisance in nuisances(campaign, model):
+        one_each = nuisance.name in own
+        parameters += [nuisance.of_trial(label) for label in labels] if one_each else [nuisance.parameter()]
+    parameters += deviations(varying(campaign, model), labels)
+    if _free_initial(campaign):
+        starts = [initial_state(campaign, model, record) for record in records]
+        parameters += _initial_states(campaign, model, labels, starts)
+    return tuple(parameters)
+
+
+def build_likelihood(
+    campaign: Campaign, model: VehicleModel, records: Sequence[Record]
+) -> tuple[OutputError | FilterError, TrialData]:
+    """Likelihood of several trials, and its data.
+
+    Raises:
+        InputError: records or sensors that this likelihood cannot use, with the campaign's file.
+    """
+    table = campaign.source.estimation
+    starts = [initial_state(campaign, model, record) for record in records]
+    options = {
+        "delay": campaign.has_delay,
+        "current": table.current != "none",
+        "own": campaign.own,
+        "varying": varying(campaign, model),
+        "starts_over_ground": table.initial != "trim",
+    }
+    _check_turns(model, records)
+    with located(str(campaign.path)):
+        if table.likelihood == "filter-error":
+            spread = [first_sd(campaign, state) for state in model.states]
+            return filter_error(model, records, campaign.sensors, starts, spread, **options)
+        return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
+
+
+def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
+    """Refuse measured angles beyond half a turn where the attitude is a quaternion, whose angles never are."""
+    if not set(QUATERNION) <= set(model.states):
+        return
+    for record in records:
+        for angle in (name for name in ANGLES if name in record.measured):
+            furthest = float(np.nanmax(np.abs(record.channel(angle))))
+            if furthest > np.pi:
+                raise InputError(
+                    f'record "{record.label}", channel "{angle}"',
+                    found=f"{np.degrees(furthest):.0f} deg",
+                    expected="angles within 180 deg, as a quaternion gives them",
+                    remedy='set vehicle.attitude = "euler", whose angles go on over full turns',
+                )
+
+
+def first_sd(campaign: Campaign, state: str) -> float:
+    """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
+    return campaign.noise(state) if state in campaign.channels else 1.0
+
+
+def _free_initial(campaign: Campaign) -> bool:
+    """Whether initial states are parameters; a filter takes them as uncertain anyway.
+
+    Raises:
+        InputError: a quaternion, whose four numbers are not free.
+    """
+    table = campaign.source.estimation
+    if table.initial == "estimated" and set(QUATERNION) <= set(campaign.model(campaign.full).states):
+        raise InputError(
+            campaign.where("estimation.initial"),
+            found='"estimated" with the attitude as a quaternion',
+            expected="an attitude of independent numbers",
+            remedy='set vehicle.attitude = "euler", or initial = "measured"',
+        )
+    return table.initial == "estimated" and table.likelihood == "output-error"
+
+
+def _initial_states(
+    campaign: Campaign, model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
+) -> list[Parameter]:
+    return [
+        Parameter(
+            initial_name(state, label),
+            signal_unit(state),
+            rf"{state}_0[{label}]",
+            Normal(value, 5.0 * first_sd(campaign, state) if state in campaign.channels else 1.0),
+        )
+        for label, start in zip(labels, starts, strict=True)
+        for state, value in zip(model.states, start, strict=True)
+    ]
+
+
+def _check_widths(campaign: Campaign, parameters: Sequence[Parameter]) -> None:
+    for parameter in parameters:
+        mean, sd = float(parameter.prior.mean), float(parameter.prior.sd)
+        where = campaign.where(f"prior.{parameter.name.split('[')[0]}")
+        if not sd < WIDEST:
+            raise InputError(
+                where,
+                found=f"a standard deviation of {sd:.3g} {parameter.unit}",
+                expected=f"a standard deviation below {WIDEST:g}",
+                remedy="give the smallest and the largest value that you would believe",
+            )
+        if sd < NARROWEST * abs(mean):
+            raise InputError(
+                where,
+                found=f"{mean:.6g} {parameter.unit} with a standard deviation of {sd:.3g}: it leaves nothing to estimate",
+                expected=f"a standard deviation of at least {NARROWEST:g} of the value",
+                remedy="widen it, or fix the coefficient under [vehicle] if it is known",
+            )
+
+
+def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
+    if campaign.source.estimation.varying and len(records) < 2:
+        raise InputError(
+            campaign.where("estimation.varying"),
+            found=f'one trial, "{records[0].label}"',
+            expected="two trials at least: how much a coefficient varies between them is what its spread says",
+            remedy="fit more runs jointly, or remove `varying` and its priors of spread",
+        )
+
+
+def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) -> None:
+    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in campaign.channels)
+    if count < 2 * unknowns:
+        raise InputError(
+            "records " + ", ".join(f'"{record.label}"' for record in records),
+            found=f"{count} measurements for {unknowns} unknowns",
+            expected=f"at least {2 * unknowns} measurements",
+            remedy="check the unit of the time column, or give a longer record",
+        )
+
+
+def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tuple[float, ...]:
+    """Initial state of a trial: trim, or the first measurement where there is one.
+
+    Raises:
+        InputError: a state that is not measured and has no trim value; of a whole vehicle such states start at 0 and level.
+    """
+    if campaign.source.estimation.initial == "trim":
+        return campaign.state_trim(model)
+    known = {**campaign.hull.trim, **first_measured(record)}
+    for state in model.states:
+        if state not in known and campaign.vehicle.equations(campaign.full):
+            raise InputError(
+                f'record "{record.label}", channel "{state}"',
+                found="neither a channel with a finite value nor a trim value",
+                expected="a first measurement",
+                remedy='set estimation.initial = "trim", or map the channel',
+            )
+    return level_start(model, known)

@@ -1,0 +1,218 @@
+"""How well the estimated vehicle predicts records, those it was fitted to and those held back, and whether that will do."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import Estimate
+from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.record import Record
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.output_error import OutputError, initial_name
+from seatrial.estimation.predictive_check import LEVELS, Level, Verdict, judge, worst
+from seatrial.estimation.priors import Normal
+from seatrial.estimation.replicate import motions
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.validation import Score, score_channel
+from seatrial.selection.structures import Structure
+
+N_DRAWS = 200
+ANY = "any"
+"""Label that stands for every record's."""
+MOST_NAMED = 6
+"""Trials that one sentence names."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Score):
+    """How one channel of one record is predicted in free simulation, from its inputs alone, and what that means.
+
+    Attributes:
+        record: label.
+        held_back: whether the record was not used in the fit.
+        channel: measured channel.
+        level: pass, caution or fail.
+        about: what the verdict is about in a few words; empty for a pass.
+        reason: one sentence: what was found, what it means and what to do.
+    """
+
+    record: str
+    held_back: bool
+    channel: str
+    level: Level
+    about: str
+    reason: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """Level, subject and reason."""
+        return Verdict(self.level, self.about, self.reason)
+
+
+class Drawn(Protocol):
+    """Draws of the parameters of one structure, of a posterior or of what stands for it."""
+
+    @property
+    def structure(self) -> Structure:
+        """Which terms."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        ...
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """Draws of the named parameters, SI, shape (n, k)."""
+        ...
+
+
+def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> list[Fit]:
+    """Predict the records that were not fitted; nothing is stored."""
+    return [
+        fit
+        for record in trials.predict
+        for fit in _fits(campaign, drawn, record, True, _predict(campaign, drawn, record))
+    ]
+
+
+def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], xr.Dataset]:
+    """Predict every record with draws from the posterior; returns the fits and the stored curves.
+
+    The curves lie on `sample`, the records one after another: record index, time, measured, mean, and the standard
+    deviations of the motion (coefficients unknown) and of a measurement (noise added).
+    """
+    store = Store(campaign.folder)
+    key = key_of("predictions", [field.name for field in fields(Fit)], estimate.key, trials.key)
+    if not is_current(store.predictions, key):
+        records = [*trials.fit, *trials.predict]
+        pieces = [_predict(campaign, estimate, record) for record in records]
+        columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0] if name != "noise"}
+        fits = [
+            fit
+            for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
+            for fit in _fits(campaign, estimate, record, index >= len(trials.fit), piece)
+        ]
+        lengths = [record.time.size for record in records]
+        dataset = xr.Dataset(
+            {
+                "time": ("sample", columns["time"], {"unit": "s"}),
+                "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
+                **{name: (("sample", "channel"), columns[name]) for name in ("measured", "mean", "motion_sd", "sd")},
+            },
+            coords={"channel": list(campaign.channels)},
+            attrs={
+                "records": json.dumps([record.label for record in records]),
+                "held_back": json.dumps([record.label for record in trials.predict]),
+                "structure": estimate.structure.label,
+                "fits": json.dumps([fit.__dict__ for fit in fits]),
+            },
+        )
+        write_dataset(store.predictions, dataset, key)
+    dataset = open_dataset(store.predictions)
+    return [Fit(**{**fit, "pit": tuple(fit["pit"])}) for fit in json.loads(dataset.attrs["fits"])], dataset
+
+
+def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Verdict]:
+    """Verdict of each record, by its label: the gravest of its channels."""
+    return {
+        label: worst([fit.verdict for fit in fits if fit.record == label])
+        for label in dict.fromkeys(fit.record for fit in fits)
+    }
+
+
+def fit_complaints(fits: Sequence[Fit]) -> list[str]:
+    """What keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
+    groups: dict[tuple[str, str, bool, str], list[Fit]] = {}
+    for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
+        if fit.level != "pass":
+            groups.setdefault((fit.level, fit.about, fit.held_back, fit.channel), []).append(fit)
+    said = []
+    for (_, _, held_back, _), (first, *others) in groups.items():
+        labels = [fit.record for fit in others[:MOST_NAMED]] + ["others"] * (len(others) > MOST_NAMED)
+        likewise = f"; likewise {', '.join(labels)}" if others else ""
+        said.append(f"{'held-back ' if held_back else ''}run {first.record}: {first.reason}{likewise}")
+    return said
+
+
+def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.ndarray]:
+    """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
+    model = campaign.model(drawn.structure)
+    table = drawn.draws()
+    table = table[:: max(1, table.shape[0] // N_DRAWS)][:N_DRAWS]
+    known = dict(zip(drawn.names, table.T, strict=True))
+    # Under one label for all records, so that records of one length share compiled code.
+    anonymous = replace(record, label=ANY)
+    likelihood, data = build_likelihood(campaign, model, [anonymous])
+    keys = jax.random.split(random_key(campaign, f"predict {record.label}"), 1 + len(table))
+    starts = {initial_name(state, ANY): first_sd(campaign, state) for state in model.states}
+    values = {}
+    for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
+        name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
+        if name in known:
+            values[parameter.name] = jnp.asarray(known[name])
+            continue
+        if parameter.name in starts:
+            prior = Normal(prior.mean, starts[parameter.name])
+        values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
+    outputs = np.asarray(_outputs(likelihood)(values, data, keys[1:]))
+    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensors])
+    noise = np.sqrt((noise**2).mean(axis=0))
+    motion = outputs.std(axis=0)
+    return {
+        "time": record.time,
+        "measured": np.column_stack([record.channel(channel) for channel in campaign.channels]),
+        "mean": outputs.mean(axis=0),
+        "motion_sd": motion,
+        "sd": np.hypot(motion, noise),
+        "noise": noise,
+    }
+
+
+def _noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
+    """Standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
+    sd = np.asarray(values[noise_name(sensor.channel)])
+    if sensor.noise != "heavy":
+        return sd
+    dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
+    return sd * np.sqrt(dof / (dof - 2.0))
+
+
+@lru_cache(maxsize=16)
+def _outputs(likelihood: OutputError | FilterError):
+    @jax.jit
+    def of_draws(values: Mapping[str, Any], data: TrialData, keys: jax.Array) -> jax.Array:
+        return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys)
+
+    return of_draws
+
+
+def _fits(
+    campaign: Campaign, drawn: Drawn, record: Record, held_back: bool, piece: Mapping[str, np.ndarray]
+) -> list[Fit]:
+    """Every channel of one record, scored and judged."""
+    found = []
+    for column, channel in enumerate(campaign.channels):
+        tau = correlation_name(channel)
+        coloured = tau in drawn.names
+        score = score_channel(
+            piece["time"],
+            *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
+            noise_sd=float(piece["noise"][column]),
+            correlation_time=float(np.median(drawn.draws([tau]))) if coloured else None,
+        )
+        verdict = judge(score, channel, held_back, coloured)
+        found.append(Fit(**vars(score), record=record.label, held_back=held_back, channel=channel, **verdict._asdict()))
+    return found

@@ -1,0 +1,117 @@
+"""Profile likelihoods of the full structure, kept on disk one by one: where the data alone allow each parameter to be."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.profile import Profile, profile_likelihood
+from seatrial.sampling.target import VECTOR
+from seatrial.selection.structures import Structure
+
+TOGETHER = VECTOR // 2
+"""Parameters followed at once, each to both sides: as many points as are computed at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profiled:
+    """Profiles of some parameters of a structure.
+
+    Attributes:
+        structure: which terms.
+        profiles: one for each parameter.
+        labels: printed labels (LaTeX).
+    """
+
+    structure: Structure
+    profiles: tuple[Profile, ...]
+    labels: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """Each interval in words."""
+        return [profile.line for profile in self.profiles]
+
+    @property
+    def open(self) -> list[str]:
+        """Parameters that the data do not bound to both sides."""
+        return [profile.name for profile in self.profiles if profile.kind != "closed"]
+
+
+def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), reporter: Reporter = SILENT) -> Profiled:
+    """Profile parameters of the full structure; current results are read, and kept as soon as they are there.
+
+    Args:
+        campaign: configuration.
+        trials: records, of which the fitted ones are used.
+        names: parameters; none for all.
+        reporter: receives what happens.
+
+    Raises:
+        InputError: no such parameter.
+        NumericalError: a likelihood of several maxima.
+    """
+    structure, store = campaign.full, Store(campaign.folder)
+    posterior = build_posterior(campaign, structure, trials.fit)
+    chosen = list(dict.fromkeys(names)) or list(posterior.names)
+    for name in chosen:
+        if name not in posterior.names:
+            raise InputError(
+                "--parameter",
+                found=f'"{name}"',
+                expected=f"a parameter of {structure.label}: " + ", ".join(posterior.names),
+                remedy=nearest(name, posterior.names),
+            )
+    path = store.profiles(structure.label)
+    key = key_of("profiles", [field.name for field in fields(Profile)], estimate_key(campaign, structure, trials))
+    found = _read(campaign, key)
+    missing = [name for name in chosen if name not in found]
+    if missing:
+        progress = reporter.progress(f"profile {structure.label}: {' '.join(missing)}")
+        progress(0, len(missing))
+        for done, profile in enumerate(_each(campaign, posterior, structure, missing), 1):
+            found[profile.name] = profile
+            write_stamped_json(path, {"profiles": [_as_json(item) for item in found.values()]}, key)
+            progress(done, len(missing))
+    labels = {parameter.name: parameter.label for parameter in posterior.parameters}
+    return Profiled(structure, tuple(found[name] for name in chosen), tuple(labels[name] for name in chosen))
+
+
+def _each(campaign: Campaign, posterior: Posterior, structure: Structure, names: Sequence[str]) -> Iterator[Profile]:
+    """Profiles, a few at a time."""
+    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    for start in range(0, len(names), TOGETHER):
+        yield from profile_likelihood(posterior, mode, names[start : start + TOGETHER])
+
+
+def _read(campaign: Campaign, key: str) -> dict[str, Profile]:
+    path = Store(campaign.folder).profiles(campaign.full.label)
+    if not is_current(path, key):
+        return {}
+    content = read_json(path, f"seatrial profile {campaign.folder}")
+    return {item["name"]: _from_json(item) for item in content["profiles"]}
+
+
+def _as_json(profile: Profile) -> dict[str, Any]:
+    """Open ends are null, and points where the model diverges are left out: JSON has no infinity."""
+    there = np.isfinite(profile.drop)
+    ends = {side: end if np.isfinite(end := getattr(profile, side)) else None for side in ("lower", "upper")}
+    arrays = {name: getattr(profile, name)[there].tolist() for name in ("values", "drop", "others")}
+    return {**vars(profile), **arrays, **ends, "bounds": list(profile.bounds)}
+
+
+def _from_json(item: dict[str, Any]) -> Profile:
+    ends = {
+        side: sign * float("inf") if item[side] is None else item[side] for side, sign in (("lower", -1), ("upper", 1))
+    }
+    arrays = {name: np.array(item[name], float) for name in ("values", "drop", "others")}
+    return Profile(**{**item, **arrays, **ends, "bounds": tuple(item["bounds"])})

@@ -1,0 +1,216 @@
+"""First answers, before any chain: the posterior mode, or a regression of accelerations, of every candidate structure.
+
+Both take about a second. The mode's standard deviations are those of a normal posterior (Laplace); the regression needs no
+simulation and no prior, and is drawn aside by noise in the speed: `seatrial.estimation.equation_error` says by how much.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.nuisance_parameters import nuisances
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.posterior import build_posterior, is_whole, random_key
+from seatrial.campaign.inference.predict import N_DRAWS, Fit, predict_held_back
+from seatrial.core.errors import NumericalError
+from seatrial.core.progress import SILENT, Reporter, run_side_by_side
+from seatrial.core.record import Record
+from seatrial.estimation.checks import check_prior_contains_data
+from seatrial.estimation.equation_error import (
+    Accelerations,
+    Regression,
+    fit_equation_error,
+    measured_accelerations,
+    smoothed_accelerations,
+)
+from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
+from seatrial.selection.structures import Structure
+from seatrial.vehicles.model import VehicleModel
+
+WINDOW = 2.0
+"""Width of the window that smooths speeds where no acceleration is measured and none is given, s."""
+BRIDGED = 0.25
+"""Distance from the nearest measured speed, in windows, up to which a smoothed one is used."""
+MODE = (
+    "first answers: the posterior mode, and standard deviations as if the posterior were normal about it, which has not been "
+    "checked; `seatrial estimate` without --by draws the whole posterior"
+)
+REGRESSION = (
+    "first answers: a regression of accelerations, priors unused; plain at the speeds as measured, refined along the fitted "
+    "vehicle's own motion; `seatrial estimate` without --by uses the likelihood of the measurements themselves"
+)
+
+
+@dataclass(frozen=True)
+class FirstAnswer:
+    """What one structure's coefficients are at first sight.
+
+    Attributes:
+        structure: which terms.
+        rows: name, SI unit, and pairs of value and standard deviation, as many as `heads`.
+        heads: what the pairs are.
+        note: what belongs to all of them, in a few words.
+        alarm: why there is no answer; empty if there is one.
+        caution: what is wrong with it; empty if nothing is.
+        held_back: how it predicts what was not fitted, each channel of each record.
+    """
+
+    structure: Structure
+    rows: tuple[tuple[str, str, tuple[tuple[float, float], ...]], ...] = ()
+    heads: tuple[str, ...] = ()
+    note: str = ""
+    alarm: str = ""
+    caution: str = ""
+    held_back: tuple[Fit, ...] = ()
+
+    def lines(self) -> list[str]:
+        """A table of the answer."""
+        if self.alarm:
+            return [f"{self.structure.label}  no answer"]
+        head = "".join(f"{text:>24}" for text in self.heads) if len(self.heads) > 1 else ""
+        said = [f"{self.structure.label}  {self.note}", *([f"  {'':<16}{head}"] if head else [])]
+        for name, unit, pairs in self.rows:
+            numbers = " ".join(f"{value:>12.5g} ± {sd:<8.3g}" for value, sd in pairs)
+            said.append(f"  {name:<16} {numbers} {unit}")
+        return [*said, *map(_told, self.held_back)]
+
+
+def _told(fit: Fit) -> str:
+    """One held-back channel in one line."""
+    scores = fit.missing or f"{fit.explained:.1%} of the variance explained, {fit.coverage:.0%} inside the 90 % band"
+    return f"  held-back run {fit.record}: {fit.channel:<8} {scores}"
+
+
+@dataclass(frozen=True, eq=False)
+class _NormalPosterior:
+    """Draws of the normal approximation about a mode, bounded as the priors are."""
+
+    structure: Structure
+    names: tuple[str, ...]
+    values: np.ndarray
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """See `Drawn`."""
+        return self.values[:, [self.names.index(name) for name in (self.names if names is None else names)]]
+
+
+def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[FirstAnswer]:
+    """Posterior mode of every structure, with the standard deviations that its curvature gives.
+
+    Raises:
+        InputError: a prior against whose bound the data push.
+    """
+    return run_side_by_side(
+        [
+            partial(_mode, campaign, structure, trials, reporter.progress(f"mode {structure.label}"))
+            for structure in campaign.structures
+        ]
+    )
+
+
+def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:
+    """Regression of the accelerations of every structure, plain and refined.
+
+    Args:
+        campaign: configuration.
+        trials: records.
+        window: smooth speeds over so many seconds; None for accelerations as measured, or `WINDOW` where none are.
+
+    Raises:
+        InputError: a model that is not linear in its coefficients, an uneven step, or too few samples.
+    """
+    measured = window is None and "udot" in campaign.channels
+    width = WINDOW if window is None else window
+    return [_regression(campaign, structure, trials, None if measured else width) for structure in campaign.structures]
+
+
+def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) -> FirstAnswer:
+    posterior = build_posterior(campaign, structure, trials.fit)
+    progress(0, 1)
+    try:
+        mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    except NumericalError as error:
+        return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
+    finally:
+        progress(1, 1)
+    check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
+    rows = tuple(
+        (parameter.name, parameter.unit, ((float(value), float(sd)),))
+        for parameter, value, sd in zip(posterior.parameters, mode.values, mode.sd, strict=True)
+    )
+    caution = (
+        f"{structure.label}: in one direction the posterior is flat, and its standard deviations are those of the prior there"
+        if mode.flat
+        else ""
+    )
+    note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
+    held_back = predict_held_back(campaign, _drawn(campaign, structure, posterior, mode), trials)
+    return FirstAnswer(structure, rows, ("mode",), note, caution=caution, held_back=tuple(held_back))
+
+
+def _drawn(campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
+    key = random_key(campaign, f"about the mode {structure.terms}")
+    z = jax.random.multivariate_normal(key, mode.z, mode.cov, (N_DRAWS,), method="eigh")
+    return _NormalPosterior(structure, posterior.names, np.asarray(posterior.constrain(z)))
+
+
+def _regression(campaign: Campaign, structure: Structure, trials: Trials, window: float | None) -> FirstAnswer:
+    model = campaign.model(structure)
+    pieces = [
+        measured_accelerations(model, record) if window is None else _smoothed(model, record, window)
+        for record in trials.fit
+    ]
+    try:
+        found = fit_equation_error(model, pieces)
+    except NumericalError as error:
+        return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
+    units = [model.unit_of(term) for term in model.coefficients]
+    columns = (found.plain, found.plain_sd, found.values, found.sd)
+    rows = tuple(
+        (name, unit, ((float(a), float(b)), (float(c), float(d))))
+        for name, unit, a, b, c, d in zip(found.names, units, *columns, strict=True)
+    )
+    return FirstAnswer(
+        structure,
+        rows,
+        ("plain", "refined"),
+        _how(found, window),
+        caution="; ".join(
+            f"{structure.label}: {text}" for text in (found.status, left_out(campaign, structure)) if text
+        ),
+    )
+
+
+def _smoothed(model: VehicleModel, record: Record, window: float) -> Accelerations:
+    """Smoothed accelerations; gaps in u are bridged by straight lines, and what lies far from any sample is left out."""
+    speed = record.channel("u")
+    there = np.isfinite(speed)
+    if there.all():
+        return smoothed_accelerations(model, record, window)
+    at = record.time[there]
+    measurement = record.measurement.copy()
+    measurement[:, record.measured.index("u")] = np.interp(record.time, at, speed[there])
+    found = smoothed_accelerations(model, replace(record, measurement=measurement), window)
+    after = np.clip(np.searchsorted(at, record.time), 1, at.size - 1)
+    away = np.minimum(np.abs(record.time - at[after - 1]), np.abs(record.time - at[after]))
+    half = found.memory // 2
+    kept = (away <= BRIDGED * window)[half : record.time.size - half]
+    return replace(found, acceleration=np.where(kept, found.acceleration, np.nan))
+
+
+def _how(found: Regression, window: float | None) -> str:
+    source = "measured accelerations" if window is None else f"speeds smoothed by cubics over {window:g} s"
+    return f"{source}, {found.acceleration_sd:.3g} m/s^2 left over  {' '.join(found.names)}"
+
+
+def left_out(campaign: Campaign, structure: Structure) -> str:
+    """Unknowns of the campaign that a regression takes as zero."""
+    noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
+    names = [nuisance.name for nuisance in nuisances(campaign, campaign.model(structure)) if nuisance.name not in noise]
+    return f"taken as absent, which draws the values aside: {', '.join(names)}" if names else ""

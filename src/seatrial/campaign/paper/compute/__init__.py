@@ -1,1 +1,0 @@
-"""Parts of the study: what is computed and kept."""

@@ -1,1 +1,0 @@
-"""Items of the study: what was found beside what the paper prints, with a verdict each."""

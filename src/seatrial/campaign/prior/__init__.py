@@ -1,0 +1,1 @@
+"""What the priors mean before any data."""

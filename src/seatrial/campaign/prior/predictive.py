@@ -1,0 +1,405 @@
+"""What the priors of the full structure mean in metres per second: motions drawn from them before any data are used.
+
+Each draw of the coefficients and nuisances is simulated over one control; see Gelman et al., Bayesian Workflow,
+arXiv:2011.01808, section 2.4.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from zlib import crc32
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.simulate import FIRST
+from seatrial.campaign.design.sweep import design_first, is_designed
+from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.store.files import Store
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.record import Record
+from seatrial.estimation.output_error import initial_name, own_name
+from seatrial.estimation.priors import Prior, physical_support
+from seatrial.estimation.sensors import bias_name, noise_name
+from seatrial.estimation.simulation import CURRENT, delay_control
+from seatrial.manoeuvres.manoeuvre import Manoeuvre, check_limits
+from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import simulate
+
+# Motions of many vehicles at once: one speed over time, and the steady speed and time constant under a constant one.
+#
+# From du/dt = f(u): f(u*) = 0 and T = -1 / f'(u*).
+
+FASTEST = 20.0
+"""m/s or rad/s; a vehicle beyond it has run away."""
+BATCH = 100
+"""Vehicles simulated at once, so that a long record fits in memory."""
+
+
+def speeds(
+    model: VehicleModel,
+    state: str,
+    params: Mapping[str, Float[np.ndarray, " d"]],
+    delay: Float[np.ndarray, " d"] | None,
+    start: Float[np.ndarray, "d n_states"],
+    control: Float[np.ndarray, "n n_controls"],
+    step: Float[np.ndarray, " n"],
+    keep: Sequence[int],
+) -> tuple[Float[np.ndarray, "d k"], np.ndarray]:
+    """Speed of each vehicle at the samples to keep, SI, and whether it leaves `FASTEST` or is no number at any sample.
+
+    Args:
+        model: vehicle.
+        state: which of its speeds.
+        params: coefficients of each, SI.
+        delay: between command and action of each, s; None for none.
+        start: state of each at the first sample, SI.
+        control: held from each sample to the next, SI.
+        step: time to the next sample, s; uniform if there is a delay.
+        keep: indices of samples.
+    """
+    run, kept, lost = _batch(model, state, delay is not None), [], []
+    for i in range(0, len(start), BATCH):
+        part = slice(i, i + BATCH)
+        values = {name: column[part] for name, column in params.items()}
+        late = np.zeros(len(start[part])) if delay is None else delay[part]
+        speed, whole = run(values, late, start[part], control, step, np.asarray(keep))
+        kept.append(np.asarray(speed))
+        lost.append(~np.asarray(whole))
+    return np.concatenate(kept), np.concatenate(lost)
+
+
+@lru_cache(maxsize=16)
+def _batch(model: VehicleModel, state: str, delayed: bool):
+    def one(values: dict, late: Array, start: Array, control: Array, step: Array, keep: Array) -> tuple[Array, Array]:
+        if delayed:
+            control = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0])
+        speed = simulate(model, values, control, step, start)[:, model.states.index(state)]
+        return speed[keep], (jnp.abs(speed) <= FASTEST).all()
+
+    return jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None, None, None)))
+
+
+def steady_motion(
+    model: VehicleModel, params: Mapping[str, Float[np.ndarray, " d"]], control: Sequence[float], start: float = 0.0
+) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, " d"]]:
+    """Speed, m/s, in which each surge vehicle settles, and the time constant there, s; NaN where there is none.
+
+    As `trim_speed`: the first zero of du/dt on the side to which the vehicle sets off, up to `FASTEST` away.
+
+    Args:
+        model: surge vehicle.
+        params: coefficients of each, SI.
+        control: held, SI.
+        start: speed from which it sets off, m/s. Terms in the change from trim hold near trim only, so rest may be too far.
+    """
+    count = len(next(iter(params.values())))
+
+    def rate(u):
+        return model.derivative(params, (u,), tuple(control))[0] + 0.0 * u
+
+    side = np.sign(rate(np.full(count, float(start))))
+    grid = np.linspace(0.0, FASTEST, 401)
+    opposed = rate(start + grid[:, None] * side) * side <= 0
+    beyond, found = opposed.argmax(axis=0), opposed.any(axis=0)
+    low, high = grid[np.maximum(beyond - 1, 0)], grid[beyond]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        ahead = rate(start + middle * side) * side > 0
+        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+    speed = start + high * side
+    _, slope = jax.jvp(rate, (jnp.asarray(speed),), (jnp.ones(count),))
+    slope = np.asarray(slope)
+    found = found & (slope < 0)
+    return np.where(found, speed, np.nan), np.where(found, -1.0 / np.where(found, slope, 1.0), np.nan)
+
+
+# The trial over which a campaign's priors are shown: its control, where it starts, and the priors that belong to it.
+
+
+@dataclass(frozen=True, eq=False)
+class PriorTrial:
+    """What is simulated.
+
+    Attributes:
+        words: what it is.
+        label: of the record; empty without one.
+        time: s, shape (n,).
+        control: SI, in the model's order, shape (n, n_controls).
+        start: state at the first sample, SI.
+        measured: u as measured, m/s, NaN where not, shape (n,); None where it is not.
+        priors: of the full structure's coefficients and nuisances.
+        units: SI unit of each.
+    """
+
+    words: str
+    label: str
+    time: Float[np.ndarray, " n"]
+    control: Float[np.ndarray, "n n_controls"]
+    start: tuple[float, ...]
+    measured: Float[np.ndarray, " n"] | None
+    priors: Mapping[str, Prior]
+    units: Mapping[str, str]
+
+    @property
+    def step(self) -> Float[np.ndarray, " n"]:
+        """Time to the next sample, s; the last is not used."""
+        gaps = np.diff(self.time)
+        return np.append(gaps, gaps[-1])
+
+
+def prior_trial(campaign: Campaign, reporter: Reporter = SILENT) -> PriorTrial:
+    """First fitted record; where a campaign has none yet, its best design if there is one, else its largest.
+
+    Raises:
+        InputError: logs that cannot be read, or no design inside the limits.
+    """
+    model = campaign.model(campaign.full)
+    record = _record(campaign, reporter)
+    if record is None:
+        return _designed(campaign, model, reporter)
+    parameters = build_posterior(campaign, campaign.full, [record]).parameters
+    return PriorTrial(
+        f"the control of record {record.label}",
+        record.label,
+        record.time,
+        np.column_stack([record.channel(name) for name in model.controls]),
+        initial_state(campaign, model, record),
+        record.channel("u") if "u" in campaign.channels else None,
+        {parameter.name: parameter.prior for parameter in parameters},
+        {parameter.name: parameter.unit for parameter in parameters},
+    )
+
+
+def _record(campaign: Campaign, reporter: Reporter) -> Record | None:
+    """First fitted record: logs are read, but nothing is designed or simulated for the sake of it."""
+    is_run = is_designed(campaign) and Store(campaign.folder).record(FIRST).is_file()
+    if not campaign.has_records or (campaign.is_simulated and not is_run):
+        return None
+    return get_trials(campaign, reporter).fit[0]
+
+
+def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> PriorTrial:
+    """A member of a designed family from trim; other controls are held at theirs."""
+    manoeuvre, words = (
+        (design_first(campaign, reporter).best.best_manoeuvre(), "the best design")
+        if is_designed(campaign)
+        else (_largest(campaign), "the largest input of [design] inside the limits")
+    )
+    time, driven = manoeuvre.sample(campaign.family.sample_time)
+    held = campaign.hull.trim
+    columns = [
+        driven if name == manoeuvre.control else np.full(time.size, held.get(name, 0.0)) for name in model.controls
+    ]
+    priors = {
+        term.text: (campaign.prior(term.text, model.unit_of(term)), model.unit_of(term)) for term in model.coefficients
+    }
+    if campaign.has_delay:
+        priors["delay"] = campaign.prior("delay", "s"), "s"
+    return PriorTrial(
+        words,
+        "",
+        time,
+        np.column_stack(columns),
+        tuple(held.get(state, 0.0) for state in model.states),
+        None,
+        {name: prior for name, (prior, _) in priors.items()},
+        {name: unit for name, (_, unit) in priors.items()},
+    )
+
+
+def _largest(campaign: Campaign) -> Manoeuvre:
+    """Member of the first family of the largest amplitude inside the limits, and of the longest period that fits."""
+    family, limits, (amplitudes, periods) = campaign.families[0], campaign.limits(), campaign.grid()
+    fitting = periods[family.fits(periods)]
+    period = float(fitting.max() if fitting.size else periods.min())
+    members = [family.manoeuvre(float(amplitude), period) for amplitude in amplitudes[::-1]]
+    for member in members:
+        if not limits.excess(member.sample(family.sample_time)[1], family.sample_time):
+            return member
+    check_limits(members[-1], limits, family.sample_time)
+    return members[-1]
+
+
+N_DRAWS = 2000
+SHOWN, SINGLE = 600, 6
+"""Instants kept of each motion, at most; motions kept whole, to be drawn."""
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+MOST = 0.5
+"""Share of draws without a motion above which a prior is not to be used."""
+
+
+@dataclass(frozen=True)
+class Believed:
+    """One parameter's prior, and what it does alone.
+
+    Attributes:
+        name: of the parameter.
+        unit: SI.
+        quantiles: 5, 50 and 95 % of its prior, SI.
+        speed: 5 and 95 % of the steady speed, m/s, where it alone varies and the other coefficients are at their medians;
+            None for a parameter that is no coefficient, NaN where most draws have no steady speed.
+        blame: how much larger it is among draws that run away than among the others, in standard deviations; 0 if none do.
+    """
+
+    name: str
+    unit: str
+    quantiles: tuple[float, float, float]
+    speed: tuple[float, float] | None
+    blame: float
+
+
+@dataclass(frozen=True, eq=False)
+class PriorPredictive:
+    """Motions that the prior expects.
+
+    Attributes:
+        over: what was simulated, in words.
+        time: s, shape (n,).
+        control: name to values, SI, shape (n,).
+        bands: quantiles of u, through the water, at `LEVELS` among draws that do not diverge, m/s, shape (5, n); NaN if most do.
+        single: u of a few draws, m/s, shape (k, n); NaN where they have diverged.
+        measured: u as measured, m/s, NaN where not, shape (n,); None where it is not.
+        held: share of the measured speeds inside the 90 % range of what the prior expects to be measured, with noise, bias and current;
+            NaN where nothing can be compared.
+        at: steady control, in words.
+        steady: speed in which each draw settles at that control from the trial's first, m/s, NaN where it does not, shape (draws,).
+        settling: time constant there, s, likewise.
+        diverged: which draws leave `FASTEST`, shape (draws,).
+        believed: the parameters.
+        unphysical: coefficients whose priors allow values that physics does not.
+    """
+
+    over: str
+    time: Float[np.ndarray, " n"]
+    control: Mapping[str, np.ndarray]
+    bands: Float[np.ndarray, "5 n"]
+    single: Float[np.ndarray, "k n"]
+    measured: Float[np.ndarray, " n"] | None
+    held: float
+    at: str
+    steady: Float[np.ndarray, " draws"]
+    settling: Float[np.ndarray, " draws"]
+    diverged: np.ndarray
+    believed: tuple[Believed, ...]
+    unphysical: tuple[str, ...]
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Draws that run away: they diverge, or have no steady speed, shape (draws,)."""
+        return self.diverged | np.isnan(self.steady)
+
+
+def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> PriorPredictive:
+    """Draw from the full structure's prior and simulate over the trial that `prior_trial` finds.
+
+    Raises:
+        InputError: logs that cannot be read, no design inside the limits, or a vehicle that does not only move along X.
+    """
+    campaign.check_surge("the prior predictive check")
+    model = campaign.model(campaign.full)
+    trial = prior_trial(campaign, reporter)
+    key = random_key(campaign, "prior predictive")
+    drawn = {name: _draw(prior, key, name) for name, prior in trial.priors.items()}
+    coefficients = {term.text: drawn[term.text] for term in model.coefficients}
+    names = [initial_name(state, trial.label) for state in model.states]
+    start = [drawn.get(name, np.full(N_DRAWS, value)) for name, value in zip(names, trial.start, strict=True)]
+    current, bias = (_of_trial(drawn, name, trial.label) for name in (CURRENT, bias_name("u")))
+    if trial.label and campaign.source.estimation.initial != "trim":
+        start[model.states.index("u")] = start[model.states.index("u")] - current
+    keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
+    speed, diverged = speeds(
+        model, "u", coefficients, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
+    )
+    moving = speed[~diverged]
+    usable = diverged.mean() <= MOST
+    measured = None if trial.measured is None else trial.measured[keep]
+    held = float("nan")
+    if usable and measured is not None:
+        noise = drawn[noise_name("u")][~diverged, None] * np.asarray(jax.random.normal(key, moving.shape))
+        held = _held(measured, moving + (bias + current)[~diverged, None] + noise)
+    control, at = _steady_control(campaign, model, trial)
+    cruise = trial.start[model.states.index("u")]
+    steady, settling = steady_motion(model, coefficients, control, cruise)
+    return PriorPredictive(
+        trial.words,
+        trial.time[keep],
+        {name: trial.control[keep, i] for i, name in enumerate(model.controls)},
+        np.quantile(moving, LEVELS, axis=0) if usable else np.full((len(LEVELS), keep.size), np.nan),
+        np.where(np.abs(speed[:SINGLE]) <= FASTEST, speed[:SINGLE], np.nan),
+        measured,
+        held,
+        at,
+        steady,
+        settling,
+        diverged,
+        tuple(
+            _believed(model, name, drawn, trial.units[name], control, cruise, diverged | np.isnan(steady))
+            for name in drawn
+        ),
+        tuple(term.text for term in model.coefficients if _reaches_beyond(campaign, term, trial.priors[term.text])),
+    )
+
+
+def most_have(values: Float[np.ndarray, " draws"]) -> bool:
+    """Whether at least half of the draws have a value."""
+    return bool(np.isnan(values).mean() <= MOST)
+
+
+def _draw(prior: Prior, key: jax.Array, name: str) -> Float[np.ndarray, " draws"]:
+    return np.asarray(prior.draw(jax.random.fold_in(key, crc32(name.encode())), (N_DRAWS,)), float)
+
+
+def _of_trial(drawn: Mapping[str, np.ndarray], name: str, label: str) -> Float[np.ndarray, " draws"]:
+    """A nuisance that trials share or that each has of its own; 0 where it is none."""
+    return drawn.get(name, drawn.get(own_name(name, label), np.zeros(N_DRAWS)))
+
+
+def _held(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, "draws n"]) -> float:
+    """Share of the measured values inside the 90 % range of what is expected; NaN if none are measured."""
+    there = np.isfinite(measured)
+    if not there.any():
+        return float("nan")
+    low, high = np.quantile(expected[:, there], (LEVELS[0], LEVELS[-1]), axis=0)
+    return float(np.mean((measured[there] >= low) & (measured[there] <= high)))
+
+
+def _steady_control(campaign: Campaign, model: VehicleModel, trial: PriorTrial) -> tuple[list[float], str]:
+    """Controls at trim; where the campaign knows none, the medians of the trial's."""
+    trim = {**campaign.hull.trim, campaign.family.control: campaign.family.trim}
+    control = [trim.get(name, 0.0) for name in model.controls]
+    if not any(control):
+        control = [float(value) for value in np.median(trial.control, axis=0)]
+    shown = [(name, value, *shown_unit(name)) for name, value in zip(model.controls, control, strict=True)]
+    return control, ", ".join(f"{name} = {value * factor:.4g} {unit}" for name, value, factor, unit in shown)
+
+
+def _believed(
+    model: VehicleModel,
+    name: str,
+    drawn: Mapping[str, np.ndarray],
+    unit: str,
+    control: list[float],
+    cruise: float,
+    lost: np.ndarray,
+) -> Believed:
+    values, terms = drawn[name], [term.text for term in model.coefficients]
+    low, middle, high = (float(value) for value in np.quantile(values, (0.05, 0.5, 0.95)))
+    if name not in terms:
+        return Believed(name, unit, (low, middle, high), None, 0.0)
+    others = {term: np.full(N_DRAWS, np.median(drawn[term])) for term in terms}
+    steady, _ = steady_motion(model, {**others, name: values}, control, cruise)
+    ends = np.nanquantile(steady, (0.05, 0.95)) if most_have(steady) else (np.nan, np.nan)
+    blame = (values[lost].mean() - values[~lost].mean()) / values.std() if 0 < lost.sum() < lost.size else 0.0
+    return Believed(name, unit, (low, middle, high), (float(ends[0]), float(ends[1])), float(blame))
+
+
+def _reaches_beyond(campaign: Campaign, term: CoefficientName, prior: Prior) -> bool:
+    support = physical_support(term, 1.0 if campaign.hull.mass is None else campaign.hull.mass)
+    return support is not None and not (support[0] <= prior.bounds[0] and prior.bounds[1] <= support[1])

@@ -1,0 +1,1 @@
+"""A campaign played through on vehicles drawn from its priors."""

@@ -1,0 +1,201 @@
+"""Rehearsal of a campaign: how many trials its goal takes if each is chosen anew, against one design repeated and random steps.
+
+Vehicles are drawn from the priors, and every strategy is run on each with the same noise until the goal is met:
+
+- `adaptive`: the best design under the priors first, then the design of the largest Bayesian D gain given the trials so far, by
+  Fisher information at the estimate (`rehearsal_designs`) and not by the filter of `seatrial design`, which is far slower.
+- `fixed`: the best design under the priors, again and again.
+- `doublet`: the best repeated doublet under the priors, again and again, where that is not the fixed design.
+- `random`: random steps of the largest amplitude, new ones for each trial.
+
+After each trial the posterior of all so far is its mode and the normal approximation there.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.goal import Goal
+from seatrial.campaign.design.evaluate import check_whole_trials
+from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.rehearsal.designs import RANDOM, Design, DesignSpace, design_space
+from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal
+from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError
+from seatrial.core.progress import SILENT, Reporter, run_side_by_side
+from seatrial.core.record import Record
+from seatrial.estimation.mode import find_mode
+
+DOUBLET = "repeated-doublet"
+FEWEST_VEHICLES = 2
+"""Of one alone there is no standard error."""
+DIMENSIONS = {
+    "truth": ("vehicle", "coefficient"),
+    "refused": ("vehicle",),
+    "trials": ("vehicle", "strategy"),
+    "met": ("vehicle", "strategy"),
+    "estimate": ("vehicle", "strategy", "trial", "coefficient"),
+    "sd": ("vehicle", "strategy", "trial", "coefficient"),
+    "family": ("vehicle", "strategy", "trial"),
+    "amplitude": ("vehicle", "strategy", "trial"),
+    "period": ("vehicle", "strategy", "trial"),
+}
+"""What is kept; NaN, or -1 for the family, of trials that were not run."""
+
+Choose = Callable[[int, np.ndarray | None, np.ndarray | None], Design]
+"""Design of a trial: from its number, and the coefficients' values and covariance after the trials before, None of the first."""
+Outcome = dict[str, np.ndarray]
+
+
+def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Rehearsal:
+    """Rehearse a campaign on vehicles drawn from its priors; a rehearsal that was interrupted, or is to be larger, goes on.
+
+    The goal is the standard deviations of `[goal]`; whether one structure is decided is not rehearsed.
+
+    Args:
+        campaign: configuration.
+        truths: vehicles, two at least.
+        reporter: receives what happens.
+
+    Raises:
+        InputError: no standard deviation is asked for, the vehicle does not only move along X, or too few vehicles.
+        NumericalError: a prior of which hardly a draw can be simulated.
+    """
+    campaign.check_surge("a rehearsal")
+    check_whole_trials(campaign, "a rehearsal", joules=True)
+    goal = _goal(campaign)
+    if truths < FEWEST_VEHICLES:
+        raise InputError(
+            "rehearsal", found=f"{truths} vehicles", expected=f"{FEWEST_VEHICLES} at least", remedy="ask for more"
+        )
+    path, key = Store(campaign.folder).rehearsal, rehearsal_key(campaign)
+    outcomes = _outcomes(open_dataset(path)) if is_current(path, key) else []
+    if len(outcomes) < truths:
+        designs = design_first(campaign, reporter)
+        space = design_space(campaign, designs)
+        fixed = {"fixed": space.best_of(designs, designs.best.family.kind)}
+        if any(sweep.family.kind == DOUBLET for sweep in designs.sweeps[1:]):
+            fixed["doublet"] = space.best_of(designs, DOUBLET)
+        report = reporter.progress(f"rehearse {truths} vehicles")
+        report(len(outcomes), truths)
+        while len(outcomes) < truths:
+            outcomes.append(_rehearse_one(campaign, goal, space, fixed, len(outcomes)))
+            write_dataset(path, _dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes), key)
+            report(len(outcomes), truths)
+    return Rehearsal(open_dataset(path).isel(vehicle=slice(truths)))
+
+
+def rehearsal_key(campaign: Campaign) -> str:
+    """Key of a rehearsal of any number of vehicles."""
+    source, goal = campaign.source, _goal(campaign)
+    return key_of(
+        "rehearsal",
+        design_key(campaign),
+        {"shares": dict(goal.shares), "sds": dict(goal.sds), "trials": goal.trials},
+        source.estimation.model_dump(),
+        source.campaign.seed,
+    )
+
+
+def _goal(campaign: Campaign) -> Goal:
+    goal = campaign.goal
+    if goal is None or not (goal.shares or goal.sds):
+        names = [term.text for term in campaign.model(campaign.full).coefficients]
+        raise InputError(
+            campaign.where("goal.sd"),
+            found="nothing",
+            expected="how well each coefficient is to be known, which is what ends a campaign",
+            remedy=f'add, for example, [goal] with sd = {{ {names[0]} = "10 %" }} and trials = 6',
+        )
+    return goal
+
+
+def _rehearse_one(
+    campaign: Campaign, goal: Goal, space: DesignSpace, fixed: Mapping[str, Design], index: int
+) -> Outcome:
+    """Every strategy on one vehicle."""
+    vehicle = draw_vehicle(campaign, space.extremes, jax.random.fold_in(random_key(campaign, "rehearsal"), index))
+
+    def adaptive(number: int, values: np.ndarray | None, cov: np.ndarray | None) -> Design:
+        return fixed["fixed"] if values is None or cov is None else space.most_informative(values, cov)
+
+    def repeated(design: Design, number: int, values: np.ndarray | None, cov: np.ndarray | None) -> Design:
+        return design
+
+    def drawn(number: int, values: np.ndarray | None, cov: np.ndarray | None) -> Design:
+        return space.random(index, number)
+
+    strategies: Sequence[Choose] = [adaptive, *(partial(repeated, one) for one in fixed.values()), drawn]
+    found = run_side_by_side([partial(_run_strategy, campaign, goal, vehicle, choose) for choose in strategies])
+    names = [term.text for term in campaign.model(campaign.full).coefficients]
+    each = {name: np.stack([outcome[name] for outcome in found]) for name in found[0]}
+    return {
+        "truth": np.array([vehicle.values[name] for name in names]),
+        "refused": np.array(vehicle.refused),
+        **each,
+    }
+
+
+def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choose) -> Outcome:
+    """Trials of one vehicle until the goal is met."""
+    names = [term.text for term in campaign.model(campaign.full).coefficients]
+    most, kinds = goal.trials, _kinds(campaign)
+    estimate, sd = np.full((2, most, len(names)), np.nan)
+    family, (amplitude, period) = np.full(most, -1), np.full((2, most), np.nan)
+    records: list[Record] = []
+    values = cov = None
+    met = False
+    while not met and len(records) < most:
+        i = len(records)
+        design = choose(i + 1, values, cov)
+        records.append(run_trial(campaign, vehicle, i + 1, design.control))
+        values, cov = _known(campaign, records, most, len(names))
+        estimate[i], sd[i] = values, np.sqrt(np.diag(cov))
+        family[i], amplitude[i], period[i] = kinds.index(design.kind), design.amplitude, design.period
+        met = not goal.unmet({name: (values[j], sd[i, j]) for j, name in enumerate(names)})
+    return {
+        "trials": np.array(len(records)),
+        "met": np.array(int(met)),
+        "estimate": estimate,
+        "sd": sd,
+        "family": family,
+        "amplitude": amplitude,
+        "period": period,
+    }
+
+
+def _known(campaign: Campaign, records: Sequence[Record], most: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mode of the k coefficients and their covariance, SI, given all records."""
+    posterior = joint_posterior(campaign, records, most)
+    mode = find_mode(posterior, random_key(campaign, "rehearsal mode"))
+    slope = np.asarray(jax.jvp(posterior.constrain, (jnp.asarray(mode.z),), (jnp.ones(posterior.dim),))[1])
+    return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
+
+
+def _kinds(campaign: Campaign) -> list[str]:
+    kinds = [family.kind for family in campaign.families]
+    return kinds if RANDOM in kinds else [*kinds, RANDOM]
+
+
+def _outcomes(data: xr.Dataset) -> list[Outcome]:
+    return [{name: data[name].values[i] for name in DIMENSIONS} for i in range(data.sizes["vehicle"])]
+
+
+def _dataset(campaign: Campaign, strategies: Sequence[str], outcomes: Sequence[Outcome]) -> xr.Dataset:
+    stacked = {name: (dims, np.stack([one[name] for one in outcomes])) for name, dims in DIMENSIONS.items()}
+    names = [term.text for term in campaign.model(campaign.full).coefficients]
+    data = xr.Dataset(stacked, {"strategy": list(strategies), "coefficient": names})
+    data["family"].attrs = {
+        "flag_values": np.arange(len(_kinds(campaign))),
+        "flag_meanings": " ".join(_kinds(campaign)),
+    }
+    data["amplitude"].attrs, data["period"].attrs = {"units": "SI"}, {"units": "s"}
+    return data

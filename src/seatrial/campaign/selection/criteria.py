@@ -1,0 +1,406 @@
+"""Every information criterion of every candidate structure, and leave-future-out, kept on disk.
+
+Which to use when, and why DIC and BPIC decide so little: `docs/criteria.md`.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import Estimate, estimate_key
+from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.progress import SILENT, Progress, Reporter, run_side_by_side
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
+from seatrial.estimation.posterior import Posterior
+from seatrial.selection.criteria import (
+    SMALL_DIFFERENCE,
+    DevianceCriteria,
+    Estimated,
+    PredictiveCriterion,
+    aic,
+    bic,
+    compare,
+    deviance_criteria,
+    maximise_likelihood,
+    psis_loo,
+    waic,
+)
+from seatrial.selection.leave_future_out import block_edges, leave_future_out, past_of
+from seatrial.selection.savage_dickey import savage_dickey
+from seatrial.selection.structures import Structure
+from seatrial.selection.verdict import Selection
+
+FIRST_SHARE, BLOCKS = 1 / 3, 20
+"""Share of the longest record that is never predicted, and number of blocks in the rest, where none are given."""
+MOST = 2000
+"""Draws of which every measurement's density is taken."""
+FUTURE = "leave-future-out"
+
+
+@dataclass(frozen=True, eq=False)
+class Criteria:
+    """Criteria of one structure.
+
+    Attributes:
+        structure: which terms.
+        deviance: DIC and BPIC with what they are made of.
+        predictive: AIC, BIC, WAIC, PSIS-LOO and leave-future-out by name, as far as they exist.
+        edges: times that bound the blocks of leave-future-out, s.
+        refused: why others do not exist, in words.
+    """
+
+    structure: Structure
+    deviance: DevianceCriteria
+    predictive: dict[str, PredictiveCriterion]
+    edges: np.ndarray
+    refused: tuple[str, ...]
+
+
+def criteria_all(
+    campaign: Campaign,
+    estimates: Sequence[Estimate],
+    trials: Trials,
+    first: float | None = None,
+    block: float | None = None,
+    reporter: Reporter = SILENT,
+) -> list[Criteria]:
+    """Compute the criteria of every structure, side by side; current results are read.
+
+    Args:
+        campaign: configuration.
+        estimates: posterior of each structure.
+        trials: records, of which the fitted ones are used.
+        first: length of the stretch that leave-future-out never predicts, s; None for a third of the longest record.
+        block: length of its blocks, s; None for a twentieth of the rest.
+        reporter: receives what happens.
+
+    Raises:
+        InputError: lengths that leave fewer than two blocks.
+    """
+    edges = future_edges(trials, first, block)
+    tasks = []
+    for estimate in estimates:
+        label = estimate.structure.label
+        titles = (f"criteria {label}", f"leave-future-out {label}")
+        done = (
+            is_current(Store(campaign.folder).criteria(label), _key(estimate)),
+            is_current(Store(campaign.folder).future(label), _future_key(campaign, estimate, trials, edges)),
+        )
+        bars = [None if there else reporter.progress(title) for title, there in zip(titles, done, strict=True)]
+        tasks.append(partial(_both, campaign, estimate, trials, edges, *bars))
+    return run_side_by_side(tasks)
+
+
+def future_edges(trials: Trials, first: float | None = None, block: float | None = None) -> np.ndarray:
+    """Times that bound the blocks of leave-future-out, s.
+
+    Raises:
+        InputError: lengths that leave fewer than two blocks.
+    """
+    longest = max(float(record.time[-1] - record.time[0]) for record in trials.fit)
+    begin = FIRST_SHARE * longest if first is None else first
+    return block_edges(trials.fit, begin, (longest - begin) / BLOCKS if block is None else block)
+
+
+def _both(
+    campaign: Campaign,
+    estimate: Estimate,
+    trials: Trials,
+    edges: np.ndarray,
+    now: Progress | None,
+    later: Progress | None,
+) -> Criteria:
+    """Criteria of one structure: computed where a bar is given, and then read."""
+    store, label = Store(campaign.folder), estimate.structure.label
+    if now is not None:
+        now(0, 1)
+        write_dataset(store.criteria(label), _compute(campaign, estimate, trials), _key(estimate))
+        now(1, 1)
+    if later is not None:
+        key = _future_key(campaign, estimate, trials, edges)
+        write_dataset(store.future(label), _predict(campaign, estimate.structure, trials, edges, later), key)
+    present, future = open_dataset(store.criteria(label)), open_dataset(store.future(label))
+    found = {**_criteria_in(present), **_criteria_in(future)}
+    refused = tuple(text for data in (present, future) if (text := data.attrs["refused"]))
+    deviance = DevianceCriteria(*(Estimated(*pair) for pair in json.loads(present.attrs["deviance"])))
+    return Criteria(estimate.structure, deviance, found, edges, refused)
+
+
+def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
+    posterior = build_posterior(campaign, estimate.structure, trials.fit)
+    draws = thin_draws(estimate.data["draws"].values, MOST)
+    refused, found = "", []
+    try:
+        table = pointwise_log_likelihood(posterior, draws)
+        found = [*_at_maximum(campaign, posterior, estimate.structure), waic(table), psis_loo(table)]
+    except InputError as error:
+        refused = f"AIC, BIC, WAIC and PSIS-LOO need the density of each measurement by itself, but found {error.found}"
+    deviance = deviance_criteria(posterior, draws)
+    return _dataset(found, refused).assign_attrs(deviance=json.dumps([tuple(one) for one in deviance]))
+
+
+def _at_maximum(campaign: Campaign, posterior: Posterior, structure: Structure) -> list[PredictiveCriterion]:
+    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    best = maximise_likelihood(posterior, mode).values
+    density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
+    return [aic(density, posterior.dim), bic(density, posterior.dim)]
+
+
+def _predict(
+    campaign: Campaign, structure: Structure, trials: Trials, edges: np.ndarray, progress: Progress
+) -> xr.Dataset:
+    """Leave-future-out of one structure; where it cannot be had, the reason."""
+    past = past_of(partial(build_posterior, campaign, structure), trials.fit)
+    blocks = edges.size - 1
+    progress(0, blocks)
+
+    def watched(time: float) -> Posterior:
+        progress(min(int(np.searchsorted(edges, time)), blocks - 1), blocks)
+        return past(time)
+
+    try:
+        found = leave_future_out(watched, edges, random_key(campaign, f"future {structure.terms}"))
+        dataset = _dataset([found.criterion], "")
+    except (InputError, NumericalError) as error:
+        reason = error.found if isinstance(error, InputError) else str(error).removeprefix(f"{FUTURE}: ")
+        dataset = _dataset([], f"no leave-future-out of {structure.label}: {reason}")
+    progress(blocks, blocks)
+    return dataset
+
+
+def _dataset(found: Sequence[PredictiveCriterion], refused: str) -> xr.Dataset:
+    """Criteria by their contributions; what is one number of each goes into an attribute."""
+    numbers = {
+        one.method: [
+            one.value.value,
+            one.value.error,
+            one.std_error,
+            None if np.isnan(one.effective) else one.effective,
+            one.status,
+        ]
+        for one in found
+    }
+    columns = {f"pointwise {one.method}": ("point", one.pointwise) for one in found}
+    columns |= {f"k_hat {one.method}": ("point", one.k_hat) for one in found if one.k_hat.size}
+    return xr.Dataset(columns, attrs={"criteria": json.dumps(numbers), "refused": refused})
+
+
+def _criteria_in(data: xr.Dataset) -> dict[str, PredictiveCriterion]:
+    found: dict[str, Any] = {}
+    for method, (value, error, std_error, effective, status) in json.loads(data.attrs["criteria"]).items():
+        k_hat = data[f"k_hat {method}"].values if f"k_hat {method}" in data else np.empty(0)
+        count = np.nan if effective is None else effective
+        pointwise = data[f"pointwise {method}"].values
+        found[method] = PredictiveCriterion(method, Estimated(value, error), std_error, count, pointwise, k_hat, status)
+    return found
+
+
+def _key(estimate: Estimate) -> str:
+    return key_of("criteria", estimate.key, MOST)
+
+
+def _future_key(campaign: Campaign, estimate: Estimate, trials: Trials, edges: np.ndarray) -> str:
+    return key_of("future", estimate_key(campaign, estimate.structure, trials), edges.tolist())
+
+
+# Criteria side by side, in words: each structure's difference to the best, what that tells apart, and nested pairs by
+# Savage-Dickey.
+
+METHODS = ("DIC", "BPIC", "AIC", "BIC", "WAIC", "PSIS-LOO", FUTURE)
+WHY = (
+    "DIC and BPIC decide little: an idle term costs them 2 or 3 and earns a chi-square of one degree of freedom, 1 ± 1.4, so that "
+    "a few units are noise, and neither sees what the term's prior claimed; decide by evidence (seatrial select)"
+)
+
+
+class Difference(NamedTuple):
+    """How far a structure is behind the best by one criterion, and the standard error of that; NaN where there is none."""
+
+    delta: float
+    error: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it is beyond what its error and the smallness of such differences leave open."""
+        return bool(self.delta >= max(SMALL_DIFFERENCE, 2 * self.error))
+
+
+class Pair(NamedTuple):
+    """Log Bayes factor of a term between two nested structures by Savage-Dickey, and by their evidences if these are there.
+
+    Attributes:
+        term: the term.
+        larger: label of the structure that has it.
+        smaller: label of the one that has not.
+        value: log Z(larger) - log Z(smaller), nats; NaN where there is none.
+        error: its standard error.
+        evidence: the same from evidences, with its error; None where these have not been computed.
+        status: empty if healthy.
+    """
+
+    term: str
+    larger: str
+    smaller: str
+    value: float
+    error: float
+    evidence: tuple[float, float] | None
+    status: str
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both ways give the same number, as far as their errors tell; true where one is missing."""
+        if self.evidence is None or self.status or not np.isfinite(self.value):
+            return True
+        return abs(self.value - self.evidence[0]) <= max(3 * float(np.hypot(self.error, self.evidence[1])), 0.2)
+
+    @property
+    def line(self) -> str:
+        """The pair in words."""
+        head = f"{self.term}, {self.larger} against {self.smaller}: "
+        value = f"log Bayes factor {self.value:+.2f} ± {self.error:.2f}" if np.isfinite(self.value) else "none"
+        by = "" if self.evidence is None else f"; by evidence {self.evidence[0]:+.2f} ± {self.evidence[1]:.2f}"
+        agreed = "" if self.evidence is None or self.status else ", agreed" if self.agrees else ", NOT agreed"
+        return head + value + by + agreed + (f"; {self.status}" if self.status else "")
+
+
+def differences(found: Sequence[Criteria]) -> dict[str, list[Difference]]:
+    """Of every criterion, how far each structure is behind the best one, which has (0, 0)."""
+    table = {}
+    for name in METHODS:
+        if name in ("DIC", "BPIC"):
+            values = [getattr(one.deviance, name.lower()) for one in found]
+            best = min(values, key=lambda pair: pair.value)
+            table[name] = [
+                Difference(0.0, 0.0)
+                if one is best
+                else Difference(one.value - best.value, float(np.hypot(one.error, best.error)))
+                for one in values
+            ]
+            continue
+        there = [one.predictive.get(name) for one in found]
+        best = min((one for one in there if one is not None), key=lambda one: one.value.value, default=None)
+        table[name] = [
+            Difference(np.nan, np.nan)
+            if one is None or best is None
+            else Difference(0.0, 0.0)
+            if one is best
+            else Difference(*compare(one, best)[:2])
+            for one in there
+        ]
+    return table
+
+
+def criteria_lines(found: Sequence[Criteria]) -> list[str]:
+    """A table of the differences, and what they tell apart."""
+    table = differences(found)
+    heads = ["", *(item for name in METHODS for item in ([name, "k-hat"] if name == "PSIS-LOO" else [name])), "terms"]
+    rows = []
+    for i, one in enumerate(found):
+        row = [one.structure.label]
+        for name in METHODS:
+            row.append(_cell(table[name][i]))
+            if name == "PSIS-LOO":
+                k_hat = one.predictive[name].k_hat if name in one.predictive else np.empty(0)
+                row.append(f"{k_hat.max():.2f}" if k_hat.size else "-")
+        rows.append([*row, " ".join(one.structure.terms)])
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    last = len(heads) - 1
+    lines = [
+        "  ".join(
+            text.ljust(width) if i in (0, last) else text.rjust(width)
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in (heads, *rows)
+    ]
+    return ["differences to the best, lower is better", *lines, *_apart(found, table), WHY]
+
+
+def criteria_cautions(found: Sequence[Criteria]) -> list[str]:
+    """What is missing, or not to be trusted."""
+    said = [text for one in found for text in one.refused]
+    said += [
+        f"{one.structure.label}, {name}: {criterion.status}"
+        for one in found
+        for name, criterion in one.predictive.items()
+        if criterion.status
+    ]
+    return list(dict.fromkeys(said))
+
+
+def nested_pairs(
+    campaign: Campaign, estimates: Sequence[Estimate], trials: Trials, selection: Selection | None
+) -> list[Pair]:
+    """Savage-Dickey ratio of every optional term whose absence is another candidate with the same unknowns otherwise.
+
+    Args:
+        campaign: configuration.
+        estimates: posterior of each structure.
+        trials: records.
+        selection: evidences to compare with; None where they have not been computed.
+    """
+    by_names = {frozenset(estimate.names): estimate for estimate in estimates}
+    said = []
+    for larger in estimates:
+        terms = [term for term in campaign.source.structure.optional if term in larger.names]
+        pairs = [(term, by_names.get(frozenset(larger.names) - {term})) for term in terms]
+        inside = [(term, smaller) for term, smaller in pairs if smaller is not None]
+        if inside:
+            posterior = build_posterior(campaign, larger.structure, trials.fit)
+            z = np.asarray(posterior.unconstrain(jnp.asarray(larger.data["draws"].values)))
+            said += [_pair(posterior, z, term, larger, smaller, selection) for term, smaller in inside]
+    return said
+
+
+def _pair(
+    posterior: Posterior, z: np.ndarray, term: str, larger: Estimate, smaller: Estimate, selection: Selection | None
+) -> Pair:
+    labels = larger.structure.label, smaller.structure.label
+    evidence = None if selection is None else _evidence(selection, *labels)
+    lower, upper = (float(bound) for bound in posterior.parameters[posterior.names.index(term)].prior.bounds)
+    if not lower < 0 < upper:
+        return Pair(
+            term, *labels, np.nan, np.nan, evidence, "0 is not inside the prior, so only evidences compare them"
+        )
+    try:
+        ratio = savage_dickey(posterior, term, z)
+    except InputError as error:
+        return Pair(term, *labels, np.nan, np.nan, evidence, f"{error.found}, needs {error.expected}")
+    except NumericalError as error:
+        return Pair(term, *labels, np.nan, np.nan, evidence, str(error).removeprefix("Savage-Dickey ratio: "))
+    return Pair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)
+
+
+def _evidence(selection: Selection, larger: str, smaller: str) -> tuple[float, float]:
+    at = [[structure.label for structure in selection.structures].index(label) for label in (larger, smaller)]
+    one, other = (selection.evidences[i] for i in at)
+    return one.log_value - other.log_value, float(np.hypot(one.std_error, other.std_error))
+
+
+def _cell(difference: Difference) -> str:
+    if not np.isfinite(difference.delta):
+        return "-"
+    if difference == (0.0, 0.0):
+        return "best"
+    return f"{difference.delta:+.1f} ± {difference.error:.1f}"
+
+
+def _apart(found: Sequence[Criteria], table: dict[str, list[Difference]]) -> list[str]:
+    """Which structures are clearly behind, by which criteria."""
+    if len(found) < 2:
+        return ["only one structure: there is nothing to compare it with"]
+    clear = {one.structure.label: [name for name in METHODS if table[name][i].is_clear] for i, one in enumerate(found)}
+    behind = [f"{label} is behind by {', '.join(names)}" for label, names in clear.items() if names]
+    rest = "no criterion tells the structures apart" if not behind else "the others are not told apart"
+    return [f"beyond {SMALL_DIFFERENCE:g} and two standard errors: {'; '.join([*behind, rest])}"]

@@ -1,0 +1,192 @@
+"""Selection among the candidate structures: evidences with checkpointed repeats, probabilities, verdicts."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from seatrial.campaign.compute.place import workers_of
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.selection.screening import shortlist_of
+from seatrial.campaign.store.files import (
+    Store,
+    is_current,
+    key_of,
+    load_checkpoint,
+    read_json,
+    save_checkpoint,
+    write_stamped_json,
+)
+from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
+from seatrial.selection.combined_evidence import ALARM, FLOOR, Gathering, Keys, Piece, Run, Weighed, do
+from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.structures import Structure
+from seatrial.selection.verdict import Selection, select
+
+CALLED = {"importance": "importance sampling", "smc": "tempered SMC"}
+"""Methods of evidence as a sentence names them."""
+FINE = 1000
+"""Steps in which a repeat is shown."""
+
+
+def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
+    """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
+    store = Store(campaign.folder)
+    keys, key = _keys(campaign, trials)
+    if not is_current(store.selection, key):
+        evidences = _evidences(campaign, trials, keys, reporter)
+        write_stamped_json(
+            store.selection,
+            _as_json(campaign, _select(campaign, trials, evidences)),
+            key,
+        )
+        for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
+            path.unlink()
+    return _read(campaign, trials)
+
+
+def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
+    """The selection if it has been made and is current; nothing is computed."""
+    return _read(campaign, trials) if is_current(Store(campaign.folder).selection, _keys(campaign, trials)[1]) else None
+
+
+def agreement_words(evidence: Evidence) -> str:
+    """Which methods gave this evidence, and which of them agree."""
+    table = evidence.diagnostics["methods"]
+    value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
+    others = {name: one for name, one in table.items() if name != value and not one["status"]}
+    agree = [
+        f"{CALLED.get(name, name)} ({abs(one['joint_errors']):.1f} joint errors away)"
+        for name, one in others.items()
+        if abs(one["joint_errors"]) <= ALARM or abs(one["difference"]) <= FLOOR
+    ]
+    said = f"by {CALLED.get(value, value)}, " + (
+        f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}"
+        if agree
+        else "which no other method confirms"
+    )
+    return f"{said}; {evidence.status}" if evidence.status else said
+
+
+def evidence_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
+    """Key of one structure's evidence."""
+    return key_of(
+        "evidence by agreement", estimate_key(campaign, structure, trials), campaign.source.selection.model_dump()
+    )
+
+
+def _keys(campaign: Campaign, trials: Trials) -> tuple[dict[str, str], str]:
+    """Keys of the evidences by structure, and of them all."""
+    keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
+    return keys, key_of("selection", keys)
+
+
+def _read(campaign: Campaign, trials: Trials) -> Selection:
+    stored = read_json(Store(campaign.folder).selection, f"seatrial select {campaign.folder}")
+    evidences = [Evidence(**item["evidence"]) for item in stored["structures"]]
+    return _select(campaign, trials, evidences)
+
+
+def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence]) -> Selection:
+    shortlist = shortlist_of(campaign, trials)
+    return select(campaign.structures, evidences, campaign.source.structure.optional, shortlist)
+
+
+class _Part(NamedTuple):
+    """Piece of the evidence of one structure."""
+
+    structure: Structure
+    piece: Piece
+
+
+def _evidences(campaign: Campaign, trials: Trials, keys: Mapping[str, str], reporter: Reporter) -> list[Evidence]:
+    """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`."""
+    kept = [_Kept(campaign, one, keys[one.label], reporter) for one in campaign.structures]
+    of = {one.structure.label: one for one in kept}
+    parts = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin()]
+
+    def done(index: int, result: Run | Weighed) -> _Part | None:
+        structure = parts[index].structure
+        following = of[structure.label].keep(result)
+        return following and _Part(structure, following)
+
+    def told(index: int, done: int, total: int) -> None:
+        part = parts[index]
+        if part.piece.repeat is not None:
+            of[part.structure.label].told(part.piece.repeat, done / total)
+
+    workers_of(campaign, reporter).run(_compute, Study(campaign, trials.fit), parts, done, told)
+    return [one.gathering.evidence() for one in kept]
+
+
+def _compute(study: Study, part: _Part, report: Progress) -> Run | Weighed:
+    """One piece of an evidence."""
+    campaign, terms, table = study.campaign, part.structure.terms, study.campaign.source.selection
+    keys = Keys(random_key(campaign, f"evidence {terms}"), random_key(campaign, f"importance {terms}"))
+    settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles))
+    return do(study.posterior(part.structure), part.piece, keys, settings, report)
+
+
+class _Kept:
+    """What is gathered for one structure, its repeats kept on disk until the selection is written."""
+
+    def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
+        self.campaign, self.structure, self.key = campaign, structure, key
+        self.gathering = Gathering(campaign.source.selection.repeats)
+        self.shares = np.zeros(self.gathering.most)
+        self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
+        for repeat in range(self.gathering.most):
+            if (stored := load_checkpoint(self._checkpoint(repeat), key)) is not None:
+                cold = stored.pop("cold")
+                smc = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
+                self.gathering.runs[repeat] = Run(repeat, smc, cold)
+                self.told(repeat, 1.0)
+
+    def keep(self, found: Run | Weighed) -> Piece | None:
+        """Add what was found, a repeat also on disk, and return what can be done now."""
+        if isinstance(found, Run):
+            arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
+            save_checkpoint(self._checkpoint(found.repeat), self.key, arrays)
+            self.told(found.repeat, 1.0)
+        return self.gathering.add(found)
+
+    def told(self, repeat: int, share: float) -> None:
+        """Show how much of a repeat is done."""
+        self.shares[repeat] = share
+        count = max(self.gathering.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
+        self.progress(round(float(FINE * self.shares[:count].sum())), FINE * count)
+
+    def _checkpoint(self, repeat: int) -> Path:
+        return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{repeat}")
+
+
+def structure_rows(selection: Selection) -> list[dict[str, Any]]:
+    """Each structure with its terms, evidence and probability."""
+    return [
+        {
+            "label": structure.label,
+            "terms": list(structure.terms),
+            "evidence": evidence.__dict__,
+            "probability": float(probability),
+            "probability_error": float(error),
+        }
+        for structure, evidence, probability, error in zip(
+            selection.structures, selection.evidences, selection.probability, selection.probability_error, strict=True
+        )
+    ]
+
+
+def _as_json(campaign: Campaign, selection: Selection) -> dict:
+    return {
+        "structures": structure_rows(selection),
+        "inclusion": dict(selection.inclusion),
+        "inclusion_error": dict(selection.inclusion_error),
+        "chosen": selection.structures[selection.chosen].label,
+        "verdicts": list(selection.verdicts),
+    }

@@ -1,0 +1,440 @@
+"""The two most probable structures side by side: what choosing between them changes in speed, and which trial would decide."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.design.sweep import design_key, design_next
+from seatrial.campaign.inference.estimate import Estimate, estimate_all
+from seatrial.campaign.inference.posterior import build_likelihood
+from seatrial.campaign.prior.predictive import speeds
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import NumericalError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.design.sweep import Sweep, in_blocks
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.sensors import correlation_name, noise_name
+from seatrial.estimation.simulation import Simulator
+from seatrial.estimation.trial_data import TrialData
+from seatrial.selection.structures import Structure
+from seatrial.selection.verdict import DECIDED, Selection
+
+# Motions of two contending structures: by how much their speeds differ, and what evidence a trial is expected to
+# bring.
+#
+# Where one structure makes the data, the other follows them as well as re-fitting allows. With the difference d of the predicted
+# measurements and the sensitivities J of the structure that re-fits, both over the noise, the log Bayes factor is about
+# |d - J J+ d|^2 / 2, J+ the pseudo-inverse: what no change of its parameters absorbs. Of nested structures the smaller one re-fits,
+# since the larger can always follow it; of others either does, and the smaller number counts.
+
+DRAWS, POINTS = 100, 400
+"""Draws of each posterior behind a band, and points of a curve, at most."""
+BAND = (0.05, 0.95)
+DEPENDENT = 1e-9
+"""Share of a sensitivity that has to be its own for it to count beside the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedDifference:
+    """By how much the speed of the best structure exceeds the runner-up's in one manoeuvre, SI.
+
+    Attributes:
+        time: samples that are kept, shape (n,).
+        best: speed through the water of the best, posterior mean, shape (n,).
+        difference: excess at the posterior means, shape (n,).
+        lower: lower end of its 90 % band, both posteriors drawn independently, shape (n,).
+        upper: upper end, shape (n,).
+        largest: largest difference at any sample.
+        rms: its root mean square.
+    """
+
+    CURVES: ClassVar = ("time", "best", "difference", "lower", "upper")
+
+    time: Float[np.ndarray, " n"]
+    best: Float[np.ndarray, " n"]
+    difference: Float[np.ndarray, " n"]
+    lower: Float[np.ndarray, " n"]
+    upper: Float[np.ndarray, " n"]
+    largest: float
+    rms: float
+
+
+def compare_speeds(
+    campaign: Campaign,
+    best: Estimate,
+    runner: Estimate,
+    trials: Trials,
+    sweep: Sweep,
+) -> list[SpeedDifference]:
+    """Compare speeds over the inputs of each fitted record, and then over the best design from trim.
+
+    Args:
+        campaign: configuration.
+        best: posterior of one structure.
+        runner: posterior of the other.
+        trials: records.
+        sweep: designs of the next trial.
+
+    Raises:
+        NumericalError: a structure runs away at its posterior mean.
+    """
+    pairs = zip(_speeds(campaign, best, trials, sweep), _speeds(campaign, runner, trials, sweep), strict=True)
+    return [_difference(time, a, b) for time, a, b in ((a[0], a[1], b[1]) for a, b in pairs)]
+
+
+def expected_nats(
+    campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep
+) -> Float[np.ndarray, "A P"]:
+    """Expected log Bayes factor between two structures for every design of a grid, NaN where it breaks a limit."""
+    a, b = set(best.structure.terms), set(runner.structure.terms)
+    pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
+    every = campaign.control_trim(campaign.model(campaign.full))
+    (rows, columns, controls), time = sweep.inside(every), sweep.family.time()
+    nats = np.full(sweep.gain.shape, np.nan)
+    nats[rows, columns] = np.min(
+        [_nats(campaign, best, truth, other, trials, time, controls) for truth, other in pairs], axis=0
+    )
+    return nats
+
+
+def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"]) -> Float[Array, " n"]:
+    """What is left of a difference after least squares on sensitivities, those that say the same counted once.
+
+    By Gram and Schmidt, each column cleared twice of those before it: plain arithmetic, which many threads may run at once.
+    """
+    basis, rest = [], difference
+    for column in sensitivities.T:
+        size = jnp.linalg.norm(column)
+        left = column / jnp.where(size > 0, size, 1.0)
+        for _ in range(2):
+            for q in basis:
+                left = left - (q @ left) * q
+        size = jnp.linalg.norm(left)
+        q = jnp.where(size > DEPENDENT, left / jnp.where(size > 0, size, 1.0), 0.0)
+        rest = rest - (q @ rest) * q
+        basis.append(q)
+    return rest
+
+
+def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
+    """Standard deviation of a sensor's noise, SI: its posterior mean."""
+    return float(estimate.draws([noise_name(channel)]).mean())
+
+
+def _speeds(
+    campaign: Campaign, estimate: Estimate, trials: Trials, sweep: Sweep
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
+    model, table = campaign.model(estimate.structure), estimate.draws()
+    draws = table[:: max(1, len(table) // DRAWS)][:DRAWS]
+    values = dict(zip(estimate.names, np.vstack([table.mean(axis=0), draws]).T, strict=True))
+    output, data = _output(campaign, estimate, trials)
+    apart, starts = jax.vmap(lambda one: (output.apart(one), output.starts(one, data)))(values)
+    here = [{**values, **{name: np.asarray(c)[:, i] for name, c in apart.items()}} for i in range(len(trials.fit))]
+    trim = np.tile(campaign.state_trim(model), (1 + len(draws), 1))
+    runs = [
+        (one, np.asarray(starts)[:, i], record.time, np.column_stack([record.channel(name) for name in model.controls]))
+        for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
+    ]
+    found = []
+    designed = sweep.family.time(), sweep.best_controls(campaign.control_trim(model))
+    for one, start, time, control in [*runs, (values, trim, *designed)]:
+        coefficients = {term.text: np.asarray(one[term.text]) for term in model.coefficients}
+        delay = np.asarray(one["delay"]) if campaign.has_delay else None
+        step = np.append(np.diff(time), 0.0)
+        speed, lost = speeds(model, campaign.leading, coefficients, delay, start, control, step, range(time.size))
+        if lost[0]:
+            raise NumericalError(
+                f"{estimate.structure.label} runs away at its posterior mean, so that its speed cannot be compared: "
+                "look at its posterior in the report"
+            )
+        found.append((time, np.where(lost[:, None], np.nan, speed)))
+    return found
+
+
+def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> SpeedDifference:
+    excess, keep = best - runner, np.unique(np.linspace(0, time.size - 1, min(time.size, POINTS)).round().astype(int))
+    lower, upper = np.nanquantile(excess[1:, keep], BAND, axis=0)
+    mean = excess[0]
+    return SpeedDifference(
+        time[keep],
+        best[0, keep],
+        mean[keep],
+        lower,
+        upper,
+        float(np.abs(mean).max()),
+        float(np.sqrt((mean**2).mean())),
+    )
+
+
+def _nats(
+    campaign: Campaign,
+    best: Estimate,
+    truth: Estimate,
+    other: Estimate,
+    trials: Trials,
+    time: np.ndarray,
+    controls: np.ndarray,
+) -> np.ndarray:
+    """What each control, one a row, is expected to tell where `truth` makes the data and `other` re-fits."""
+    simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
+    step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
+    samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
+    noise = np.array([noise_of(campaign, best, channel) for channel in campaign.channels])
+    memory = [
+        _memory(best, channel, step * (at[1] - at[0])) for channel, at in zip(campaign.channels, samples, strict=True)
+    ]
+    start = np.array(campaign.state_trim(campaign.model(best.structure)))
+    every = campaign.model(campaign.full).controls
+    places = [tuple(every.index(name) for name in simulator.model.controls) for simulator in simulators]
+    run = _follow(*simulators, *places, campaign.source.estimation.initial != "trim")
+    values = _of_new_trial(campaign, truth), _of_new_trial(campaign, other)
+    fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
+    return in_blocks(lambda control: (run(control, *fixed),), controls)[0]
+
+
+@lru_cache(maxsize=16)
+def _follow(truth: Simulator, other: Simulator, drives: tuple[int, ...], follows: tuple[int, ...], free_start: bool):
+    """Half the squared residual that is left when `other` follows `truth`, over a batch of all controls.
+
+    `drives` are the places of those of `truth` among them, `follows` of those of `other`.
+    """
+
+    def one(
+        control, made_by: dict, known: dict, start: Array, step: Array, samples: tuple, noise: Array, memory: Array
+    ):
+        def white(outputs: Array) -> Array:
+            columns = [outputs[at, c] / noise[c] for c, at in enumerate(samples)]
+            later = [
+                (column[1:] - rho * column[:-1]) / jnp.sqrt(1.0 - rho * rho)
+                for column, rho in zip(columns, memory, strict=True)
+            ]
+            return jnp.concatenate(
+                [piece for column, rest in zip(columns, later, strict=True) for piece in (column[:1], rest)]
+            )
+
+        vector, back = ravel_pytree((known, start))
+
+        def follow(vector: Array) -> tuple[Array, Array]:
+            values, begin = back(vector)
+            shown = white(other.outputs(values, begin, tuple(control[:, i] for i in follows), step))
+            return shown, shown
+
+        sensitivities, shown = jax.jacfwd(follow, has_aux=True)(vector)
+        free = sensitivities if free_start else sensitivities[:, : vector.size - start.size]
+        made = truth.outputs(made_by, start, tuple(control[:, i] for i in drives), step)
+        rest = absorbed(white(made) - shown, free)
+        return 0.5 * (rest @ rest)
+
+    return jax.jit(jax.vmap(one, in_axes=(0, *(None,) * 7)))
+
+
+def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[OutputError, TrialData]:
+    likelihood, data = build_likelihood(campaign, campaign.model(estimate.structure), trials.fit)
+    return (likelihood.output if isinstance(likelihood, FilterError) else likelihood), data
+
+
+def _of_new_trial(campaign: Campaign, estimate: Estimate) -> Mapping[str, Array]:
+    """Posterior means of what all trials share; of what each has its own, the mean over the fitted ones."""
+    means = dict(zip(estimate.names, estimate.draws().mean(axis=0), strict=True))
+    shared = {name: value for name, value in means.items() if "[" not in name}
+    for name in campaign.own:
+        shared[name] = np.mean([value for own, value in means.items() if own.split("[")[0] == name])
+    return {name: jnp.asarray(value) for name, value in shared.items()}
+
+
+def _memory(estimate: Estimate, channel: str, gap: float) -> float:
+    """Correlation of one sample's noise with the next one's."""
+    name = correlation_name(channel)
+    return float(np.exp(-gap / estimate.draws([name]).mean())) if name in estimate.names else 0.0
+
+
+NEXT = "the next trial"
+ENOUGH = 3.0
+"""Expected log Bayes factor, nats, that decides: odds of twenty to one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contenders:
+    """The best structure and the runner-up, as stored.
+
+    Attributes:
+        data: `time`, `best`, `difference`, `lower` and `upper` on `sample`, one manoeuvre after another, `which` by its index: speed of
+            the best, and by how much it exceeds the runner-up's, with its 90 % band; `largest`, `rms` and `excitation` by
+            `manoeuvre`, the fitted records and then the next trial; `nats` by `amplitude` and `period`: the expected log Bayes
+            factor, NaN where a limit is broken.
+    """
+
+    data: xr.Dataset
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Best and runner-up."""
+        return self.data.attrs["best"], self.data.attrs["runner_up"]
+
+    @property
+    def decisive(self) -> tuple[int, int]:
+        """Indices of the amplitude and the period that would tell most."""
+        nats = self.data["nats"].values
+        return _largest(nats)
+
+    @property
+    def nats(self) -> float:
+        """Expected log Bayes factor of that design."""
+        return float(self.data["nats"].values[self.decisive])
+
+    @property
+    def shown(self) -> tuple[int, int]:
+        """Manoeuvres worth a picture: the fitted record of most excitation, and the next trial."""
+        return int(np.argmax(self.data["excitation"].values[:-1])), self.data.sizes["manoeuvre"] - 1
+
+    def where(self, manoeuvre: int) -> str:
+        """Name of a manoeuvre in a sentence."""
+        name = str(self.data["manoeuvre"].values[manoeuvre])
+        return name if manoeuvre == self.data.sizes["manoeuvre"] - 1 else f"run {name}"
+
+    def curve(self, manoeuvre: int) -> xr.Dataset:
+        """Samples of one manoeuvre."""
+        return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
+
+    def lines(self, selection: Selection) -> list[str]:
+        """What the runner-up would change, what is undecided, and which trial would decide, in words."""
+        return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
+
+    def difference_words(self) -> str:
+        """What choosing the runner-up would change in speed."""
+        data = self.data
+        parts = [
+            f"{float(data['largest'][i]):.2g} m/s (rms {float(data['rms'][i]):.2g}) in {self.where(i)}"
+            for i in reversed(self.shown)
+        ]
+        noise = data.attrs["noise"]
+        end = f"the sensor's noise is {noise:.2g} m/s" if np.isfinite(noise) else "the speed is not measured"
+        change = f"{self.labels[1]}, {data.attrs['change']}"
+        return f"the runner-up ({change}) would change the speed by at most {' and '.join(parts)}; {end}"
+
+    def trial_words(self, selection: Selection) -> str:
+        """Which design of the best family would decide between the two, or that none would."""
+        best, runner = self.labels
+        first, second = -np.sort(-selection.probability)[:2]
+        if first >= DECIDED * (first + second):
+            return f"these data have decided between {best} and {runner}; no trial is needed for that"
+        trial = self.data.attrs["trial"]
+        told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
+        if self.nats > ENOUGH:
+            return f"to decide between {best} and {runner}, run a {trial}: {told}"
+        return (
+            f"no design of this family would decide between {best} and {runner}; the best would be a {trial}: {told}. "
+            "Widen the limits, run for longer, or use a better sensor"
+        )
+
+
+def contending(selection: Selection) -> tuple[Structure, ...]:
+    """The two most probable structures, the best first; fewer where there are not two."""
+    order = np.argsort(-selection.probability, kind="stable")[:2]
+    return tuple(selection.structures[index] for index in order)
+
+
+def undecided_words(selection: Selection) -> str:
+    """Name the terms about which these data leave doubt."""
+    doubtful = [f"{term} ({p:.2f})" for term, p in selection.inclusion.items() if 1 - DECIDED < p < DECIDED]
+    if not doubtful:
+        return "these data decide about every optional term"
+    return f"not settled beyond doubt: {', '.join(doubtful)}; in brackets the probability that it is needed"
+
+
+def change_words(best: Sequence[str], other: Sequence[str]) -> str:
+    """How another set of terms differs: `with X_u, without X_du3`."""
+    more, fewer = ([term for term in a if term not in b] for a, b in ((other, best), (best, other)))
+    return ", ".join(f"{word} {' and '.join(terms)}" for word, terms in (("with", more), ("without", fewer)) if terms)
+
+
+def find_contenders(
+    campaign: Campaign, selection: Selection, trials: Trials, reporter: Reporter = SILENT
+) -> Contenders | None:
+    """Estimate the two contenders where that has not been done, and compare them; None where there is one structure only."""
+    pair = contending(selection)
+    if len(pair) < 2:
+        return None
+    best, runner = estimate_all(replace(campaign, shortlist=pair), trials, reporter)
+    terms = [term for term in best.structure.terms if term in best.names]
+    sweep = design_next(campaign, best.structure, best.draws(terms), best.key, reporter).best
+    return compare_contenders(campaign, best, runner, trials, sweep, reporter)
+
+
+def compare_contenders(
+    campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep, reporter: Reporter = SILENT
+) -> Contenders:
+    """Compare what two structures predict, and search the family for the design that tells them apart; a current result is read.
+
+    Args:
+        campaign: configuration.
+        best: posterior of the most probable structure.
+        runner: posterior of the next one.
+        trials: records.
+        sweep: designs of the next trial: their grid, which of them break a limit, and the best.
+        reporter: who is told.
+    """
+    path = Store(campaign.folder).contenders
+    key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
+    if not is_current(path, key):
+        progress = reporter.progress("compare the best structure with the runner-up")
+        progress(0, 1)
+        write_dataset(path, _dataset(campaign, best, runner, trials, sweep), key)
+        progress(1, 1)
+    return Contenders(open_dataset(path))
+
+
+def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> xr.Dataset:
+    found = compare_speeds(campaign, best, runner, trials, sweep)
+    join = {name: np.concatenate([getattr(one, name) for one in found]) for name in found[0].CURVES}
+    control = sweep.family.control
+    commands, nats = (
+        [record.channel(control) for record in trials.fit],
+        expected_nats(campaign, best, runner, trials, sweep),
+    )
+    row, column = _largest(nats)
+    commands.append(sweep.best_manoeuvre().sample(sweep.family.sample_time)[1])
+    return xr.Dataset(
+        {
+            **{name: ("sample", column) for name, column in join.items()},
+            "which": ("sample", np.repeat(np.arange(len(found)), [one.time.size for one in found])),
+            "largest": ("manoeuvre", [one.largest for one in found]),
+            "rms": ("manoeuvre", [one.rms for one in found]),
+            "excitation": ("manoeuvre", [float(np.nanstd(command)) for command in commands]),
+            "nats": (("amplitude", "period"), nats),
+        },
+        coords={
+            "manoeuvre": [*(record.label for record in trials.fit), NEXT],
+            "amplitude": sweep.amplitude,
+            "period": sweep.period,
+        },
+        attrs={
+            "best": best.structure.label,
+            "runner_up": runner.structure.label,
+            "change": change_words(best.structure.terms, runner.structure.terms),
+            "noise": noise_of(campaign, best, campaign.leading)
+            if campaign.leading in campaign.channels
+            else float("nan"),
+            "control": control,
+            "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
+        },
+    )
+
+
+def _largest(nats: np.ndarray) -> tuple[int, int]:
+    row, column = np.unravel_index(np.nanargmax(nats), nats.shape)
+    return int(row), int(column)

@@ -1,0 +1,233 @@
+"""Screening of a campaign: every structure that the rules allow, in closed form, and the shortlist that is worth simulating."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.inference.quick_estimates import left_out
+from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.errors import InputError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.estimation.delayed_rows import delayed, likely_delay
+from seatrial.estimation.row_fit import SCREENING
+from seatrial.estimation.weak_form import where_measured
+from seatrial.estimation.windows import FEWEST
+from seatrial.selection.screening import Believed, Screening, screen
+from seatrial.selection.structure_count import count_structures
+from seatrial.selection.structures import label_structures
+from seatrial.selection.verdict import Shortlist
+
+NARROWEST = 1.0
+"""Width of the first windows, s; they are doubled until residuals no longer follow one another."""
+_LAYOUT = "with prior and delay"
+"""What a stored screening has that an older one had not."""
+KEPT = 50
+"""Structures that are kept, most probable first."""
+SHOWN = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """Outcome of a screening, as it is stored.
+
+    Attributes:
+        data: `inclusion`, `inclusion_by_unit_information`, `mean`, `within`, `between`, `bias`, `fit` and `fit_sd` by `term`, the
+            optional ones first; `member`, `probability` and `log_evidence` by `model`; `inclusion_at`, `mean_at` and
+            `log_bayes_factor` along `scale`, the factor on prior standard deviations.
+    """
+
+    data: xr.Dataset
+
+    @property
+    def optional(self) -> list[str]:
+        """Terms whose presence the data decide."""
+        return [
+            str(term)
+            for term, kept in zip(self.data["term"].values, self.data["always"].values, strict=True)
+            if not kept
+        ]
+
+    def terms(self, rank: int) -> tuple[str, ...]:
+        """Terms of one of the best structures."""
+        member = self.data["member"].values[rank]
+        return tuple(str(term) for term, there in zip(self.data["term"].values, member, strict=True) if there)
+
+    @property
+    def cautions(self) -> list[str]:
+        """What keeps the screening from being relied on."""
+        return [text for text in (self.data.attrs[key] for key in ("rows", "noise", "sampling", "left_out")) if text]
+
+    def lines(self) -> list[str]:
+        """What was found, in words."""
+        data, optional = self.data, self.optional
+        narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
+        settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
+        said = [
+            f"screening of {data.attrs['count']} structures in closed form{settings} "
+            "(in brackets: prior three times narrower; wider; worth one row):"
+        ]
+        here = data["inclusion"].sel(term=optional).values
+        unit = data["inclusion_by_unit_information"].sel(term=optional).values
+        said += [
+            f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f}, {other:.2f})"
+            for term, p, low, high, other in zip(optional, here, narrow, wide, unit, strict=True)
+        ]
+        best = range(min(SHOWN, data.sizes["model"]))
+        said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
+        return [*said, SCREENING]
+
+
+def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Screened:
+    """Screen every structure on the fitted records; a current result is read.
+
+    Raises:
+        InputError: a vehicle whose added mass is sought, velocities not measured, or records that cannot tell the terms apart.
+    """
+    path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
+    if not is_current(path, key):
+        progress = reporter.progress(f"screen {count_structures(campaign.rules).structures} structures")
+        progress(0, 1)
+        write_dataset(path, _dataset(campaign, *_screen(campaign, trials)), key)
+        progress(1, 1)
+    return Screened(open_dataset(path))
+
+
+def can_be_screened(campaign: Campaign) -> bool:
+    """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose velocities are measured."""
+    linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
+    rates = {equation.rate for equation in campaign.vehicle.equations(campaign.full)}
+    return bool(campaign.rules.optional) and linear and bool(rates) and rates <= set(campaign.channels)
+
+
+def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> tuple[Screened | None, list[str]]:
+    """The screening, and what it cautions of; where it cannot be had and is not needed, only why.
+
+    Raises:
+        InputError: as `screen_terms`, where there are too many structures to do without.
+    """
+    if not can_be_screened(campaign):
+        return None, []
+    try:
+        found = screen_terms(campaign, trials, reporter)
+    except InputError as error:
+        if campaign.is_large:
+            raise
+        return None, [f"the structures are simulated without a screening in closed form, which failed: {error}"]
+    return found, found.cautions
+
+
+def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Campaign:
+    """The campaign with what a screening leaves of its structures, where there are too many to simulate each."""
+    if campaign.shortlist or not campaign.is_large:
+        return campaign
+    found = screen_terms(campaign, trials, reporter)
+    best = [found.terms(rank) for rank in range(min(campaign.source.structure.shortlist, found.data.sizes["model"]))]
+    order = campaign.full.terms
+    sets = [tuple(term for term in order if term in terms) for terms in sorted(best, key=len, reverse=True)]
+    return replace(campaign, shortlist=label_structures(sets))
+
+
+def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
+    """What the screening says beyond the structures that are simulated; None where all of them are."""
+    if not (campaign.is_large and campaign.shortlist):
+        return None
+    data, simulated = screen_terms(campaign, trials).data, {frozenset(one.terms) for one in campaign.shortlist}
+    found = Screened(data)
+    share = sum(
+        float(data["probability"][rank])
+        for rank in range(data.sizes["model"])
+        if frozenset(found.terms(rank)) in simulated
+    )
+    inclusion = {term: float(data["inclusion"].sel(term=term)) for term in found.optional}
+    return Shortlist(inclusion, share)
+
+
+def screening_key(campaign: Campaign, trials: Trials) -> str:
+    """Key of the screening."""
+    source = campaign.source
+    tables = (source.structure, source.vehicle, *source.sensors.values(), *source.prior.values())
+    return key_of("screening", _LAYOUT, trials.key, [table.model_dump() for table in tables], source.campaign.seed)
+
+
+def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None]:
+    """The screening, and the delay of the commands for which it is made."""
+    equations = campaign.vehicle.equations(campaign.full)
+    if not equations:
+        raise InputError(
+            campaign.where("structure.optional"),
+            found=f"{count_structures(campaign.rules).structures} structures of a whole vehicle",
+            expected="at most 64: its axes are coupled, and only equations of single axes are screened in closed form",
+            remedy="move terms to `always`, state rules, or select axis by axis",
+        )
+    rates = [equation.rate for equation in equations]
+    if missing := [rate for rate in rates if rate not in campaign.channels]:
+        raise InputError(
+            campaign.where("sensors"),
+            found=f"no sensor of {', '.join(missing)}",
+            expected="the velocities whose equations are sought, from which the rows of a screening are made",
+            remedy=f"map the channel {missing[0]}, or leave at most 64 structures, which need no screening",
+        )
+    terms = campaign.full.terms
+    model = campaign.model(campaign.full)
+    units = {term.text: model.unit_of(term) for term in model.coefficients}
+    priors = {name: campaign.prior(name, units[name]) for name in terms}
+    believed = {name: Believed(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
+    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    used = [name for equation in equations for name in equation.signals if name in campaign.channels]
+    records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
+    slowest = max(float(np.median(record.step)) for record in records)
+    narrowest = max(NARROWEST, FEWEST * slowest)
+    delay = None
+    if campaign.has_delay:
+        delay = likely_delay(records, equations, narrowest, *campaign.prior("delay", "s").bounds)
+        records = [delayed(record, delay) for record in records]
+    key, g = random_key(campaign, "screening"), campaign.source.structure.g
+    return screen(equations, campaign.rules, records, noise, believed, key, narrowest, g), delay
+
+
+def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> xr.Dataset:
+    posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
+    names = list(posterior.names)
+    columns = [found.rows.names.index(name) for name in names]
+    member = np.array([[name in posterior.terms(rank) for name in names] for rank in range(best)])
+    averaged = posterior.coefficients()
+    factor = found.sensitivity.log_bayes_factor
+    return xr.Dataset(
+        {
+            "always": ("term", [name in found.rules.always for name in names]),
+            "inclusion": ("term", posterior.inclusion),
+            "mean": ("term", averaged.mean),
+            "within": ("term", averaged.within),
+            "between": ("term", averaged.between),
+            "fit": ("term", found.fit.values[columns]),
+            "fit_sd": ("term", found.fit.sd[columns]),
+            "bias": ("term", found.bias.bias[columns]),
+            "bias_error": ("term", found.bias.error[columns]),
+            "joint": (("term", "other"), posterior.joint),
+            "probability": ("model", posterior.probability[:best]),
+            "log_evidence": ("model", posterior.log_evidence[:best]),
+            "member": (("model", "term"), member),
+            "inclusion_by_unit_information": ("term", found.unit_information),
+            "inclusion_at": (("scale", "term"), found.sensitivity.inclusion),
+            "mean_at": (("scale", "term"), found.sensitivity.mean),
+            "log_bayes_factor": ("scale", factor if factor.size else np.full(found.sensitivity.scales.size, np.nan)),
+        },
+        coords={"term": names, "other": names, "scale": found.sensitivity.scales},
+        attrs={
+            "count": posterior.count,
+            "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
+            "prior": ""
+            if campaign.source.structure.g is None
+            else f"under a g-prior, g = {campaign.source.structure.g}",
+            "rows": found.fit.status,
+            "noise": found.bias.status,
+            "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,
+            "left_out": left_out(campaign, campaign.full),
+            "r2": float(found.rows.r2[0]),
+        },
+    )

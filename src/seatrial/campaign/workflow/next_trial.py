@@ -1,0 +1,161 @@
+"""What to do next: run which trial and for what, or stop and why.
+
+Of two structures with expected log Bayes factor m after the trial, the log odds are normal with mean l + m and variance 2 m if the one
+with log odds l now is true; they are settled beyond 19 to 1. It holds where a trial is linear in what the structures differ by.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.simulate import Chosen, add_trial, chosen_of
+from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.selection.runner_up import Contenders
+from seatrial.campaign.workflow.run import ENOUGH, Outcome, run_loop
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.design.sweep import Sweep
+from seatrial.estimation.remedies import percent
+from seatrial.selection.verdict import DECIDED
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The next trial, or none.
+
+    Attributes:
+        trial: what to run; None to stop.
+        lines: where the campaign stands, what to run and what it promises, or why to stop.
+    """
+
+    trial: Chosen | None
+    lines: tuple[str, ...]
+
+
+def propose(outcome: Outcome) -> Proposal:
+    """Weigh the goal, the doubt about the structure and what the best designs promise."""
+    standing, wrong = _standing(outcome), _wrong(outcome)
+    if wrong:
+        return Proposal(None, (*standing, *wrong))
+    goal, unmet, doubt = outcome.campaign.goal, _unmet(outcome), _in_doubt(outcome)
+    counting = goal is not None and goal.only_trials
+    if goal is not None and not unmet and not doubt:
+        if not counting:
+            return Proposal(None, (*standing, "stop: the goal is met"))
+        if len(outcome.trials.fit) >= goal.trials:
+            trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
+            return Proposal(None, (*standing, f"stop: {trials} run, which is all that [goal] asks for"))
+    found = outcome.contenders
+    if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
+        sweep = outcome.next.best
+        promise = (
+            f"it settles {' against '.join(found.labels)} with probability {odds:.2f} ({found.nats:.2g} nat expected)"
+        )
+        if not unmet or odds > 0.5:
+            return _run(outcome, sweep, found.decisive, standing, promise)
+    sweep = outcome.next.best
+    gain = float(sweep.gain[sweep.best])
+    if gain < ENOUGH and not counting:
+        why = f"stop: another trial of this kind would teach little ({gain:.2f} nat): change sensors, limits or manoeuvres"
+        return Proposal(None, (*standing, why))
+    return _run(outcome, sweep, sweep.best, standing, f"it lowers the entropy of the coefficients by {gain:.2f} nat")
+
+
+def settling(contenders: Contenders, probability: Sequence[float]) -> float:
+    """Probability that the decisive design settles between the two most probable structures, at 19 to 1."""
+    first, second = -np.sort(-np.asarray(probability))[:2]
+    if second <= 0:
+        return 1.0
+    share, odds, m = first / (first + second), float(np.log(first / second)), max(contenders.nats, 1e-12)
+    enough, spread = np.log(DECIDED / (1 - DECIDED)), np.sqrt(2 * m)
+
+    def beyond(mean: float) -> float:
+        return float(ndtr((mean - enough) / spread) + ndtr((-mean - enough) / spread))
+
+    return share * beyond(odds + m) + (1 - share) * beyond(-odds + m)
+
+
+def _known(outcome: Outcome) -> dict[str, tuple[float, float]]:
+    return {row["name"]: (row["mean"], row["sd"]) for row in outcome.summary["coefficients"]}
+
+
+def _unmet(outcome: Outcome) -> dict[str, float]:
+    goal = outcome.campaign.goal
+    return {} if goal is None else goal.unmet(_known(outcome))
+
+
+def _in_doubt(outcome: Outcome) -> bool:
+    goal = outcome.campaign.goal
+    return (goal is None or goal.decided) and float(max(outcome.selection.probability)) < DECIDED
+
+
+def _standing(outcome: Outcome) -> tuple[str, ...]:
+    trials, chosen = len(outcome.trials.fit), outcome.chosen.structure.label
+    lines = [
+        f"after {trials} trial{'s' * (trials != 1)}: {chosen} with probability {float(max(outcome.selection.probability)):.2f}"
+    ]
+    known = _known(outcome)
+    for name, ratio in _unmet(outcome).items():
+        mean, sd = known[name]
+        lines.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
+    return tuple(lines)
+
+
+def _beside_wanted(share: float, wanted: float) -> str:
+    """Both in per cent, with as many digits as tell them apart."""
+    if percent(share) != percent(wanted):
+        return f"{percent(share)}, {percent(wanted)}"
+    return f"{100 * share:.4g} %, {100 * wanted:.4g} %"
+
+
+def _wrong(outcome: Outcome) -> tuple[str, ...]:
+    """What forbids to believe the model, in words."""
+    found = [
+        f"the model does not explain run {fit.record}: {fit.reason}"
+        for fit in outcome.fits
+        if not fit.held_back and fit.level == "fail"
+    ]
+    found += [effect.sentence for effect in outcome.left_out]
+    if not found:
+        return ()
+    return (
+        f"stop: {found[0]}",
+        "more trials would make its coefficients sharper, not truer: mend the model before the next one",
+    )
+
+
+def _run(outcome: Outcome, sweep: Sweep, at: tuple[int, int], standing: tuple[str, ...], promise: str) -> Proposal:
+    chosen = chosen_of(sweep, at)
+    words = design_words(sweep.family, chosen.amplitude, chosen.period)
+    known, after = _known(outcome), dict(zip(outcome.next.names, sweep.final_sd[at], strict=True))
+    shrink = ", ".join(
+        f"{name} from {percent(known[name][1] / abs(known[name][0]))} to {percent(float(sd) / abs(known[name][0]))}"
+        for name, sd in after.items()
+        if name in known
+    )
+    return Proposal(chosen, (*standing, f"run a {words}", f"{promise}; expected: {shrink}"))
+
+
+# Trial after trial on a simulated vehicle, each decided on what those before have taught, until the goal is met.
+
+
+def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outcome, Proposal]:
+    """Run the loop, and while it is a simulated campaign with a goal run what it proposes; a kill loses the work in flight.
+
+    Returns:
+        what was found after the last trial, and what to do next.
+    """
+    while True:
+        outcome = run_loop(campaign, reporter)
+        proposal = propose(outcome)
+        goal = campaign.goal
+        if not campaign.is_simulated or goal is None or proposal.trial is None:
+            return outcome, proposal
+        for line in proposal.lines:
+            reporter.say(line)
+        if len(outcome.trials.fit) >= goal.trials:
+            end = f"stop: {goal.trials} trial{'s are' if goal.trials != 1 else ' is'} run, the most that [goal] allows"
+            return outcome, Proposal(None, (proposal.lines[0], end))
+        add_trial(campaign, proposal.trial)

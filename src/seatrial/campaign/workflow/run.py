@@ -1,0 +1,205 @@
+"""The whole loop: design, simulate or import, estimate, select, and say what to run next."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials, get_trials
+from seatrial.campaign.data.record_cautions import record_cautions
+from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.design.sweep import Designs, design_first, design_next, is_designed
+from seatrial.campaign.inference.estimate import Estimate, estimate_all
+from seatrial.campaign.inference.filter_trace import filter_complaints, trace_filter
+from seatrial.campaign.inference.identifiability import Known, known_after, known_before
+from seatrial.campaign.inference.omitted_effects import LeftOut, left_out
+from seatrial.campaign.inference.predict import Fit, fit_complaints, predict_all
+from seatrial.campaign.selection.evidence import select_structure, structure_rows
+from seatrial.campaign.selection.runner_up import Contenders, find_contenders
+from seatrial.campaign.selection.screening import Screened, screening_of, with_shortlist
+from seatrial.campaign.store.files import Store, key_of, write_stamped_json
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.signals import signal_unit
+from seatrial.manoeuvres.family import Family
+from seatrial.selection.verdict import Selection
+
+ENOUGH = 0.2
+"""Entropy reduction, nats, below which another trial of the family is not worth running."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Everything the loop found, as the report draws it.
+
+    Attributes:
+        campaign: configuration.
+        trials: records.
+        estimates: posterior of each structure.
+        selection: which structure the data support.
+        chosen: estimate of the most probable structure.
+        filter: traces of the full structure.
+        fits: how well each record is predicted.
+        predictions: the curves.
+        known: what the data tell about each parameter of the chosen structure.
+        promised: what the best design would tell about those of the full one; None without such designs.
+        first: designs from the priors; None where trials were imported that nothing was designed for.
+        next: designs from the posterior of the chosen structure.
+        screened: every structure in closed form; None where that cannot be done.
+        screening_cautions: of that, or why it could not be done.
+        contenders: the chosen structure beside the runner-up; None where there is one structure.
+        left_out: what the chosen structure lacks and its coefficients hide.
+        summary: the machine-readable summary.
+    """
+
+    campaign: Campaign
+    trials: Trials
+    estimates: tuple[Estimate, ...]
+    selection: Selection
+    chosen: Estimate
+    filter: xr.Dataset
+    fits: tuple[Fit, ...]
+    predictions: xr.Dataset
+    known: Known
+    promised: Known | None
+    first: Designs | None
+    next: Designs
+    screened: Screened | None
+    screening_cautions: tuple[str, ...]
+    contenders: Contenders | None
+    left_out: tuple[LeftOut, ...]
+    summary: dict[str, Any]
+
+
+def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
+    """Run every step that is not current, and summarise.
+
+    Raises:
+        InputError: as the steps; that the next trial cannot be designed is said before the first of them.
+    """
+    campaign.control_trim(campaign.model(campaign.full))
+    first = _first(campaign, reporter)
+    trials = get_trials(campaign, reporter)
+    screened, screening_cautions = screening_of(campaign, trials, reporter)
+    campaign = with_shortlist(campaign, trials, reporter)
+    estimates = estimate_all(campaign, trials, reporter)
+    selection = select_structure(campaign, trials, reporter)
+    chosen = estimates[selection.chosen]
+    known = known_after(campaign, chosen, trials)
+    promised = None if first is None else known_before(campaign, first.best)
+    traces = trace_filter(campaign, estimates[0], trials)
+    fits, predictions = predict_all(campaign, chosen, trials)
+    terms = chosen.structure.terms
+    following = design_next(
+        campaign, chosen.structure, chosen.draws([name for name in terms if name in chosen.names]), chosen.key, reporter
+    )
+    outcome = Outcome(
+        campaign,
+        trials,
+        tuple(estimates),
+        selection,
+        chosen,
+        traces,
+        tuple(fits),
+        predictions,
+        known,
+        promised,
+        first,
+        following,
+        screened,
+        tuple(screening_cautions),
+        find_contenders(campaign, selection, trials, reporter),
+        left_out(campaign, chosen, trials),
+        {},
+    )
+    summary = summarise(outcome)
+    write_stamped_json(
+        Store(campaign.folder).summary, summary, key_of("summary", [estimate.key for estimate in estimates])
+    )
+    return Outcome(**{**outcome.__dict__, "summary": summary})
+
+
+def _first(campaign: Campaign, reporter: Reporter) -> Designs | None:
+    """Designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
+    return design_first(campaign, reporter) if campaign.source.imported is None or is_designed(campaign) else None
+
+
+def summarise(outcome: Outcome) -> dict[str, Any]:
+    """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
+    campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
+    alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
+    alarms += selection.alarms
+    records = [*outcome.trials.fit, *outcome.trials.predict]
+    cautions = [text for record in records for text in record_cautions(record)]
+    cautions += outcome.screening_cautions
+    cautions += [effect.sentence for effect in outcome.left_out]
+    cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
+    return {
+        "name": campaign.source.campaign.name,
+        "chosen": chosen.structure.label,
+        "terms": list(chosen.structure.terms),
+        "coefficients": [_coefficient(chosen, name) for name in chosen.names],
+        "structures": structure_rows(selection),
+        "verdicts": list(selection.verdicts),
+        "cautions": cautions,
+        "alarms": alarms,
+        "known": asdict(outcome.known),
+        "fits": [fit.__dict__ for fit in outcome.fits],
+        "next_trial": next_trial(outcome.next),
+    }
+
+
+def next_trial(designs: Designs) -> dict[str, Any]:
+    """The next trial in numbers, SI, and in words, in the units of the boundary."""
+    sweep = designs.best
+    row, column = sweep.best
+    trial = {
+        "family": sweep.family.kind,
+        "control": sweep.family.control,
+        "unit": signal_unit(sweep.family.control),
+        "trim": sweep.family.trim,
+        "amplitude": float(sweep.amplitude[row]),
+        "period": float(sweep.period[column]),
+        "gain_nat": float(sweep.gain[row, column]),
+        "sd_before": dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
+        "sd_after": dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
+    }
+    return {**trial, "words": next_words(trial, sweep.family)}
+
+
+def next_words(trial: dict[str, Any], family: Family) -> str:
+    """Say what to run next, or why not; takes the numbers of `next_trial`."""
+    gain = trial["gain_nat"]
+    if gain < ENOUGH:
+        return (
+            f"another {family.words} would teach little ({gain:.2f} nat): "
+            "change the sensors, the limits or the manoeuvre instead"
+        )
+    promise = ", ".join(
+        f"{name} from {sd:.3g} to {trial['sd_after'][name]:.3g}" for name, sd in trial["sd_before"].items()
+    )
+    return (
+        f"run a {design_words(family, trial['amplitude'], trial['period'])}: expected to reduce the entropy of the "
+        f"coefficients by {gain:.2f} nat; standard deviations {promise}"
+    )
+
+
+def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
+    from arviz_stats.base.array import array_stats
+
+    row = estimate.data.sel(parameter=name)
+    draws = np.sort(estimate.draws([name])[:, 0])
+    lower, upper = array_stats.hdi(draws, prob=0.95)
+    numbers = {
+        key: float(row[key])
+        for key in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd", "r_hat", "ess_bulk", "ess_tail", "geweke")
+    }
+    return {
+        "name": name,
+        "unit": str(row["unit"].values),
+        "label": str(row["label"].values),
+        **numbers,
+        "lower_95": float(lower),
+        "upper_95": float(upper),
+    }

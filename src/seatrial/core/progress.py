@@ -1,0 +1,56 @@
+"""How a campaign tells what it is doing; the command line implements it, and `SilentReporter` says nothing."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol, TypeVar
+
+from seatrial.core.engine import cores
+
+Result = TypeVar("Result")
+Progress = Callable[[int, int], None]
+"""Called with the work done and the work in all."""
+
+
+class Reporter(Protocol):
+    """Receives what happens."""
+
+    def say(self, text: str) -> None:
+        """One line of result."""
+        ...
+
+    def progress(self, title: str) -> Progress:
+        """Begin a long piece of work; call the result with (done, total)."""
+        ...
+
+
+class SilentReporter:
+    """A reporter that says nothing."""
+
+    def say(self, text: str) -> None:
+        """See `Reporter.say`."""
+
+    def progress(self, title: str) -> Progress:
+        """See `Reporter.progress`."""
+        return lambda done, total: None
+
+
+def no_progress(done: int, total: int) -> None:
+    """Tell nobody."""
+
+
+SILENT = SilentReporter()
+
+
+def run_side_by_side(tasks: Sequence[Callable[[], Result]]) -> list[Result]:
+    """Run independent tasks on all cores and return their results in order.
+
+    Compiled code releases the interpreter, so threads are enough. Every task draws from its own key: the results do not
+    depend on how many run at once.
+    """
+    with ThreadPoolExecutor(max_workers=min(len(tasks), cores()) or 1) as pool:
+        futures = [pool.submit(task) for task in tasks]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:
+            pool.shutdown(cancel_futures=True, wait=False)
+            raise

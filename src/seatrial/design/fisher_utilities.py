@@ -1,0 +1,251 @@
+"""Utilities of a trial from its Fisher information F and what is known before, a covariance P0: one number, higher is better.
+
+All look at G = L^T F L with P0 = L L^T: the information about the combinations of coefficients that the prior holds for
+independent and of unit variance. After the trial their covariance is (I + G)^-1, which exists whatever F is. Criteria:
+Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, ch. 10; with a prior: Chaloner and Verdinelli, Stat. Sci. 10, 1995.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from seatrial.core.errors import InputError, nearest
+
+# Telling structures apart: how much evidence a trial brings that terms are there which a rival structure leaves out.
+#
+# With terms A present at theta_A and the rival's own terms K free to make up for them within what is believed, P_K,
+# the difference of the log likelihoods is expected to be, to first order in theta_A,
+#
+#     0.5 theta_A^T [F_AA - F_AK (F_KK + P_K^-1)^-1 F_KA] theta_A
+#
+# It is the criterion T of Atkinson and Fedorov (Biometrika 62, 1975) for nested structures and Gaussian noise.
+
+
+@dataclass(frozen=True, eq=False)
+class Discrimination:
+    """Evidence, nats, against the rival that is hardest to tell from the structure that is believed in; from 0.
+
+    Attributes:
+        draws: coefficients of that structure, SI, shape (S, k).
+        absent: terms that each rival lacks, shape (R, k).
+        cov: covariance of the coefficients before the trial, SI, shape (k, k).
+    """
+
+    draws: Float[np.ndarray, "S k"]
+    absent: Bool[np.ndarray, "R k"]
+    cov: Float[np.ndarray, "k k"]
+    name = "discrimination"
+    unit = "nat"
+    wording = "expected log likelihood ratio against the structure that is hardest to tell apart"
+
+    def __call__(self, information: Float[Array, "*batch S k k"]) -> Float[Array, "*batch S"]:
+        """Utility of information matrices, one for each draw along the axis before the last two."""
+        xp = jnp if isinstance(information, jax.Array) else np
+        return xp.stack([self._against(information, absent) for absent in self.absent]).min(0)
+
+    def _against(self, information: Array, absent: np.ndarray) -> Array:
+        xp = jnp if isinstance(information, jax.Array) else np
+        a, kept = np.flatnonzero(absent), np.flatnonzero(~absent)
+        theta = self.draws[:, a]
+        force = (information[..., a, :] * theta[..., :, None]).sum(-2)
+        alone = (force[..., a] * theta).sum(-1)
+        if not kept.size:
+            return 0.5 * alone
+        free = information[..., kept[:, None], kept[None, :]] + np.linalg.inv(self.cov[np.ix_(kept, kept)])
+        made_up = xp.linalg.solve(free, force[..., kept][..., None])[..., 0]
+        return 0.5 * (alone - (force[..., kept] * made_up).sum(-1))
+
+
+SINGULAR = 1e-10
+"""Ratio of least to largest information from which on a combination counts as not seen at all: rounding is not far below."""
+
+
+class Criterion(Protocol):
+    """What every utility offers; implementations are frozen dataclasses that hold what is known before the trial.
+
+    Attributes:
+        name: as a campaign spells it.
+        unit: of the number, `1` for a plain ratio.
+        wording: what the number says; higher is better.
+    """
+
+    name: str
+    unit: str
+    wording: str
+
+    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+        """Utility of Fisher information matrices, SI.
+
+        JAX arrays, traced ones too, give JAX arrays that can be differentiated; NumPy arrays give NumPy arrays.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Entropy:
+    """D: 0.5 ln det(F + P0^-1) + 0.5 ln det P0 = 0.5 ln det(I + G), from 0; the same for any choice of coefficients."""
+
+    factor: Float[np.ndarray, "k k"]
+    name = "fisher-d"
+    unit = "nat"
+    wording = "fall of the entropy of all coefficients together"
+
+    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+        """See `Criterion`."""
+        xp = _namespace(information)
+        return 0.5 * xp.linalg.slogdet(_gained(self.factor, information) + np.eye(len(self.factor)))[1]
+
+
+@dataclass(frozen=True, eq=False)
+class MeanVariance:
+    """A: minus the mean over the coefficients of variance after over variance before; from -1, nothing learned, to 0."""
+
+    factor: Float[np.ndarray, "k k"]
+    name = "fisher-a"
+    unit = "1"
+    wording = "minus the mean share of each coefficient's variance that is left"
+
+    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+        """See `Criterion`."""
+        before = (self.factor**2).sum(1)
+        return -_left(self.factor / np.sqrt(before)[:, None], self.factor, information).mean(-1)
+
+
+@dataclass(frozen=True, eq=False)
+class LeastKnown:
+    """E: smallest eigenvalue of I + G, from 1, nothing learned in some direction."""
+
+    factor: Float[np.ndarray, "k k"]
+    name = "fisher-e"
+    unit = "1"
+    wording = "factor by which the variance falls of the combination of coefficients that the trial teaches least about"
+
+    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+        """See `Criterion`."""
+        return 1.0 + _eigenvalues(self.factor, information)[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Modified E: minus ln(largest / smallest eigenvalue of G), at most 0, all combinations seen alike.
+
+    It is of the data alone: with the prior added, a trial that teaches nothing would look best of all. Nor does it say how much
+    is learned, only how evenly. Where some combination is not seen at all it is ln SINGULAR, -23, and no less.
+    """
+
+    factor: Float[np.ndarray, "k k"]
+    name = "fisher-me"
+    unit = "nat"
+    wording = "minus ln of how much more the data say of the best seen combination of coefficients than of the worst"
+
+    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+        """See `Criterion`."""
+        xp = _namespace(information)
+        values = _eigenvalues(self.factor, information)
+        least, largest = values[..., 0], values[..., -1]
+        ratio = least / xp.where(largest > 0.0, largest, 1.0)
+        return xp.log(xp.maximum(ratio, SINGULAR))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """c: ln of standard deviation before over after of g.c, a prediction with gradient g in the coefficients; from 0."""
+
+    factor: Float[np.ndarray, "k k"]
+    gradient: Float[np.ndarray, " k"]
+    name = "fisher-c"
+    unit = "nat"
+    wording = "fall of ln of the standard deviation of the stated prediction"
+
+    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+        """See `Criterion`."""
+        seen = self.gradient @ self.factor
+        direction = (seen / np.linalg.norm(seen))[None]
+        return -0.5 * _namespace(information).log(_left(direction, self.factor, information)[..., 0])
+
+
+CRITERIA: dict[str, Callable[..., Criterion]] = {
+    kind.name: kind for kind in (Entropy, MeanVariance, LeastKnown, Balance, Prediction)
+}
+"""Every utility from Fisher information, by the name a campaign gives it."""
+
+
+def find_criterion(
+    name: str, prior_cov: Float[np.ndarray, "k k"], gradient: Float[np.ndarray, " k"] | None = None
+) -> Criterion:
+    """Criterion by name.
+
+    Args:
+        name: one of `CRITERIA`.
+        prior_cov: covariance of the coefficients before the trial, SI: of their priors or of draws of a posterior.
+        gradient: of the prediction in the coefficients, for `fisher-c` alone.
+
+    Raises:
+        InputError: no such criterion, a covariance that is not positive definite, or a gradient missing, of the wrong length or 0.
+    """
+    if name not in CRITERIA:
+        raise InputError("utility", found=f'"{name}"', expected=", ".join(CRITERIA), remedy=nearest(name, CRITERIA))
+    factor = _factor(np.asarray(prior_cov, float))
+    return Prediction(factor, _checked(gradient, len(factor))) if name == Prediction.name else CRITERIA[name](factor)
+
+
+def _factor(cov: np.ndarray) -> np.ndarray:
+    """Cholesky factor, taken of the correlations so that coefficients of any size are treated alike."""
+    sd = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    place, remedy = (
+        "covariance before the trial",
+        "leave out what is known exactly or said twice; use more posterior draws",
+    )
+    if not (np.isfinite(cov).all() and (sd > 0).all()):
+        raise InputError(place, found=f"variances {np.diag(cov)}", expected="finite, positive variances", remedy=remedy)
+    correlation = cov / np.outer(sd, sd)
+    least = float(np.linalg.eigvalsh(correlation)[0])
+    if least < SINGULAR:
+        raise InputError(
+            place,
+            found=f"smallest eigenvalue {least:.2g} of the correlations",
+            expected="a positive definite matrix",
+            remedy=remedy,
+        )
+    return sd[:, None] * np.linalg.cholesky(correlation)
+
+
+def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
+    found = None if gradient is None else np.asarray(gradient, float)
+    if found is None or found.shape != (k,) or not np.isfinite(found).all() or not found.any():
+        raise InputError(
+            f"utility {Prediction.name}, gradient",
+            found="none" if found is None else f"{found}",
+            expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
+            remedy="state the prediction whose variance is to fall",
+        )
+    return found
+
+
+def _gained(factor: np.ndarray, information: Array) -> Any:
+    """G, symmetric to the last bit."""
+    gained = factor.T @ information @ factor
+    return 0.5 * (gained + gained.swapaxes(-1, -2))
+
+
+def _eigenvalues(factor: np.ndarray, information: Array) -> Array:
+    """Eigenvalues of G, rising; below 0 there is only rounding."""
+    xp = _namespace(information)
+    return xp.maximum(xp.linalg.eigvalsh(_gained(factor, information)), 0.0)
+
+
+def _left(rows: np.ndarray, factor: np.ndarray, information: Array) -> Array:
+    """Variance after the trial, r (I + G)^-1 r^T, of every row r."""
+    total = _gained(factor, information) + np.eye(len(factor))
+    solved = _namespace(information).linalg.solve(total, np.broadcast_to(rows.T, (*total.shape[:-2], *rows.T.shape)))
+    return (rows * solved.swapaxes(-1, -2)).sum(-1)
+
+
+def _namespace(x: Array) -> ModuleType:
+    return jnp if isinstance(x, jax.Array) else np

@@ -1,0 +1,95 @@
+"""A stated prediction that coefficients are wanted for: a signal some time after the control is set, and its slope in them.
+
+With gradient g of the prediction in the coefficients and their covariance P its variance is g^T P g: the criterion c
+(Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, section 10.3) makes it small.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.core.errors import NumericalError
+from seatrial.design.integrals import integrals_for, joint_start, joint_step, signals_at
+from seatrial.design.trial_plan import TrialPlan, plan_trial
+from seatrial.vehicles.model import VehicleModel
+
+TRACKS = {"distance": "travelled", "advance": "advanced"}
+"""Ways that may be predicted, and the integrals that hold them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A signal some time after the control is set. Build it with `prediction`.
+
+    Attributes:
+        of: a state, `distance` or `advance`.
+        after: s.
+        signal: the state or integral that holds it.
+        plan: start, and the steps to that time.
+        control: every control from the start on, SI.
+    """
+
+    of: str
+    after: float
+    signal: str
+    plan: TrialPlan
+    control: tuple[float, ...]
+
+    def at(self, values: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
+        """Value, SI, and gradient in the coefficients at some values of them, SI.
+
+        Raises:
+            NumericalError: the motion diverges there.
+        """
+        value, gradient = _value_and_slope(self.signal)(
+            self.plan, jnp.asarray(self.control, float), jnp.asarray(values, float)
+        )
+        if not (np.isfinite(value) and np.isfinite(gradient).all()):
+            raise NumericalError(
+                f"the prediction of {self.of} diverges at the mean of what is believed: narrow the priors"
+            )
+        return float(value), np.asarray(gradient)
+
+
+def prediction(
+    model: VehicleModel, of: str, start: Sequence[float], control: Sequence[float], after: float, step: float
+) -> Prediction:
+    """State a prediction.
+
+    Args:
+        model: vehicle.
+        of: a state, `distance` travelled or `advance`.
+        start: state at time 0, SI.
+        control: every control from then on, SI.
+        after: s.
+        step: of the integration, about, s.
+
+    Raises:
+        InputError: something the vehicle cannot predict.
+    """
+    signal, n = TRACKS.get(of, of), max(1, round(after / step))
+    integrals_for(model, (signal,), "prediction")
+    return Prediction(of, after, signal, plan_trial(model, start, {}, n, after / n), tuple(control))
+
+
+@lru_cache(maxsize=16)
+def _value_and_slope(name: str):
+    def run(plan: TrialPlan, control: Array, values: Array) -> Array:
+        integrals, held = integrals_for(plan.model, (name,), "prediction"), tuple(control)
+
+        def advance(joint: tuple, h: Array) -> tuple[tuple, None]:
+            return joint_step(plan, integrals, values, joint, held, h), None
+
+        end, _ = jax.lax.scan(advance, joint_start(plan, integrals), plan.step)
+        return signals_at(plan, integrals, end, held)[name]
+
+    def both(plan: TrialPlan, control: Array, values: Array) -> tuple[Array, Array]:
+        of_values = partial(run, plan, control)
+        return of_values(values), jax.jacfwd(of_values)(values)
+
+    return jax.jit(both)

@@ -1,0 +1,198 @@
+"""Velocities over the earth turned into the body's by the attitude, and quaternions into angles, whichever files of a run hold them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import Channel, Role
+from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION
+from seatrial.logs.axes import complete
+from seatrial.logs.source import LogTable
+from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
+
+# Doubts about an attitude: a heading that turns otherwise than the yaw rate says, or too far from sample to sample.
+
+_MUCH = np.radians(15.0)
+"""Change of an angle from sample to sample from which it is too slow to turn velocities by."""
+_ALIKE = 1.5
+"""Ratio of the heading's turns to those of the yaw rate from which one of them is doubted, or its inverse."""
+_TURNED = np.radians(20.0)
+"""Turn from which they are compared."""
+_FEWEST = 10
+
+
+def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
+    """The log with a caution where its heading turns otherwise than the yaw rate of the same run.
+
+    Args:
+        table: a log.
+        tables: all of its run.
+    """
+    rates = next((one for one in tables if "r" in one.columns), None)
+    if "psi" not in table.columns or rates is None:
+        return table
+    there, known = np.isfinite(table.columns["psi"]), np.isfinite(rates.columns["r"])
+    psi, at = np.unwrap(table.columns["psi"][there]), table.time[there]
+    clock = rates.time[known] + float(rates.epoch - table.epoch)
+    inside = (at >= clock[:1].sum()) & (at <= clock[-1:].sum())
+    if inside.sum() < _FEWEST:
+        return table
+    turned = np.concatenate([[0.0], np.cumsum(np.diff(clock) * rates.columns["r"][known][:-1])])
+    foretold, found = np.diff(np.interp(at[inside], clock, turned)), np.diff(psi[inside])
+    if np.ptp(np.cumsum(foretold)) < _TURNED:
+        return table
+    ratio = float(found @ foretold / (foretold @ foretold))
+    if 1 / _ALIKE < ratio < _ALIKE:
+        return table
+    caution = (
+        f'channel "psi" of {table.source}: it turns {ratio:.3g} times as fast as r of {rates.source} says: check its unit, its sign and '
+        "`axes`, the order of a quaternion, and the clocks"
+    )
+    return replace(table, cautions=(*table.cautions, caution))
+
+
+def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
+    """Say where an angle changes much from one of its samples to the next, so that what lies between is doubtful."""
+    change = np.abs(np.diff(np.unwrap(source.columns[angle][np.isfinite(source.columns[angle])])))
+    most = float(np.quantile(change, 0.99)) if change.size else 0.0
+    if most < _MUCH:
+        return []
+    return [
+        f'channel "{angle}" of {source.source}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
+        "the earth are turned by what lies between: use a faster log of the attitude"
+    ]
+
+
+SOURCES = (*OVER_EARTH, *QUATERNION, *ANGLES)
+"""Channels of which others are made."""
+_BODY = ("u", "v", "w")
+_LONGEST_GAP = 1.0
+"""Time between two samples of the attitude over which it is still interpolated, s; twenty usual steps where that is more."""
+
+
+def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTable]:
+    """Make angles of quaternions, and velocities along the body of those over the earth.
+
+    The attitude is interpolated at the instants of the velocities: linearly, the heading over its full turns, and not across holes.
+
+    Args:
+        tables: the logs of one run.
+        roles: channels to keep, and whether each drives the vehicle or observes it.
+
+    Returns:
+        the logs with those channels only; logs left without one are dropped.
+
+    Raises:
+        InputError: components or attitude that are missing, a number that is no unit quaternion, or a channel given twice.
+    """
+    with_angles = [_with_angles(table) for table in tables]
+    for angle in ANGLES:
+        _once(angle, [table.source for table in with_angles if angle in table.columns])
+    with_angles = [with_doubts(table, with_angles) for table in with_angles]
+    turned = [_with_body_velocities(table, with_angles) for table in with_angles]
+    kept = [_only(table, roles) for table in turned]
+    left = [table for table in kept if table.channels]
+    gone = tuple(text for table in kept if not table.channels for text in table.cautions)
+    return [replace(left[0], cautions=(*left[0].cautions, *gone)), *left[1:]] if left else []
+
+
+def _with_angles(table: LogTable) -> LogTable:
+    """Replace a quaternion by its three angles."""
+    if QUATERNION[0] not in table.columns:
+        return table
+    parts = np.stack([table.columns[name] for name in QUATERNION])
+    length = np.sqrt(np.sum(parts**2, axis=0))
+    wrong = np.flatnonzero(np.isfinite(length) & ~(np.abs(length - 1.0) < 0.1))
+    if wrong.size:
+        raise InputError(
+            f"{table.source}, channels {', '.join(QUATERNION)}",
+            found=f"a length of {length[wrong[0]]:.3g} at {table.time[wrong[0]]:g} s; {wrong.size} such rows",
+            expected="unit quaternions",
+            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started",
+        )
+    w, x, y, z = parts
+    angles = {name: np.asarray(one) for name, one in zip(ANGLES, angles_of_quaternion((w, x, y, z)), strict=True)}
+    return _exchange(table, QUATERNION, angles, "rad", "phi, theta and psi are those of the quaternion")
+
+
+def _once(angle: str, sources: Sequence[str]) -> None:
+    if len(sources) > 1:
+        raise InputError(
+            f'{sources[-1]}, channel "{angle}"',
+            found=f"a channel that {sources[0]} gives too",
+            expected="one source for each channel",
+            remedy="drop it from one of the maps",
+        )
+
+
+def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
+    """Replace velocities over the earth by those along the body."""
+    found = [name for name in OVER_EARTH if name in table.columns]
+    if not found:
+        return table
+    sources = {angle: next((one for one in tables if angle in one.columns), None) for angle in ANGLES}
+    is_level = sources["phi"] is None and sources["theta"] is None
+    needed = OVER_EARTH[:2] if is_level and "v_down" not in found else OVER_EARTH
+    complete(found, needed, table.source)
+    if sources["psi"] is None:
+        raise InputError(
+            f"{table.source}, channels {', '.join(found)}",
+            found="no heading in any file of the run",
+            expected="psi, or a quaternion, to turn them into the body's axes",
+            remedy="map the heading too: where the model does not use it, it is used for this alone",
+        )
+    angles = [np.zeros(table.time.size) if one is None else _at(one, angle, table) for angle, one in sources.items()]
+    earth = [table.columns.get(name, np.zeros(table.time.size)) for name in OVER_EARTH]
+    rows = matrix_of_angles(*angles)
+    body = {name: sum(np.asarray(rows[j][i]) * earth[j] for j in range(3)) for i, name in enumerate(_BODY)}
+    body = {name: body[name] for name in _BODY[: len(needed)]}
+    cautions = [text for angle, one in sources.items() if one is not None for text in doubts_of_speed(one, angle)]
+    by = ", ".join(f"{angle} {'= 0' if one is None else f'of {one.source}'}" for angle, one in sources.items())
+    turned = _exchange(table, OVER_EARTH, body, "m/s", f"{', '.join(body)} are over the earth, turned by {by}")
+    return replace(turned, cautions=(*turned.cautions, *cautions))
+
+
+def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"]:
+    """An angle at the instants of another log, NaN outside of what is known and in holes."""
+    known = np.isfinite(source.columns[angle])
+    time = source.time[known] + float(source.epoch - table.epoch)
+    if time.size < 2 or time[0] > table.time[-1] or time[-1] < table.time[0]:
+        raise InputError(
+            f'{source.source}, channel "{angle}"',
+            found=f"{time.size} samples" if time.size < 2 else f"samples from {time[0]:.6g} s to {time[-1]:.6g} s",
+            expected=f"samples around 0 s to {table.time[-1]:.6g} s, where {table.source} has velocities to be turned",
+            remedy="choose files of the same run, and time columns of the same clock and unit",
+        )
+    values = np.interp(table.time, time, np.unwrap(source.columns[angle][known]), left=np.nan, right=np.nan)
+    steps = np.diff(time)
+    longest = max(_LONGEST_GAP, 20.0 * float(np.median(steps)))
+    after = np.clip(np.searchsorted(time, table.time), 1, time.size - 1)
+    between = (table.time != time[after]) & (table.time != time[after - 1])
+    return np.where(between & (steps[after - 1] > longest), np.nan, values)
+
+
+def _exchange(
+    table: LogTable, old: Sequence[str], new: dict[str, Float[np.ndarray, " n"]], unit: str, note: str
+) -> LogTable:
+    """A log with some measurements in place of others."""
+    if both := [name for name in new if name in table.columns]:
+        raise InputError(
+            f"{table.source}, channels {', '.join(both)}",
+            found=f"their columns, and {', '.join(one for one in old if one in table.columns)} that give them too",
+            expected="one or the other",
+            remedy="drop one from the map",
+        )
+    kept = {name: values for name, values in table.columns.items() if name not in old}
+    channels = (
+        *(channel for channel in table.channels if channel.name not in old),
+        *(Channel(name, unit, "measurement") for name in new),
+    )
+    return replace(table, columns=kept | new, channels=channels, notes=(*table.notes, note))
+
+
+def _only(table: LogTable, roles: Mapping[str, Role]) -> LogTable:
+    channels = tuple(replace(one, role=roles[one.name]) for one in table.channels if one.name in roles)
+    return replace(table, channels=channels, columns={one.name: table.columns[one.name] for one in channels})

@@ -1,0 +1,231 @@
+"""The picture of smoothed channels and their rates: a stand-alone SVG in the campaign's folder."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import wrap
+
+from markupsafe import escape
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.accelerations import RATE, SmoothedChannel
+from seatrial.campaign.design.relay import RelayTrial, relay_loop
+from seatrial.campaign.inference.calibration import Calibrated
+from seatrial.campaign.inference.profile import Profiled
+from seatrial.campaign.prior.predictive import PriorPredictive
+from seatrial.campaign.prior.summary import prior_summary
+from seatrial.campaign.rehearsal.result import Rehearsal
+from seatrial.campaign.selection.runner_up import Contenders
+from seatrial.campaign.selection.screening import Screened
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
+from seatrial.core.files import write_text
+from seatrial.core.record import Record
+from seatrial.report.drawing import signal_axis, signal_symbol
+from seatrial.report.figures.accelerations import Curve, smoothed_record
+from seatrial.report.figures.calibration import rank_figure
+from seatrial.report.figures.fit import Driven
+from seatrial.report.figures.prior_predictive import prior_motions
+from seatrial.report.figures.profile import Panel, profile_figure
+from seatrial.report.figures.records import raw_record
+from seatrial.report.figures.rehearsal import Progressed, rehearsal_figure
+from seatrial.report.figures.relay import relay_figure
+from seatrial.report.figures.style import INK, MUTED, PAPER, WIDE, own_settings, unit_label
+from seatrial.report.labels import label_mathtext
+from seatrial.report.numbers import typeset
+from seatrial.report.svg import draw_svg
+from seatrial.report.term_figures import TermFigure, term_figures
+from seatrial.selection.verdict import Selection
+
+
+def write_accelerations_picture(campaign: Campaign, record: Record, channels: Sequence[SmoothedChannel]) -> Path:
+    """Write `accelerations-LABEL.svg` in the campaign's folder, atomically, and return its path."""
+    path = campaign.folder / f"accelerations-{record.label}.svg"
+    curves = []
+    for channel in channels:
+        name, found, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
+        curves += [
+            Curve(signal_axis(name), factor * found.value, factor * found.value_sd, factor * record.channel(name)),
+            Curve(_rate_axis(name, unit), factor * found.rate, factor * found.rate_sd),
+        ]
+    with own_settings():
+        write_text(path, draw_svg(smoothed_record(record.time, curves), f"accelerations-{record.label}"))
+    return path
+
+
+def _rate_axis(name: str, unit: str) -> str:
+    """Axis label of a rate in the unit of its signal over s."""
+    return unit_label(
+        signal_symbol(name + RATE), f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
+    )
+
+
+# The picture of a calibration: a stand-alone SVG in the campaign's folder.
+
+
+def write_calibration_picture(campaign: Campaign, found: Calibrated) -> Path:
+    """Write `calibration-METHOD.svg`, atomically, and return its path."""
+    path = campaign.folder / f"calibration-{found.method}.svg"
+    words = (
+        f"{campaign.source.campaign.name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
+        f"pale bands hold all {len(found.calibration.names)} in 99 % of cases"
+    )
+    with own_settings():
+        write_text(path, draw_svg(rank_figure(found.calibration, words), "calibration"))
+    return path
+
+
+# Raw plots of a record, whatever is wrong with it: every channel and every control as they are, a stand-alone SVG.
+
+
+def write_check_picture(campaign: Campaign, record: Record) -> Path:
+    """Write `check-LABEL.svg` in the campaign's folder, atomically, and return its path."""
+    path = campaign.folder / f"check-{record.label}.svg"
+    shown = [
+        (signal_axis(name), record.channel(name) * shown_unit(name)[0]) for name in (*record.measured, *record.controls)
+    ]
+    with own_settings():
+        write_text(path, draw_svg(raw_record(record.time, shown, len(record.measured)), f"raw-{record.label}"))
+    return path
+
+
+# The picture of a campaign's priors: a stand-alone SVG in its folder.
+
+
+def write_prior_picture(campaign: Campaign, found: PriorPredictive) -> Path:
+    """Write `prior.svg` in the campaign's folder, atomically, and return its path."""
+    path = campaign.folder / "prior.svg"
+    controls = [Driven(signal_axis(name), values * shown_unit(name)[0]) for name, values in found.control.items()]
+    with own_settings():
+        figure = prior_motions(
+            found.time,
+            found.bands,
+            found.single,
+            controls,
+            measured=found.measured,
+            steady=found.steady,
+            settling=found.settling,
+            words=[f"{campaign.source.campaign.name}: what the priors expect", *map(typeset, prior_summary(found))],
+        )
+        write_text(path, draw_svg(figure, "prior"))
+    return path
+
+
+# The picture of profile likelihoods: a stand-alone SVG in the campaign's folder.
+
+
+def write_profile_picture(campaign: Campaign, found: Profiled) -> Path:
+    """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
+    path = campaign.folder / "profile.svg"
+    truth = {} if campaign.source.imported is not None else campaign.source.truth
+    panels = [
+        Panel(profile, label_mathtext(label), truth.get(profile.name))
+        for profile, label in zip(found.profiles, found.labels, strict=True)
+    ]
+    words = [
+        f"{campaign.source.campaign.name}: profile likelihoods of {found.structure.label}, the other parameters following",
+        "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"
+        + "; dotted: true value" * bool(truth),
+        *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if found.open else []),
+    ]
+    with own_settings():
+        write_text(path, draw_svg(profile_figure(panels, words), "profile"))
+    return path
+
+
+# The picture of a rehearsal: a stand-alone SVG in the campaign's folder.
+
+
+def write_rehearsal_picture(campaign: Campaign, found: Rehearsal) -> Path:
+    """Write `rehearsal.svg`, atomically, and return its path; coefficients that the goal does not name are not drawn."""
+    path, goal, model = campaign.folder / "rehearsal.svg", campaign.goal, campaign.model(campaign.full)
+    assert goal is not None
+    named = [i for i, name in enumerate(found.coefficients) if name in goal.shares or name in goal.sds]
+    terms = [CoefficientName.parse(found.coefficients[i]) for i in named]
+    strategies = [
+        Progressed(name, *found.share_met(name), found.median_sd(name)[:, named]) for name in found.strategies
+    ]
+    words = (
+        f"{campaign.source.campaign.name}: {found.vehicles} vehicles from the priors",
+        "bars hold 90 %; below, what the goal names",
+    )
+    with own_settings():
+        symbols, units = [label_mathtext(term.label) for term in terms], [model.unit_of(term) for term in terms]
+        write_text(path, draw_svg(rehearsal_figure(strategies, symbols, units, words), "rehearsal"))
+    return path
+
+
+# The picture of a self-oscillating test: a stand-alone SVG in the campaign's folder.
+
+
+def write_relay_picture(campaign: Campaign, found: RelayTrial) -> Path:
+    """Write `self_oscillation.svg`, atomically, and return its path: the test as it is expected at the prior means."""
+    path, loop = campaign.folder / "self_oscillation.svg", relay_loop(campaign)
+    manoeuvre, output = loop.foreseen(found.amplitude, found.threshold)
+    time, control = manoeuvre.sample(campaign.family.sample_time)
+    of_output, of_control = shown_unit(found.output)[0], shown_unit(found.control)[0]
+    trim = loop.family.output_trim
+    thresholds = ((trim - found.threshold) * of_output, (trim + found.threshold) * of_output)
+    axes = signal_axis(found.output), signal_axis(found.control)
+    with own_settings():
+        figure = relay_figure(time, output * of_output, control * of_control, thresholds, axes)
+        write_text(path, draw_svg(figure, "self-oscillation"))
+    return path
+
+
+# The picture of a selection: all its figures in one stand-alone SVG in the campaign's folder.
+
+COLUMNS, MARGIN, HEAD, LINE = 2, 20.0, 26.0, 13.0
+CHARACTERS = 68
+"""Of a caption's line."""
+_FIGURE_NAME = re.compile(r' id="[A-Za-z0-9.]+_\d+"')
+"""Names that Matplotlib gives to parts and nothing refers to; they would repeat."""
+
+
+def write_select_picture(
+    campaign: Campaign, selection: Selection, screened: Screened | None, contenders: Contenders | None
+) -> Path:
+    """Write `select.svg` in the campaign's folder, atomically, and return its path."""
+    path = campaign.folder / "select.svg"
+    with own_settings():
+        figures = term_figures(campaign, selection, screened, contenders)
+        write_text(path, compose(f"{campaign.source.campaign.name}: which terms are real", figures))
+    return path
+
+
+def compose(title: str, figures: list[TermFigure]) -> str:
+    """Set figures in two columns under their headings, each over its caption."""
+    columns, y = min(COLUMNS, len(figures)), MARGIN + 24
+    pieces = [_text(MARGIN, MARGIN + 6, title, 14, INK, 600)]
+    for row in (figures[i : i + columns] for i in range(0, len(figures), columns)):
+        bottom = y
+        for place, item in enumerate(row):
+            x, height = MARGIN + place * (WIDE + MARGIN), item.figure.get_figheight() * 72
+            pieces.append(_text(x, y + 14, item.heading, 12, INK, 600))
+            pieces.append(_nested(draw_svg(item.figure, item.name), x, y + HEAD, height))
+            lines = wrap(item.caption, CHARACTERS)
+            for number, line in enumerate(lines):
+                pieces.append(_text(x, y + HEAD + height + LINE * (number + 1), line, 9.5, MUTED))
+            bottom = max(bottom, y + HEAD + height + LINE * len(lines) + MARGIN)
+        y = bottom
+    width = MARGIN + columns * (WIDE + MARGIN)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" width="{width:g}pt" '
+        f'height="{y:g}pt" viewBox="0 0 {width:g} {y:g}">\n<rect width="100%" height="100%" fill="{PAPER}"/>\n'
+        + "\n".join(pieces)
+        + "\n</svg>\n"
+    )
+
+
+def _nested(text: str, x: float, y: float, height: float) -> str:
+    """A whole SVG file as an element at this place."""
+    body = _FIGURE_NAME.sub("", text[text.index("<svg") :])
+    inside = body[body.index(">") + 1 :]
+    return f'<svg x="{x:g}" y="{y:g}" width="{WIDE:g}" height="{height:g}" viewBox="0 0 {WIDE:g} {height:g}">{inside}'.rstrip()
+
+
+def _text(x: float, y: float, text: str, size: float, colour: str, weight: int = 400) -> str:
+    return (
+        f'<text x="{x:g}" y="{y:g}" font-family="DejaVu Sans, sans-serif" font-size="{size:g}" font-weight="{weight}" '
+        f'fill="{colour}">{escape(text)}</text>'
+    )

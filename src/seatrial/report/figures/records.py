@@ -1,0 +1,120 @@
+"""A record as it is: measured channels as dots, controls as lines below."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.report.figures.style import (
+    BLUE,
+    DOTS,
+    INK,
+    MUTED,
+    ORANGE,
+    SMALL,
+    WIDE,
+    draw_dots,
+    label_axes,
+    new_figure,
+    thin,
+    thin_steps,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def raw_record(
+    time: np.ndarray, columns: Sequence[tuple[str, np.ndarray]], measured: int, most: int = 3000
+) -> "Figure":
+    """Draw one panel for each column.
+
+    Args:
+        time: s, shape (n,).
+        columns: label and values in its unit, shape (n,); measured ones first.
+        measured: how many of them are measured.
+        most: samples worth drawing in a panel.
+    """
+    figure, axes = new_figure(WIDE, [110.0] * measured + [70.0] * (len(columns) - measured))
+    for index, (panel, (label, values)) in enumerate(zip(axes, columns, strict=True)):
+        if index < measured:
+            there = np.flatnonzero(np.isfinite(values))
+            there = there[thin(there.size, most)]
+            draw_dots(panel, time[there], values[there], color=DOTS, label="measured")
+        else:
+            keep = thin_steps(values, most)
+            panel.plot(time[keep], values[keep], color=MUTED, linewidth=1.0, label="control")
+        panel.margins(y=0.1)
+        label_axes(panel, y=label)
+    axes[-1].set_xlim(float(time[0]), float(time[-1]))
+    label_axes(axes[-1], "time [s]")
+    return figure
+
+
+# What the records cover: motion against control, fitted and held back.
+
+
+def covered(
+    fitted: Sequence[tuple[np.ndarray, np.ndarray]],
+    held_back: Sequence[tuple[np.ndarray, np.ndarray]],
+    labels: tuple[str, str],
+    most: int = 900,
+) -> "Figure":
+    """Draw control and motion of all records as dots; held-back runs that reach beyond the fitted ones are extrapolation.
+
+    Args:
+        fitted: control and motion of each fitted record, in the units of the labels, NaN where not measured.
+        held_back: likewise of those held back.
+        labels: of control and motion, units included.
+        most: number of dots worth drawing of each kind.
+    """
+    figure, (axes,) = new_figure(WIDE, [190])
+    for records, colour, label in ((held_back, ORANGE, "held back"), (fitted, BLUE, "fitted")):
+        if records:
+            x, y = (np.concatenate(columns) for columns in zip(*records, strict=True))
+            present = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+            present = present[thin(present.size, most)]
+            draw_dots(axes, x[present], y[present], color=colour, size=2.4, label=label).set_alpha(0.55)
+    axes.margins(x=0.04, y=0.06)
+    axes.autoscale_view()
+    label_axes(axes, *labels)
+    return figure
+
+
+# The control of a designed trial over time, with the limits it keeps.
+
+
+def control_over_time(
+    time: np.ndarray, control: np.ndarray, label: str, limits: tuple[float | None, float | None] = (None, None)
+) -> "Figure":
+    """Draw one control, and those of its limits that are near.
+
+    Args:
+        time: s, shape (n,).
+        control: in the unit of its label, shape (n,).
+        label: of the control, unit included.
+        limits: lowest and highest value allowed, where there are any.
+    """
+    figure, (axes,) = new_figure(WIDE, [190])
+    keep = thin_steps(control)
+    axes.plot(time[keep], control[keep], color=BLUE, linewidth=1.4, label="control")
+    low, high = float(control.min()), float(control.max())
+    reach = 0.6 * ((high - low) or 1.0)
+    for limit in limits:
+        if limit is not None and low - reach <= limit <= high + reach:
+            axes.axhline(limit, color=MUTED, linestyle=(0, (5, 3)), linewidth=1.0, label="limit")
+            axes.annotate(
+                "limit",
+                (1, limit),
+                xycoords=("axes fraction", "data"),
+                xytext=(-2, 3 if limit >= high else -10),
+                textcoords="offset points",
+                ha="right",
+                fontsize=SMALL,
+                color=INK,
+            )
+            low, high = min(low, limit), max(high, limit)
+    pad = 0.1 * ((high - low) or 1.0)
+    axes.set(xlim=(float(time[0]), float(time[-1])), ylim=(low - pad, high + pad))
+    label_axes(axes, "time [s]", label)
+    return figure

@@ -1,0 +1,357 @@
+"""One evidence from two methods that share no code, with agreement or alarm in words.
+
+Adaptive importance sampling about the modes is the most precise; tempered SMC starts from the prior and knows of no mode. Each is blind
+where the other sees, so that their difference in units of their joint error is a test of both. One repeat of SMC is cooled further:
+modes that its particles meet are given to importance sampling, which stays unbiased whatever it is given.
+
+What agreement cannot show: a mode that no particle met. Two methods can miss the same narrow peak and agree.
+
+The work is cut into pieces that may run anywhere and in any order: `Gathering` says which are to be done, `do` does one.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy import stats
+
+from seatrial.core.errors import NumericalError
+from seatrial.core.progress import Progress, no_progress
+from seatrial.core.pytrees import compiled_tree
+from seatrial.estimation.mode import Mode, climb, find_mode, rises
+from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.target import Target, evaluate
+from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, sample_tempered_smc
+from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
+from seatrial.selection.importance import distance, importance_evidence, laplace_proposal
+
+# Search for modes beside the highest one known, among particles of tempered SMC that are cooled on to p L^10.
+#
+# In a phase transition a narrow peak holds the evidence and a broad one holds the particles up to b = 1 and beyond
+# (Skilling, Bayesian Analysis 1, 2006); cold particles climb, so that a peak far above all that was met betrays
+# itself. Particles at b = 1 show modes that are lower and hold evidence all the same.
+#
+# What it cannot see: a peak so narrow that no cold particle ever comes near it. Nothing that evaluates points can.
+
+COLD = 10.0
+MANY = 0.01
+"""Share of the particles far from all known modes that are looked into."""
+FAR = 1e-3
+"""Share of a normal density that lies farther off than what counts as far."""
+HIGHER_MODE = 0.1
+"""Nats above the highest mode known that no rounding of its place explains."""
+CLIMBS = 3
+"""Climbs at most from each set of particles."""
+
+
+@compiled_tree()
+@dataclass(frozen=True)
+class Cooled:
+    """A target whose likelihood is raised to a power, 1 for the target itself: both share one compiled sampler."""
+
+    target: Target
+    power: Float[Array, ""]
+
+    @property
+    def dim(self) -> int:
+        """Number of components of z."""
+        return self.target.dim
+
+    def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
+        """Log prior density."""
+        return self.target.log_prior(z)
+
+    def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
+        """Log-likelihood times the power."""
+        return self.power * self.target.log_likelihood(z)
+
+    def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
+        """Draws from the prior."""
+        return self.target.sample_prior(key, n)
+
+
+def sample_warm(target: Target, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress) -> SMCResult:
+    """Run tempered SMC as it is, by the program that `sample_cold` goes on with; errors as `sample_tempered_smc`."""
+    return sample_tempered_smc(Cooled(target, jnp.ones(())), key, settings, progress)
+
+
+def sample_cold(
+    target: Target, warm: SMCResult, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress
+) -> Float[np.ndarray, "particles d"]:
+    """Cool the particles of a run ten times further, and return where they are then; errors as `sample_tempered_smc`."""
+    start = Start(warm.particles, 1.0 / COLD)
+    return sample_tempered_smc(
+        Cooled(target, jnp.full((), COLD, float)), key, settings, progress, start=start
+    ).particles
+
+
+def further_modes(
+    posterior: Posterior, known: Mode, sets: Sequence[Float[np.ndarray, "particles d"]]
+) -> tuple[Mode, ...]:
+    """Climb from particles that lie far from all modes known, or higher than them, and return the modes that are new.
+
+    Args:
+        posterior: density.
+        known: its highest mode found so far.
+        sets: particles, the coldest first.
+    """
+    modes = [known]
+    for particles in filter(len, sets):
+        height, looked_into = evaluate(posterior, particles), np.zeros(len(particles), bool)
+        for _ in range(CLIMBS):
+            new = ~looked_into & np.isfinite(height) & _is_new(modes, particles, height)
+            start = particles[np.argmax(np.where(new, height, -np.inf))]
+            if not new.mean() > MANY and not _is_higher_mode(modes, height[new]).any():
+                break
+            looked_into |= (particles == start).all(1)
+            if any(rises(posterior, start, mode.z) for mode in modes):
+                continue
+            try:
+                found = climb(posterior, start)
+            except NumericalError:
+                continue
+            if _is_new(modes, found.z[None], np.array([found.log_density]))[0]:
+                modes.append(found)
+    return tuple(modes[1:])
+
+
+def _is_new(
+    modes: Sequence[Mode], z: Float[np.ndarray, "n d"], height: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Whether points lie far from all modes, or higher than them."""
+    away = np.min([distance(laplace_proposal(mode), z) for mode in modes], 0)
+    return (away > stats.chi2.isf(FAR, z.shape[1])) | _is_higher_mode(modes, height)
+
+
+def _is_higher_mode(modes: Sequence[Mode], height: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    return height > max(mode.log_density for mode in modes) + HIGHER_MODE
+
+
+ALARM, FLOOR = 3.0, 0.1
+"""Difference that alarms: in joint errors, and in nats at least."""
+BLUNT = 0.5
+"""Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
+MOST_REPEATS = 4
+"""Repeats of tempered SMC at most, in those asked for."""
+HIGHER = 3.0
+"""Nats above the highest peak known that count as another one."""
+
+
+class Piece(NamedTuple):
+    """A repeat of tempered SMC; or importance sampling, with the first repeat's particles, where no repeat is given."""
+
+    repeat: int | None
+    first: "Run | None" = None
+
+
+class Run(NamedTuple):
+    """One repeat; of the first also its particles after they were cooled, shape (n, d), none where they could not be."""
+
+    repeat: int
+    smc: SMCResult
+    cold: Float[np.ndarray, "n d"]
+
+
+class Weighed(NamedTuple):
+    """Evidence by importance sampling, None where it failed, and why; what the first repeat's particles say against both methods."""
+
+    evidence: Evidence | None
+    failure: str | None
+    alarms: tuple[str, ...]
+
+
+class Keys(NamedTuple):
+    """Random keys of tempered SMC and of importance sampling."""
+
+    smc: jax.Array
+    importance: jax.Array
+
+
+def agreed_evidence(
+    posterior: Posterior,
+    keys: Keys,
+    settings: EvidenceSettings = EvidenceSettings(),
+    progress: Progress = no_progress,
+) -> Evidence:
+    """Evidence by importance sampling, checked by tempered SMC; the other's value where the first complains.
+
+    Args:
+        posterior: density to integrate.
+        keys: random keys.
+        settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly.
+        progress: called with the work done and the work in all.
+
+    Returns:
+        The chosen evidence. Its diagnostics hold `methods`: value, error, status, difference from the chosen and that in joint
+        errors for each; its status is empty only if both are healthy and agree.
+
+    Raises:
+        NumericalError: tempered SMC cannot leave the prior.
+    """
+    gathering = Gathering(settings.repeats)
+    waiting = gathering.begin()
+    done = 0
+    while waiting:
+        following = gathering.add(do(posterior, waiting.pop(0), keys, settings))
+        waiting = [following, *waiting] if following else waiting
+        done += 1
+        progress(done, done + len(waiting))
+    return gathering.evidence()
+
+
+def do(
+    posterior: Posterior, piece: Piece, keys: Keys, settings: EvidenceSettings, progress: Progress = no_progress
+) -> Run | Weighed:
+    """Do one piece of an evidence."""
+    if piece.repeat is None:
+        return _weigh(posterior, piece, keys.importance)
+    key = jax.random.fold_in(keys.smc, piece.repeat)
+    smc = sample_warm(posterior, key, settings.smc, progress)
+    cold = smc.particles[:0]
+    if piece.repeat == 0:
+        with suppress(NumericalError):
+            cold = sample_cold(posterior, smc, jax.random.fold_in(key, 1), settings.smc)
+    return Run(piece.repeat, smc, cold)
+
+
+class Gathering:
+    """What has been found for one evidence, and what is still to be done for it.
+
+    Attributes:
+        asked: repeats of tempered SMC asked for.
+        runs: repeats that are there, by number; what is known before `begin` is not done again.
+        weighed: importance sampling, if it is there.
+    """
+
+    def __init__(self, asked: int):
+        self.asked = asked
+        self.runs: dict[int, Run] = {}
+        self.weighed: Weighed | None = None
+        self._begun: set[int | None] = set()
+
+    @property
+    def most(self) -> int:
+        """Repeats at most."""
+        return MOST_REPEATS * self.asked
+
+    def begin(self) -> list[Piece]:
+        """Return all that can be done at once."""
+        asked = [self._begin(Piece(repeat)) for repeat in range(self.asked) if repeat not in self.runs]
+        following = iter(self._following, None)
+        return [*asked, *following]
+
+    def add(self, found: Run | Weighed) -> Piece | None:
+        """Keep what was found, and return what can be done now, if anything can."""
+        if isinstance(found, Weighed):
+            self.weighed = found
+        else:
+            self.runs[found.repeat] = found
+        return self._following()
+
+    def evidence(self) -> Evidence:
+        """Return the evidence once all is there."""
+        if self.weighed is None:
+            raise RuntimeError("importance sampling has not been done yet")
+        first = {} if self.weighed.evidence is None else {"importance": self.weighed.evidence}
+        failed = {} if self.weighed.failure is None else {"importance": self.weighed.failure}
+        smc = combine_runs([run.smc for run in self._in_order()])
+        return judge(first | {"smc": smc}, failed, self.weighed.alarms)
+
+    def _following(self) -> Piece | None:
+        """Importance sampling once the first repeat is there; one more repeat once all so far are, if they check too bluntly."""
+        if self.weighed is None and None not in self._begun and 0 in self.runs:
+            return self._begin(Piece(None, self.runs[0]))
+        there = self._in_order()
+        if not self.asked <= len(there) < self.most or len(there) in self._begun or _sharp(there):
+            return None
+        return self._begin(Piece(len(there)))
+
+    def _begin(self, piece: Piece) -> Piece:
+        self._begun.add(piece.repeat)
+        return piece
+
+    def _in_order(self) -> list[Run]:
+        """The repeats up to the first that is not there, or the first at which they check sharply enough."""
+        there: list[Run] = []
+        while len(there) in self.runs and not (len(there) >= self.asked and _sharp(there)):
+            there.append(self.runs[len(there)])
+        return there
+
+
+def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = ()) -> Evidence:
+    """Choose the first healthy evidence, or the first if none is, and say what speaks against it.
+
+    Args:
+        evidences: by method, the preferred first.
+        failed: why other methods gave none.
+        alarms: what else is known against the result.
+    """
+    value = next((name for name, one in evidences.items() if not one.status), next(iter(evidences)))
+    chosen, said, checks, table = evidences[value], list(alarms), 0, {}
+    for name, one in evidences.items():
+        difference = one.log_value - chosen.log_value
+        joint = float(np.hypot(np.nan_to_num(one.std_error), np.nan_to_num(chosen.std_error)))
+        table[name] = {
+            "log_value": one.log_value,
+            "std_error": one.std_error,
+            "status": one.status,
+            "difference": difference,
+            "joint_errors": difference / joint if joint > 0 else 0.0,
+        }
+        if one.status:
+            said.append(f"{one.method} complains: {one.status}")
+        if name == value:
+            continue
+        if not abs(difference) <= max(ALARM * joint, FLOOR):
+            said.append(
+                f"{one.method} finds {difference:+.2f} nats against {chosen.method}, {abs(difference) / max(joint, 1e-12):.0f} "
+                "joint errors: one of them misses part of the posterior; trust neither before a third method has been run"
+            )
+        elif not one.status:
+            checks += 1
+            if joint > BLUNT:
+                said.append(f"{one.method} checks to {joint:.2f} nats only: use more particles or draws")
+    said += [f"{name} failed: {why}" for name, why in failed.items()]
+    if value != next(iter(evidences)) or failed:
+        said.append(f"the value is that of {chosen.method}")
+    if not checks:
+        said.append("no healthy independent method confirms the value")
+    diagnostics = chosen.diagnostics | {"methods": table, "checks": checks}
+    return Evidence(chosen.log_value, chosen.std_error, chosen.method, diagnostics, "; ".join(said))
+
+
+def _weigh(posterior: Posterior, piece: Piece, key: jax.Array) -> Weighed:
+    """Importance sampling about the mode and what particles of the first repeat met besides."""
+    if piece.first is None:
+        raise ValueError("importance sampling needs the particles of the first repeat")
+    sets, known, evidence, failure = (piece.first.cold, piece.first.smc.particles), [], None, None
+    try:
+        mode = find_mode(posterior, jax.random.split(key, 3)[0])
+        known = [mode, *further_modes(posterior, mode, sets)]
+        evidence = importance_evidence(posterior, key, mode, further=known[1:])
+    except NumericalError as error:
+        failure = str(error)
+    return Weighed(evidence, failure, tuple(_higher(posterior, *sets, [mode.log_density for mode in known])))
+
+
+def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:
+    """Whether cold particles met a peak higher than those known and than where the others are, in words."""
+    if not cold.size:
+        return ["the particles could not be cooled, so that no further peak was searched for"]
+    normal = float(evaluate(posterior, warm).max()) + 0.5 * float(stats.chi2.ppf(1e-3, posterior.dim))
+    higher = float(evaluate(posterior, cold).max()) - max([*known, normal])
+    if higher <= HIGHER:
+        return []
+    return [
+        f"a point {higher:.1f} nats above the highest peak the methods know exists: a narrow peak was passed by and may "
+        "hold most of the evidence; narrow the prior about it, or integrate each peak by itself"
+    ]
+
+
+def _sharp(runs: Sequence[Run]) -> bool:
+    return combine_runs([run.smc for run in runs]).std_error <= BLUNT

@@ -1,0 +1,120 @@
+"""A study of the paper: its parts, computed when first asked for and kept on disk, each stamped with all it depends on."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from threading import Lock
+from typing import TypeAlias
+
+import jax
+import xarray as xr
+
+from seatrial.campaign.store.files import is_current, key_of, write_dataset
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.files import sha256_of_json
+from seatrial.core.progress import SILENT, Progress, Reporter
+from studies.remus100.vehicle_file import Reading
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sample sizes; the defaults are the paper's, or what makes Monte Carlo errors small beside what is shown.
+
+    Attributes:
+        filter_seeds: trials of Tables I and II.
+        tuning_seeds: trials behind the remarks on P, Q and R.
+        chains: chains in step of each Markov chain run.
+        burn_in: iterations dropped.
+        draws: iterations kept.
+        listing_repeats: seeds of Listing 1.
+        listing_shared: seeds of Listing 1 with draws shared between the models.
+        listing_draws: prior draws of each model for each seed.
+        data_seeds: trials behind the probability of M-0 over its true coefficient.
+        importance_draws: draws of importance sampling for Tables IV and V.
+        smc_particles: particles of each of four repeats of tempered SMC; 0 leaves it out.
+        bridge_draws: draws of each of 32 chains for bridge sampling.
+        nested_live: live points of nested sampling; 0 leaves it out.
+        criteria_draws: draws behind WAIC and PSIS-LOO.
+    """
+
+    filter_seeds: int = 100
+    tuning_seeds: int = 20
+    chains: int = 4
+    burn_in: int = 50_000
+    draws: int = 50_000
+    listing_repeats: int = 200
+    listing_shared: int = 20
+    listing_draws: int = 100_000
+    data_seeds: int = 10
+    importance_draws: int = 65_536
+    smc_particles: int = 128
+    bridge_draws: int = 2000
+    nested_live: int = 100
+    criteria_draws: int = 500
+
+
+FULL = Sizes()
+QUICK = Sizes(
+    filter_seeds=8,
+    tuning_seeds=8,
+    chains=8,
+    burn_in=1_000,
+    draws=2_000,
+    listing_repeats=12,
+    listing_shared=6,
+    listing_draws=20_000,
+    data_seeds=2,
+    importance_draws=10_000,
+    smc_particles=0,
+    bridge_draws=500,
+    nested_live=0,
+    criteria_draws=200,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A vehicle, sample sizes, and a folder of results.
+
+    Attributes:
+        folder: where results are kept.
+        reading: vehicle.
+        sizes: sample sizes.
+        parts: how each part is computed, by name.
+        reporter: receives what happens.
+        seed: of everything random but the data, which have seeds of their own.
+    """
+
+    folder: Path
+    reading: Reading
+    sizes: Sizes
+    parts: "Mapping[str, Part]"
+    reporter: Reporter = SILENT
+    seed: int = 0
+    _held: dict[str, xr.Dataset] = field(default_factory=dict)
+    _locks: dict[str, Lock] = field(default_factory=dict)
+
+    def part(self, name: str) -> xr.Dataset:
+        """Results of one part: from memory, from disk if they are current, or computed now."""
+        with self._locks.setdefault(name, Lock()):
+            if name not in self._held:
+                path, key = self.folder / "results" / f"{name}.nc", self.key(name)
+                if not is_current(path, key):
+                    write_dataset(path, self.parts[name](self), key)
+                self._held[name] = open_dataset(path)
+            return self._held[name]
+
+    def key(self, name: str) -> str:
+        """Stamp of a part's results."""
+        return key_of("paper", name, self.reading.source.model_dump(), asdict(self.sizes), self.seed)
+
+    def random_key(self, name: str) -> jax.Array:
+        """Random key of a part, its own."""
+        return jax.random.fold_in(jax.random.key(self.seed), int(sha256_of_json(name)[:7], 16))
+
+    def progress(self, title: str) -> Progress:
+        """Begin a long piece of work; see `Reporter.progress`."""
+        return self.reporter.progress(title)
+
+
+Part: TypeAlias = Callable[[Study], xr.Dataset]

@@ -1,0 +1,1 @@
+"""Each item of the paper judged against what it prints."""
