@@ -18,7 +18,7 @@ from seatrial.core.processes import end_all
 
 COMPUTES = """
 import asyncio, os, subprocess, sys
-from seatrial.apps.dashboard.worker_pool import Desk
+from seatrial.apps.dashboard.worker_pool import WorkerPool
 from seatrial.apps.dashboard.logs import isolated
 
 PLAIN = "from seatrial.core.processes import end_with_parent; end_with_parent(); from asks import hold; hold()"
@@ -33,17 +33,17 @@ def hold():
     os.replace(part, os.path.join(os.path.dirname(__file__), "child"))
     return 3 ** 3 ** 19  # one instruction, which never lets another thread run
 
-async def desk():
-    here = Desk()
-    await here._ask("thinning", "text_of", (1,), ())
-    here.pools["thinning"].submit(hold)
+async def in_a_pool():
+    here = WorkerPool()
+    await here._ask("downsample", "text_of", (1,), ())
+    here.pools["downsample"].submit(hold)
     await asyncio.sleep(60)
 
 if __name__ == "__main__":
     from asks import hold  # by a name that other processes know too
 
     kind = sys.argv[1]
-    plain() if kind == "plain" else asyncio.run(desk()) if kind == "desk" else isolated("a log", hold)
+    plain() if kind == "plain" else asyncio.run(in_a_pool()) if kind == "pool" else isolated("a log", hold)
 """
 
 
@@ -59,19 +59,19 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
         worker_pool, file = Counting(), tmp_path / "x"
         file.write_text("1")
         try:
-            many = [worker_pool._ask("thinning", "text_of", (b"y",), [file]) for _ in range(20)]
+            many = [worker_pool._ask("downsample", "text_of", (b"y",), [file]) for _ in range(20)]
             assert await asyncio.gather(*many) == ["y"] * 20
             assert len(asked) == 1
             file.write_text("22")
-            await worker_pool._ask("thinning", "text_of", (b"y",), [file])
+            await worker_pool._ask("downsample", "text_of", (b"y",), [file])
             assert len(asked) == 2
             with pytest.raises(PlainError, match="no such file"):
-                await worker_pool._ask("thinning", "draw_record", (tmp_path / "none.nc",), ())
-            process = next(iter(worker_pool.pools["thinning"]._processes))
+                await worker_pool._ask("downsample", "draw_record", (tmp_path / "none.nc",), ())
+            process = next(iter(worker_pool.pools["downsample"]._processes))
             os.kill(process, 9)
             with pytest.raises(NumericalError, match="ended without a word"):
-                await worker_pool._ask("thinning", "text_of", (b"z",), ())
-            assert await worker_pool._ask("thinning", "text_of", (b"z",), ()) == "z"
+                await worker_pool._ask("downsample", "text_of", (b"z",), ())
+            assert await worker_pool._ask("downsample", "text_of", (b"z",), ()) == "z"
         finally:
             worker_pool.close()
 
@@ -79,15 +79,15 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
 
 
 def test_errors_pass_between_processes_as_words(tmp_path):
-    answer, words = answered("drawings", "swept", tmp_path / "missing.nc")
+    answer, words = answered("result_plots", "swept", tmp_path / "missing.nc")
     assert answer is None
     assert "no such file" in words
-    answer, words = answered("gate", "token_for", "0.0.0.0", "short")
+    answer, words = answered("request_guard", "token_for", "0.0.0.0", "short")
     assert "16 plain characters" in words
-    assert answered("thinning", "text_of", b"a") == ("a", None)
+    assert answered("downsample", "text_of", b"a") == ("a", None)
 
 
-@pytest.mark.parametrize("kind", ["desk", "isolated", "plain"])
+@pytest.mark.parametrize("kind", ["pool", "isolated", "plain"])
 def test_a_process_that_computes_ends_with_the_one_that_asked(tmp_path, kind):
     script = tmp_path / "asks.py"
     script.write_text(COMPUTES)
