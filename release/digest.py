@@ -41,8 +41,8 @@ DRAWN = (
 )
 """What follows from draws: files whose names begin so, and what commands print."""
 PASSING = {"key", "sha256_of_content", "seatrial_version", "seconds", "sha256", "created", "elapsed", "duration_s"}
-TIMED = ("claim-single-pass", "claim-sampler")
-"""Items of the study that are measured on the clock; so is what is named in milliseconds."""
+CLOCK = ("[ms]", "per second", "ratio")
+"""What the names of numbers say that are measured on the clock, or made of such."""
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?(?:\d[\d ]*\d|\d)(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
@@ -245,13 +245,9 @@ def _text(place: str, text: str) -> Iterator[tuple[str, Any]]:
 
 def _timed(digest: dict[str, Any]) -> set[str]:
     """Return the numbers of the study's items that a clock gives."""
-    items = {key.removesuffix("/key"): value for key, value in digest.items() if re.fullmatch(r".*/items/\d+/key", key)}
-    return {
-        key
-        for key in digest
-        if (item := re.match(r"(.*/items/\d+)/numbers/\d+(?=/)", key))
-        and (items.get(item[1]) in TIMED or "[ms]" in str(digest.get(f"{item[0]}/name")))
-    }
+    numbers = {match[0] for key in digest if (match := re.match(r".*/items/\d+/numbers/\d+", key))}
+    clocks = {one for one in numbers if any(word in str(digest.get(f"{one}/name/0")) for word in CLOCK)}
+    return {key for key in digest if key.rpartition("/")[0] in clocks}
 
 
 def _is_drawn(key: str) -> bool:
