@@ -41,7 +41,7 @@ DRAWN = (
 )
 """What follows from draws: files whose names begin so, and what commands print."""
 PASSING = {"key", "sha256_of_content", "seatrial_version", "seconds", "sha256", "created", "elapsed", "duration_s"}
-CLOCK = ("[ms]", "per second", "ratio")
+CLOCK = ("[ms]", "per second", "one posterior by", "ratio")
 """What the names of numbers say that are measured on the clock, or made of such."""
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?(?:\d[\d ]*\d|\d)(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
