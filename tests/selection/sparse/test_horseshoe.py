@@ -9,8 +9,8 @@ from seatrial.sampling.run import ChainSettings
 from seatrial.selection.sparse.horseshoe import FREEDOM, HorseshoeTarget, horseshoe
 from seatrial.selection.sparse.thresholded import thresholded_least_squares
 from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.conjugate import unit_information
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import unit_information
 from tests.selection.sparse.test_thresholded import data
 from tests.selection.subsets.naive import NAMES
 

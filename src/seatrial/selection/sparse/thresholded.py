@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
+from seatrial.selection.rule_masks import MOST_TERMS
 from seatrial.selection.subsets.gram import Gram, check_gram
-from seatrial.selection.subsets.rules import MOST_TERMS
 
 STEPS = 40
 """Thresholds of the path, if none are given."""

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 
-class Doubling:
+class SubsetElimination:
     """Buffers of `levels` doublings of matrices of a given size, in `lanes` lanes, reused by every run.
 
     NumPy, on blocks that nearly fit the cache. The same steps as one XLA program took as long or longer, since it fuses the way
