@@ -17,8 +17,8 @@ from seatrial.manoeuvres.family import Family
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rules import compile_rules, parse_rules
 from seatrial.selection.screening import TermPrior, screen
-from seatrial.selection.sparse.thresholded import thresholded_least_squares
 from seatrial.selection.subsets.gram import gram
+from seatrial.selection.thresholded import thresholded_least_squares
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 

@@ -79,11 +79,6 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     return Estimate(labels[chosen], open_dataset(path))
 
 
-def stored_labels(folder: Path | str) -> tuple[str, ...]:
-    """Labels of the structures of which a campaign has a posterior."""
-    return tuple(sorted(path.stem for path in Store(Path(folder)).posterior("x").parent.glob("*.nc")))
-
-
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Provenance]:
     """What the campaign itself knows."""
     hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure

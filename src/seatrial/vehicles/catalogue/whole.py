@@ -57,11 +57,6 @@ def prime_scale(name: str, *, density: float, length: float, speed: float) -> fl
     )
 
 
-def to_prime(name: str, value: float, *, density: float, length: float, speed: float) -> float:
-    """Value without dimension of a coefficient in SI; arguments as `prime_scale`."""
-    return value / prime_scale(name, density=density, length=length, speed=speed)
-
-
 def from_prime(name: str, value: float, *, density: float, length: float, speed: float) -> float:
     """SI value of a coefficient without dimension; arguments as `prime_scale`."""
     return value * prime_scale(name, density=density, length=length, speed=speed)

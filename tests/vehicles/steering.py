@@ -1,14 +1,17 @@
-"""Steady motion of any vehicle: velocities, roll and pitch constant, by Levenberg-Marquardt with exact derivatives.
+"""Steady motions and steering numbers by which published vehicles are checked.
+
+Velocities, roll and pitch constant, by Levenberg-Marquardt with exact derivatives:
 
     d(u, v, w, p, q, r)/dt = 0,  d(phi, theta)/dt = 0,  and as many values held as there are controls
 
 Held values are controls (the motion that they lead to), or states and their rates, whose controls are then sought: a speed and a
 depth rate, or a rate of turn. A steady turn is a steady motion: its heading changes.
+Nomoto's numbers are of small motions of sway and yaw about one: r(s) / delta(s) = K (1 + T3 s) / ((1 + T1 s) (1 + T2 s)).
 """
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +20,7 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ANGLES, CURRENT, POSITIONS, QUATERNION
 from seatrial.numerics.rotations import angle_rates, quaternion_of_angles
-from seatrial.vehicles.linearise import Trim
+from seatrial.vehicles.linearise import Trim, linearise
 from seatrial.vehicles.model import Params, VehicleModel
 
 _STARTS = (1.0, 2.0, 0.3, 5.0, -1.0)
@@ -124,3 +127,48 @@ def _balance(model: VehicleModel, held: tuple[str, ...]) -> tuple[Any, Any]:
         return jnp.stack([jnp.asarray(part, float) for part in parts])
 
     return jax.jit(residual), jax.jit(jax.jacfwd(residual))
+
+
+class Nomoto(NamedTuple):
+    """Gain in 1/s and time constants in s; T1 and T2 are complex where sway and yaw oscillate, negative where they are unstable."""
+
+    K: float
+    T: float
+    T1: complex
+    T2: complex
+    T3: float
+
+
+def nomoto(model: VehicleModel, params: Params, at: Trim, rudder: str = "delta_r") -> Nomoto:
+    """Nomoto's numbers of small motions of v and r about a motion, all other states held.
+
+    Args:
+        model: vehicle with the states v and r.
+        params: value of each free coefficient, SI.
+        at: state and control, a steady motion on a straight course for the usual meaning.
+        rudder: the control.
+
+    Raises:
+        InputError: no such states or control.
+    """
+    _check(model, rudder)
+    a, b = (np.asarray(x) for x in linearise(model, params, at.state, at.control))
+    index = [model.states.index(name) for name in ("v", "r")]
+    a, b = a[np.ix_(index, index)], b[index, model.controls.index(rudder)]
+    determinant = float(np.linalg.det(a))
+    # r(s)/delta(s) = (b2 s + a21 b1 - a11 b2) / (s^2 - trace s + determinant)
+    top = float(a[1, 0] * b[0] - a[0, 0] * b[1])
+    one, other = sorted(-1.0 / np.linalg.eigvals(a), key=abs, reverse=True)
+    third = float(b[1]) / top
+    return Nomoto(top / determinant, float(np.real(one + other)) - third, one.item(), other.item(), third)
+
+
+def _check(model: VehicleModel, rudder: str) -> None:
+    missing = [name for name in ("v", "r") if name not in model.states] + [rudder] * (rudder not in model.controls)
+    if missing:
+        raise InputError(
+            f'vehicle "{model.name}", steering',
+            found=f"no {', '.join(missing)}",
+            expected=f"states v and r, and the control {rudder}",
+            remedy="build the vehicle with sway and yaw moving and terms of the rudder",
+        )

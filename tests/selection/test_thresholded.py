@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.selection.sparse.thresholded import thresholded_least_squares
 from seatrial.selection.subsets.gram import gram
+from seatrial.selection.thresholded import thresholded_least_squares
 from tests.selection.subsets.naive import NAMES
 
 
