@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.vehicles.catalogue.whole import from_prime, prime_scale
+from seatrial.vehicles.catalogue import from_prime, prime_scale
 from seatrial.vehicles.hull import rigid_mass_matrix, whole_hull
 from seatrial.vehicles.whole import mass_solver
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import TransferFunction, step
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.linearise import Trim, linearise, trim
 from seatrial.vehicles.simulate import simulate

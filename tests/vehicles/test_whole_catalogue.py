@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.laws import added_mass_findings, check_laws, coriolis_findings
 from seatrial.vehicles.linearise import Trim
 from seatrial.vehicles.remus100_fossen import remus100_fossen, spheroid

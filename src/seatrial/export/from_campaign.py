@@ -26,7 +26,7 @@ from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from seatrial.vehicles.catalogue import catalogue_longitudinal, catalogue_vehicle
+from seatrial.vehicles.catalogue import load_longitudinal, load_surge
 from seatrial.vehicles.linearise import linearise
 from seatrial.vehicles.longitudinal import longitudinal_vehicle, surge_restriction
 from seatrial.vehicles.simulate import simulate
@@ -17,7 +17,7 @@ STEP, N, CHANGE = 0.01, 1000, 50 * RPM
 
 def vehicle_part(study: Study) -> xr.Dataset:
     """Linear model of the published REMUS 100, and its answer to a step of n beside the non-linear and the surge model's."""
-    entry = catalogue_longitudinal("remus100_longitudinal")
+    entry = load_longitudinal("remus100_longitudinal")
     hull, values = entry.hull, entry.coefficients
     model = longitudinal_vehicle(hull, tuple(values))
     surge = surge_restriction(hull, tuple(values))
@@ -33,7 +33,7 @@ def vehicle_part(study: Study) -> xr.Dataset:
         linear.append(transition @ linear[-1] + forced)
     surge_values = {term.text: values[term.text] for term in surge.coefficients}
     alone = np.asarray(simulate(surge, surge_values, held[:, :1], steps, jnp.asarray(state[:1])))
-    published = catalogue_vehicle("remus100_surge")
+    published = load_surge("remus100_surge")
     return xr.Dataset(
         {
             "a": (("state", "by_state"), a),
