@@ -5,9 +5,8 @@ from math import sqrt
 import numpy as np
 import xarray as xr
 
-from studies.remus100.compute.filters import FIRST_SEED, HOLD, STEP
-from studies.remus100.items import Item, Number, Verdict
-from studies.remus100.study import Study
+from studies.remus100.filters import FIRST_SEED, HOLD, STEP
+from studies.remus100.study import Item, Number, Study, Verdict
 from studies.remus100.vehicle_file import NAMES, RPM
 
 TABLE_1 = {"EKF": (-1.21, -2.93, 6.28), "UKF": (-1.27, -2.91, 6.28), "SRUKF": (-1.28, -2.91, 6.28)}

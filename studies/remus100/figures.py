@@ -4,20 +4,17 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 from seatrial.report.numbers import plain
-from studies.remus100.compute.designs import ACTIVE, POINTS
-from studies.remus100.compute.filters import BOUND_SHARE, FIRST_SEED, HOLD
-from studies.remus100.compute.trial import DURATION
-from studies.remus100.compute.trial import PERIOD as DOUBLET
-from studies.remus100.compute.vehicle import CHANGE
-from studies.remus100.figures.chains import chain_figure
-from studies.remus100.figures.designs import figure_3, relay
-from studies.remus100.figures.evidence import listing_1, odds
-from studies.remus100.figures.filters import SETTLED, figure_1, figure_2, figure_4
-from studies.remus100.figures.iteration import iteration
-from studies.remus100.figures.model_graph import figure_5
-from studies.remus100.figures.tuning import tuning
-from studies.remus100.figures.vehicle import vehicle
+from studies.remus100.chains import chain_figure
+from studies.remus100.designs import ACTIVE, POINTS, draw_figure_3, draw_relay
+from studies.remus100.evidence import draw_listing_1, draw_odds
+from studies.remus100.filters import BOUND_SHARE, FIRST_SEED, HOLD, SETTLED, draw_figure_1, draw_figure_2, draw_figure_4
+from studies.remus100.iteration import draw_iteration
+from studies.remus100.model_graph import draw_figure_5
 from studies.remus100.study import Study
+from studies.remus100.trial import DURATION
+from studies.remus100.trial import PERIOD as DOUBLET
+from studies.remus100.tuning import draw_tuning
+from studies.remus100.vehicle import CHANGE, draw_vehicle
 from studies.remus100.vehicle_file import RPM
 
 if TYPE_CHECKING:
@@ -159,21 +156,23 @@ def _iteration(study: Study) -> str:
 
 
 FIGURES: dict[str, PaperFigure] = {
-    "vehicle": PaperFigure(vehicle, ("vehicle",), "The longitudinal vehicle after a step of n", _vehicle),
-    "figure-1": PaperFigure(figure_1, ("figure-1",), "Responses and estimates of EKF, UKF and SRUKF", _figure_1),
-    "figure-2": PaperFigure(figure_2, ("figure-2",), "Responses and estimates of SRUKF and SRUKF-C", _figure_2),
+    "vehicle": PaperFigure(draw_vehicle, ("vehicle",), "The longitudinal vehicle after a step of n", _vehicle),
+    "figure-1": PaperFigure(draw_figure_1, ("figure-1",), "Responses and estimates of EKF, UKF and SRUKF", _figure_1),
+    "figure-2": PaperFigure(draw_figure_2, ("figure-2",), "Responses and estimates of SRUKF and SRUKF-C", _figure_2),
     "tuning": PaperFigure(
-        tuning, ("claim-large-p", "claim-large-q", "claim-large-r"), "What too large a P, Q or R does", _tuning
+        draw_tuning, ("claim-large-p", "claim-large-q", "claim-large-r"), "What too large a P, Q or R does", _tuning
     ),
-    "figure-3": PaperFigure(figure_3, ("figure-3",), "Entropy reduction over amplitude and period", _figure_3),
-    "figure-4": PaperFigure(figure_4, ("figure-4",), "The square-root filter along the chosen doublet", _figure_4),
-    "relay": PaperFigure(relay, ("relay",), "The self-oscillating test beside the doublet", _relay),
-    "figure-5": PaperFigure(figure_5, ("figure-5",), "The hierarchical model as a graph", _figure_5),
+    "figure-3": PaperFigure(draw_figure_3, ("figure-3",), "Entropy reduction over amplitude and period", _figure_3),
+    "figure-4": PaperFigure(draw_figure_4, ("figure-4",), "The square-root filter along the chosen doublet", _figure_4),
+    "relay": PaperFigure(draw_relay, ("relay",), "The self-oscillating test beside the doublet", _relay),
+    "figure-5": PaperFigure(draw_figure_5, ("figure-5",), "The hierarchical model as a graph", _figure_5),
     "figure-6": PaperFigure(chain_figure("chain-3"), ("figure-6",), "The chain of Table III", _chain),
-    "listing-1": PaperFigure(listing_1, ("listing-1",), "Listing 1 over seeds, beside four other methods", _listing_1),
-    "odds": PaperFigure(odds, ("odds",), "Probability of M-0 over the true doubted coefficient", _odds),
+    "listing-1": PaperFigure(
+        draw_listing_1, ("listing-1",), "Listing 1 over seeds, beside four other methods", _listing_1
+    ),
+    "odds": PaperFigure(draw_odds, ("odds",), "Probability of M-0 over the true doubted coefficient", _odds),
     "figure-7": PaperFigure(chain_figure("chain-6-full"), ("figure-7",), "The chain of M-0", _chain),
     "figure-8": PaperFigure(chain_figure("chain-6-reduced"), ("figure-8",), "The chain of M-1", _chain),
-    "iteration": PaperFigure(iteration, ("iteration",), "Second trials, predicted and run", _iteration),
+    "iteration": PaperFigure(draw_iteration, ("iteration",), "Second trials, predicted and run", _iteration),
 }
 """In the order of the paper."""

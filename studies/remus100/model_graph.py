@@ -13,9 +13,9 @@ from seatrial.estimation.priors import LogUniform, Uniform
 from seatrial.report.figures.style import BAND, BLUE, INK, MUTED, PAPER, POINT
 from seatrial.report.labels import label_mathtext
 from seatrial.report.numbers import plain
-from studies.remus100.compute.trial import paper_posterior, paper_trial
-from studies.remus100.figures.panels import NOISE_PREFIX, PAGE, TEXT, printed_unit
+from studies.remus100.panels import NOISE_PREFIX, PAGE, TEXT, printed_unit
 from studies.remus100.study import Study
+from studies.remus100.trial import paper_posterior, paper_trial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ BOX = 32
 BOLD = 10
 
 
-def figure_5(study: Study) -> "Figure":
+def draw_figure_5(study: Study) -> "Figure":
     """Draw the posterior of M-1, as it is sampled."""
     reading = study.reading
     posterior = paper_posterior(reading, [paper_trial(reading, None)], None)

@@ -1,4 +1,4 @@
-"""Every equation the study uses, at one point, beside an independent computation of it."""
+"""Section II and the equations of all sections: each one used, at one point, beside an independent computation of it."""
 
 import math
 
@@ -10,13 +10,32 @@ from scipy import stats
 
 from seatrial.core.gaussian import Gaussian
 from seatrial.vehicles.linearise import linearise
-from studies.remus100.compute.trial import STEP, doublets, paper_posterior, paper_trial
-from studies.remus100.study import Study
+from studies.remus100.study import Item, Number, Study
+from studies.remus100.trial import STEP, doublets, paper_posterior, paper_trial
 from studies.remus100.vehicle_file import NAMES
 
 DRAWS_SEED = 6
 POINT = (1.2, 1.1)
 """Surge speed and propeller speed, over trim, at which the vehicle's equations are compared."""
+EXACT, SAMPLED = 1e-9, 0.02
+"""Relative differences allowed: to rounding, and where the independent number is itself a sample of 200 000."""
+REASONS = {
+    "equations-2": "in (3) a bracket is missing, and (4) and (5) lack the division by m - X_udot: the sums of "
+    "forces are as printed, "
+    "the Jacobians of the filter are those of du/dt",
+    "equations-3": "(6) has a p too many, (7), (9) and (10) lack the minus sign of an entropy, so that (8) as "
+    "printed is a gain only by "
+    "two wrongs; with H = -E[log p] throughout, the gain is H(prior) - H(posterior), never negative",
+    "equations-4": "(26) and (27) are DIC = D(mean) + 2 p_D = Dbar + p_D, and (28) holds the prior odds too: its "
+    "columns BF are posterior "
+    "probabilities",
+}
+TITLES = {
+    "equations-2": "Vehicle and Jacobians, eqs. (1) to (5)",
+    "equations-3": "Entropy and information gain, eqs. (6) to (14)",
+    "equations-4": "Hierarchical model and criteria, eqs. (17) to (28)",
+}
+ROWS = {"equations-2": ("(1), (3)", "(4)", "(5)"), "equations-3": ("(6), (7), (9), (10)", "(13), (14)", "(8), (11)")}
 
 
 def equations_part(study: Study) -> xr.Dataset:
@@ -26,6 +45,30 @@ def equations_part(study: Study) -> xr.Dataset:
         {"ours": ("row", [row[2] for row in rows]), "independent": ("row", [row[3] for row in rows])},
         {"equation": ("row", [row[0] for row in rows]), "what": ("row", [row[1] for row in rows])},
     )
+
+
+def equations_2(study: Study) -> Item:
+    """Eqs. (1) to (5)."""
+    return _item(study, "equations-2", [])
+
+
+def equations_3(study: Study) -> Item:
+    """Eqs. (6) to (14)."""
+    return _item(study, "equations-3", [])
+
+
+def equations_4(study: Study) -> Item:
+    """Eqs. (17) to (28), the criteria by the identities that hold between them."""
+    data = study.part("chain-6-reduced")["criterion_value"]
+    dic, bpic, p_d, mean = (float(data.sel(criterion=name)) for name in ("DIC", "BPIC", "p_D", "Dbar"))
+    odds = study.part("evidence-4")["log_value"].sel({"method": "importance sampling"}).values
+    extra = [
+        ("(22) to (27)", "DIC - Dbar - p_D", dic - mean - p_d, 0.0),
+        ("(22) to (27)", "BPIC - DIC - p_D", bpic - dic - p_d, 0.0),
+        ("(24)", "p_D of Table VI, BPIC - DIC as printed", -13934.6 + 13939.8, 5.2),
+        ("(28)", "P(M-0) + P(M-1)", float(np.sum(np.exp(odds - np.logaddexp(*odds)))), 1.0),
+    ]
+    return _item(study, "equations-4", extra)
 
 
 def _vehicle(study: Study) -> list[tuple[str, str, float, float]]:
@@ -103,3 +146,30 @@ def _model(study: Study) -> list[tuple[str, str, float, float]]:
         ("(18) to (20)", "log prior density", ours, prior),
         ("(17), (21), (23)", "log likelihood", float(posterior.log_likelihood(z)), likelihood),
     ]
+
+
+def _item(study: Study, key: str, extra: list[tuple[str, str, float, float]]) -> Item:
+    data = study.part("equations")
+    rows = zip(
+        data["equation"].values, data["what"].values, data["ours"].values, data["independent"].values, strict=True
+    )
+    known = ROWS.get(key)
+    taken = [row for row in rows if (row[0] in known if known else row[0].startswith(("(17)", "(18)")))] + extra
+    apart = [
+        f"{equation} {what} is {ours:.10g} here and {other:.10g} independently"
+        for equation, what, ours, other in taken
+        if not abs(ours - other) <= (SAMPLED if "draws" in what else EXACT) * max(1.0, abs(other))
+    ]
+    numbers = [
+        Number(f"{equation} {what}, {whose}", None, float(value))
+        for equation, what, ours, other in taken
+        for whose, value in (("here", ours), ("independently", other))
+    ]
+    return Item(
+        key,
+        TITLES[key],
+        "cannot hold" if apart else "reproduced in shape",
+        "; ".join(apart) or REASONS[key],
+        tuple(numbers),
+        {"reading": study.reading.name, "sampled_with_seed": DRAWS_SEED, "data_seed": 1},
+    )

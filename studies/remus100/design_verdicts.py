@@ -3,9 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
-from studies.remus100.compute.designs import ACTIVE, NOISE_SEED, PERIODS
-from studies.remus100.items import Item, Number
-from studies.remus100.study import Study
+from studies.remus100.designs import ACTIVE, NOISE_SEED, PERIODS
+from studies.remus100.study import Item, Number, Study
 from studies.remus100.vehicle_file import RPM
 
 WINDOWS = {name: f"sweep-{name}" for name in ACTIVE}
