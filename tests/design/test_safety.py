@@ -16,7 +16,7 @@ from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, Sta
 from seatrial.design.safety import Safety, judge_safety, least_rooms, probability_at_least
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.catalogue import catalogue_longitudinal
+from seatrial.vehicles.catalogue import load_longitudinal
 from seatrial.vehicles.longitudinal import longitudinal_vehicle
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
@@ -170,7 +170,7 @@ def test_track_against_a_plain_loop():
 
 def test_depth_and_altitude_of_a_diving_vehicle():
     """Least rooms are those of the states that the plan itself shows, and of the state after its last step."""
-    entry = catalogue_longitudinal("remus100_longitudinal")
+    entry = load_longitudinal("remus100_longitudinal")
     model = longitudinal_vehicle(entry.hull, tuple(entry.coefficients))
     start = [entry.hull.trim.get(state, 10.0) for state in model.states]
     longer, plan = (plan_trial(model, start, {"u": 0.05}, n, 0.1) for n in (51, 50))

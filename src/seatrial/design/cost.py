@@ -175,22 +175,6 @@ def expected_cost(
     )
 
 
-def cost_along(
-    plan: TrialPlan, cost: TrialCost, values: Float[Array, " k"], control: Float[Array, "n c"]
-) -> Float[Array, " n"]:
-    """Cost of a trial that is stopped at the end of each step; traced, may be batched."""
-    integrals = {"spent": cost.per_second}
-
-    def advance(joint: tuple, sample: tuple) -> tuple[tuple, Array]:
-        held, h = sample
-        moved = joint_step(plan, integrals, values, joint, held, h)
-        return moved, moved[-1]
-
-    columns = tuple(control[:, i] for i in range(control.shape[1]))
-    _, spent = jax.lax.scan(advance, joint_start(plan, integrals), (columns, plan.step))
-    return cost.fixed + spent
-
-
 def gain_per_cost(gain: Float[np.ndarray, "*any"], cost: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
     """What each design teaches for each second, joule or trial; an infinite cost gives 0.
 

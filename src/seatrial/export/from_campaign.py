@@ -26,7 +26,7 @@ from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
 
@@ -77,11 +77,6 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     if not is_current(path, key):
         raise _stale(campaign, "another configuration, or none", remedy)
     return Estimate(labels[chosen], open_dataset(path))
-
-
-def stored_labels(folder: Path | str) -> tuple[str, ...]:
-    """Labels of the structures of which a campaign has a posterior."""
-    return tuple(sorted(path.stem for path in Store(Path(folder)).posterior("x").parent.glob("*.nc")))
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Provenance]:

@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.selection.rule_masks import RuleMasks, allowed_mass
 from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
-from seatrial.selection.subsets.chain_statistics import half_of, presence_r_hat
+from seatrial.selection.subsets.conjugate import GPrior, physical_prior
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import GPrior, physical_prior
-from seatrial.selection.subsets.prior_mass import allowed_mass
-from seatrial.selection.subsets.rules import Rules
-from seatrial.selection.subsets.sampler import sample_subsets, subset_posterior
+from seatrial.selection.subsets.sampler import half_of, presence_r_hat, sample_subsets, subset_posterior
 from seatrial.selection.subsets.structure_chains import _alike
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
-RULES = Rules(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
+RULES = RuleMasks(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
 SHORT = {"chains": 32, "moves": 500}
 MANY = [f"t{i}" for i in range(64)]
 
@@ -61,7 +59,7 @@ def test_against_all_structures(prior, options):
     exact = all_subsets(stats, prior, NAMES[:10], **options)
     found = sample_subsets(stats, prior, NAMES[:10], **options, **SHORT)
     agrees(found, exact)
-    assert options.get("rules", Rules()).allowed(found.structures).all()
+    assert options.get("rules", RuleMasks()).allowed(found.structures).all()
 
 
 def test_a_collinear_pair_is_swapped():
@@ -124,7 +122,7 @@ def two_valleys():
     mix = np.array([[1.0, 2.0, 1.0, -1.0], [2.0, -1.0, 1.0, 1.0], [1.0, 1.0, -2.0, 1.0], [-1.0, 1.0, 1.0, 2.0]])
     phi[:, 4:] = phi[:, :4] @ mix + 0.001 * random.normal(size=(400, 4))
     stats = gram(phi, phi[:, :4] @ np.ones(4) + 0.01 * random.normal(size=400))
-    rules = Rules(groups=(0b1111,), exclusive=tuple(1 << i | 1 << j for i, j in product(range(4), range(4, 8))))
+    rules = RuleMasks(groups=(0b1111,), exclusive=tuple(1 << i | 1 << j for i, j in product(range(4), range(4, 8))))
     return stats, physical_prior(np.ones(8), 0.01), NAMES[:8], rules
 
 
@@ -186,9 +184,9 @@ def test_mass_of_the_rules_against_enumeration(sure):
         ({"top": 0}, "best structures"),
         ({"chains": 2}, "2 chains of"),
         ({"moves": 100}, "100 moves"),
-        ({"rules": Rules(parents=(0b10000,))}, "term number 5"),
-        ({"rules": Rules(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
-        ({"rules": Rules(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
+        ({"rules": RuleMasks(parents=(0b10000,))}, "term number 5"),
+        ({"rules": RuleMasks(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
+        ({"rules": RuleMasks(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
     ],
 )
 def test_bad_question(options, said):

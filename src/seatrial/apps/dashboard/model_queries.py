@@ -35,7 +35,7 @@ from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import own_settings
 from seatrial.selection.structures import Structure
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 
 def steps(folder: str) -> tuple[Stage, ...]:

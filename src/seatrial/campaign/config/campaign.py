@@ -26,9 +26,8 @@ from seatrial.estimation.sensors import Sensor, bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family, check_family
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.selection.compiled_rules import CompiledRules
-from seatrial.selection.structure_count import count_structures
-from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, structure_rules
+from seatrial.selection.rules import CompiledRules
+from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, count_structures, structure_rules
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
@@ -94,7 +93,7 @@ class Campaign:
     @property
     def is_large(self) -> bool:
         """Whether there are more structures than can be simulated, so that a screening has to come first."""
-        return count_structures(self.rules).structures > MAX_STRUCTURES
+        return count_structures(self.rules) > MAX_STRUCTURES
 
     @cached_property
     def structures(self) -> tuple[Structure, ...]:

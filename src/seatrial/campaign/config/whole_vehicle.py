@@ -11,8 +11,7 @@ from seatrial.core.signals import ANGLES, RATES, SIGNALS, is_signal, signal_unit
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import AxisEquation
-from seatrial.vehicles.catalogue import catalogue_names, catalogue_vehicle
-from seatrial.vehicles.catalogue.whole import PublishedVehicle, load_vehicle
+from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
@@ -56,7 +55,7 @@ def read_vehicle(campaign: "Campaign") -> CampaignVehicle:
                 expected="a signal",
                 remedy=nearest(name, SIGNALS),
             )
-    if table.moves is not None or (table.catalogue is not None and table.catalogue not in catalogue_names()):
+    if table.moves is not None or (table.catalogue is not None and table.catalogue not in surge_names()):
         return read_whole_vehicle(campaign)
     others = sorted(table.model_fields_set - set(BY_AXES))
     if others:
@@ -69,7 +68,7 @@ def read_vehicle(campaign: "Campaign") -> CampaignVehicle:
     if table.catalogue is not None:
         check_alone(campaign, tuple(set(BY_AXES) - {"catalogue", "published_to", "known_from"}))
         with located(campaign.where("vehicle.catalogue")):
-            entry = catalogue_vehicle(table.catalogue)
+            entry = load_surge(table.catalogue)
         return AxesVehicle(campaign, entry.hull, entry.coefficients)
     if table.mass is None:
         raise InputError(

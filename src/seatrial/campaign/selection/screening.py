@@ -17,9 +17,8 @@ from seatrial.estimation.delayed_rows import delayed, likely_delay
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.estimation.weak_form import where_measured
 from seatrial.estimation.windows import FEWEST
-from seatrial.selection.screening import Believed, Screening, screen
-from seatrial.selection.structure_count import count_structures
-from seatrial.selection.structures import label_structures
+from seatrial.selection.screening import Screening, TermPrior, screen
+from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist
 
 NARROWEST = 1.0
@@ -90,7 +89,7 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     """
     path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
     if not is_current(path, key):
-        progress = reporter.progress(f"screen {count_structures(campaign.rules).structures} structures")
+        progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
         progress(0, 1)
         write_dataset(path, _dataset(campaign, *_screen(campaign, trials)), key)
         progress(1, 1)
@@ -160,7 +159,7 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
     if not equations:
         raise InputError(
             campaign.where("structure.optional"),
-            found=f"{count_structures(campaign.rules).structures} structures of a whole vehicle",
+            found=f"{count_structures(campaign.rules)} structures of a whole vehicle",
             expected="at most 64: its axes are coupled, and only equations of single axes are screened in closed form",
             remedy="move terms to `always`, state rules, or select axis by axis",
         )
@@ -176,7 +175,7 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
     model = campaign.model(campaign.full)
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     priors = {name: campaign.prior(name, units[name]) for name in terms}
-    believed = {name: Believed(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
+    believed = {name: TermPrior(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
     noise = {channel: campaign.noise(channel) for channel in campaign.channels}
     used = [name for equation in equations for name in equation.signals if name in campaign.channels]
     records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
