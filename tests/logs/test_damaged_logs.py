@@ -290,8 +290,7 @@ def test_memory_follows_the_wanted_columns_not_the_messages(tmp_path, version):
 
 
 def test_text_is_read_in_pieces(tmp_path, monkeypatch):
-    """Pieces of a hundred bytes give the numbers, the line of an error and the notes that one piece gives."""
-    from seatrial.logs.formats import text_load
+    """Pieces of a few rows give the numbers, the line of an error and the notes that one piece gives."""
     from seatrial.logs.source import LogSource
     from tests.logs.log_cases import GOOD, PROPELLER, SPEED, written
 
@@ -307,8 +306,8 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
     for name, text in texts.items():
         source = LogSource(written(tmp_path, text, name), "t", "s", channels)
         whole = read_log(source)
-        for size in (40, 150):
-            monkeypatch.setattr(text_load, "_PIECE", size)
+        for rows in (1, 3):
+            monkeypatch.setattr("seatrial.logs.formats.text._ROWS", rows)
             pieces = read_log(source)
             monkeypatch.undo()
             np.testing.assert_array_equal(pieces.time, whole.time)
@@ -316,7 +315,7 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
             assert pieces.notes == whole.notes
     repeated = GOOD.replace("1.4,614", "1.3,614")
     source = LogSource(written(tmp_path, repeated.replace("\n", "\n\n")), "t", "s", channels)
-    monkeypatch.setattr(text_load, "_PIECE", 64)
+    monkeypatch.setattr("seatrial.logs.formats.text._ROWS", 3)
     with refusal('column "t", row 31', "same time stamp"):
         read_log(source)
     source = LogSource(written(tmp_path, GOOD.replace("1.14", "fast")), "t", "s", channels)

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.clock_names import clocks_among
 from seatrial.logs.formats.matlab_arrays import matlab_arrays, version_4_order
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
@@ -25,6 +24,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    clocks_among,
 )
 
 WORKSPACE = "workspace"

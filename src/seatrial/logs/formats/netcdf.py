@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.logs.formats.clock_names import TIME_UNITS, clock_unit
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     MOST_ELEMENTS,
+    TIME_UNITS,
     Block,
     ColumnInfo,
     LogFile,
@@ -21,6 +21,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    clock_unit,
 )
 
 _CLASSIC = (b"CDF\x01", b"CDF\x02")

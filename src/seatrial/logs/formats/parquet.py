@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.clock_names import clocks_among
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     MOST_ELEMENTS,
@@ -18,6 +17,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    clocks_among,
     optional,
 )
 

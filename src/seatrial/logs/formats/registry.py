@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of, sha256_of_json
 from seatrial.core.processes import MEMORY, Elsewhere, apart
-from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, table_text, telemetry
+from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, telemetry, text
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 
 Answer = TypeVar("Answer")
@@ -26,7 +26,7 @@ FORMATS: tuple[LogFormat, ...] = (
     dataflash.FORMAT,
     telemetry.FORMAT,
     moos.FORMAT,
-    table_text.FORMAT,
+    text.FORMAT,
 )
 _HEAD = 512
 
@@ -46,7 +46,7 @@ def format_of(path: Path) -> LogFormat:
     if by_content is not None:
         return by_content
     if by_suffix is None or by_suffix.is_text:
-        return table_text.FORMAT
+        return text.FORMAT
     raise InputError(
         str(path),
         found="an empty file" if not head else f"a file that does not begin as {by_suffix.name} does",
