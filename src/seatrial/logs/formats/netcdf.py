@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     MOST_ELEMENTS,
@@ -196,6 +197,4 @@ def _text(value: Any) -> str | None:
     return value.strip() if isinstance(value, str) else None
 
 
-FORMAT = LogFormat(
-    "a NetCDF file", (".nc", ".nc4", ".cdf", ".netcdf"), _recognises, _catalogue, _blocks, is_fragile=True
-)
+FORMAT = LogFormat("a NetCDF file", (".nc", ".nc4", ".cdf", ".netcdf"), _recognises, _catalogue, _blocks, memory=MEMORY)

@@ -131,7 +131,8 @@ class LogFormat:
         read: one table whole, where that can be done better than by collecting blocks; the last argument is the
             column of stamps.
         is_text: whether a `TextLayout` means anything.
-        is_fragile: whether a C library reads it that damaged bytes can bring to abort, so that it is read in a process of its own.
+        memory: bytes that the process of its own may take in which it is read, four times those of the file apart, where a library
+            reads it that damaged bytes can bring to abort, to walk in circles or to take gigabytes; 0 where it is read in this one.
     """
 
     name: str
@@ -141,7 +142,7 @@ class LogFormat:
     blocks: Callable[[LogFile, Wanted], Iterator[Block]]
     read: Callable[[LogFile, str, Sequence[str], Sequence[str]], RawTable] | None = None
     is_text: bool = False
-    is_fragile: bool = False
+    memory: int = 0
 
 
 @dataclass(eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of, sha256_of_json
-from seatrial.core.processes import MEMORY, Elsewhere, apart
+from seatrial.core.processes import Elsewhere, apart
 from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, telemetry, text
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 
@@ -167,10 +167,10 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 def _asked(form: LogFormat, question: Callable[..., Iterable[Answer]], log: LogFile, *about: Any) -> Iterator[Answer]:
     """Answers of a format, from a process of its own where its library may break."""
-    if not form.is_fragile:
+    if not form.memory:
         return iter(question(log, *about))
-    size = 0 if log.path.is_dir() else log.path.stat().st_size  # which may be mapped into memory
-    return apart(str(log.path), question, log, *about, memory=MEMORY + size)
+    size = 0 if log.path.is_dir() else log.path.stat().st_size
+    return apart(str(log.path), question, log, *about, memory=form.memory + 4 * size)
 
 
 def _head(path: Path) -> bytes:
