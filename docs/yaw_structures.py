@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import seatrial  # noqa: F401  (settings of the engine come before JAX)
+import seatrial
 from seatrial.core.files import write_text
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.estimation.mode import find_mode
@@ -70,6 +70,7 @@ class Tried(NamedTuple):
 
 def main() -> None:
     """Screen, fit, predict, and write what is found."""
+    seatrial.configure()
     records = {run: zigzag(run) for run in FITTED + HELD}
     fitted = [records[run] for run in FITTED]
     start = time.perf_counter()

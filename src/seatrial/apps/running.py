@@ -65,8 +65,10 @@ def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
 def run_app(app: typer.Typer) -> None:
     """Run a command line; errors meant for the user are printed without a traceback, each kind with its exit code."""
     from seatrial.apps.console import fail
+    from seatrial.core import engine
     from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
 
+    engine.configure()
     try:
         app()
     except InputError as error:
