@@ -1,42 +1,79 @@
-"""The command line: one small function for each command, in `seatrial.apps.commands`, and errors in plain words."""
+"""The command line: a table of commands, each a small function of `seatrial.apps.commands` that is imported when it is called."""
 
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any, NamedTuple
 
 import typer
+from typer.core import TyperGroup
 
 from seatrial import __version__
-from seatrial.apps.commands import check, data, infer, logs, loop, plan
-from seatrial.apps.commands.catalogue import vehicle
-from seatrial.apps.commands.export import export
-from seatrial.apps.commands.rehearse import rehearse
-from seatrial.apps.commands.serve import serve
 from seatrial.apps.running import run_app
 
+
+class Command(NamedTuple):
+    """One command.
+
+    Attributes:
+        place: module and function under `seatrial.apps.commands`.
+        makes: what it makes of a campaign, in a few words; the dashboard offers every command that makes something.
+    """
+
+    place: str
+    makes: str = ""
+
+
 COMMANDS = {
-    "vehicle": vehicle,
-    "init": plan.init,
-    "prior": plan.prior,
-    "design": plan.design,
-    "rehearse": rehearse,
-    "simulate": data.simulate,
-    "inspect": logs.inspect,
-    "import": data.import_logs,
-    "estimate": infer.estimate,
-    "profile": infer.profile,
-    "select": infer.select,
-    "criteria": infer.criteria,
-    "check": check.check,
-    "tuning": check.tuning,
-    "calibrate": check.calibrate,
-    "next": loop.next_trial,
-    "report": loop.report,
-    "run": loop.run,
-    "serve": serve,
-    "export": export,
+    "vehicle": Command("catalogue:vehicle"),
+    "init": Command("plan:init"),
+    "prior": Command("plan:prior", "what the priors mean in metres per second"),
+    "design": Command("plan:design", "the most informative trial"),
+    "rehearse": Command("rehearse:rehearse", "how many trials the goal will take"),
+    "simulate": Command("data:simulate", "the trial on the simulated vehicle"),
+    "inspect": Command("logs:inspect"),
+    "import": Command("data:import_logs", "records from logs"),
+    "estimate": Command("infer:estimate", "coefficients of every structure"),
+    "profile": Command("infer:profile", "where the data alone allow each parameter to be"),
+    "select": Command("infer:select", "which terms the data support"),
+    "criteria": Command("infer:criteria", "structures by every information criterion"),
+    "check": Command("check:check", "judge the records"),
+    "tuning": Command("check:tuning", "whether the filter is tuned"),
+    "calibrate": Command("check:calibrate", "whether the stated uncertainty is right"),
+    "next": Command("loop:next_trial", "the next trial"),
+    "report": Command("loop:report", "the page of results"),
+    "run": Command("loop:run", "the whole loop, with the report"),
+    "serve": Command("serve:serve"),
+    "export": Command("export:export", "the estimated vehicle, out to a simulator"),
 }
-"""By name, in the order in which they are listed."""
+"""By name, in the order in which they are listed. To add a command, write its function and add a line here."""
+
+
+class _Imported(Mapping[str, Any]):
+    """The commands as typer wants them, each imported when it is looked up."""
+
+    def __getitem__(self, name: str) -> Any:
+        module, function = COMMANDS[name].place.split(":")
+        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+        alone.command(name=name)(getattr(import_module(f"seatrial.apps.commands.{module}"), function))
+        return typer.main.get_command(alone)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Group(TyperGroup):
+    """All commands of the table."""
+
+    def __init__(self, **attrs: Any):
+        super().__init__(**attrs)
+        self.commands = _Imported()  # pyright: ignore[reportAttributeAccessIssue]
+
 
 app = typer.Typer(
+    cls=_Group,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -46,8 +83,6 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 2 something in the input cannot be used (the message says what and how to mend it); 3 done, but a health "
     "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
 )
-for _name, _command in COMMANDS.items():
-    app.command(name=_name)(_command)
 
 
 @app.callback(invoke_without_command=True)

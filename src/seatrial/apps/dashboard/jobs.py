@@ -14,23 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.apps.campaign_lock import Occupant, occupant_of
+from seatrial.apps.cli import COMMANDS
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 
-COMMANDS = {
-    "run": "the whole loop, with the report",
-    "prior": "what the priors mean in metres per second",
-    "design": "the most informative trial",
-    "rehearse": "how many trials the goal will take",
-    "simulate": "the trial on the simulated vehicle",
-    "import": "records from logs",
-    "check": "judge the records",
-    "estimate": "coefficients of every structure",
-    "select": "which terms the data support",
-    "next": "the next trial",
-    "report": "the page of results",
-    "export": "the estimated vehicle, out to a simulator",
-}
+STARTED = {name: command.makes for name, command in COMMANDS.items() if command.makes}
 """Commands that may be started from the page, and what they make."""
 TAIL = 16_000
 """Bytes of output that are shown."""
@@ -77,11 +65,11 @@ class Jobs:
             InputError: another is at work, or the command or an option is none.
             OSError: its output cannot be written.
         """
-        if command not in COMMANDS or not all(_OPTION.fullmatch(option) for option in options):
+        if command not in STARTED or not all(_OPTION.fullmatch(option) for option in options):
             raise InputError(
                 f"command {command[:40]!r}",
                 found="no such command",
-                expected=", ".join(COMMANDS),
+                expected=", ".join(STARTED),
                 remedy="use the shell",
             )
         there = self.look(folder)

@@ -6,12 +6,13 @@ from markupsafe import Markup, escape
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
-from seatrial.apps.dashboard.jobs import COMMANDS, Job
+from seatrial.apps.dashboard.jobs import STARTED, Job
 from seatrial.apps.dashboard.page_layout import EVERY, button, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.core.errors import SeatrialError
 
-OFFERED = ("run", "prior", "design", "rehearse", "simulate", "import", "check", "estimate", "select", "next", "report")
+OFFERED = {name: f"{name}: {makes}" for name, makes in STARTED.items() if name != "export"}
+"""Commands in words; that which exports has a form of its own, beside the report."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -36,7 +37,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         said = ui.element("div")
         with ui.element("div").classes("line"):
             command = (
-                ui.select({name: f"{name}: {COMMANDS[name]}" for name in OFFERED}, value="run", label="Command")
+                ui.select(OFFERED, value="run", label="Command")
                 .props("outlined options-dense hide-bottom-space")
                 .classes("wide")
             )
