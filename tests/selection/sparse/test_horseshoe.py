@@ -1,3 +1,5 @@
+from itertools import combinations
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -6,7 +8,7 @@ from scipy import stats as distributions
 
 from seatrial.core.errors import InputError
 from seatrial.sampling.run import ChainSettings
-from seatrial.selection.sparse.horseshoe import FREEDOM, HorseshoeTarget, horseshoe
+from seatrial.selection.sparse.horseshoe import FREEDOM, Horseshoe, HorseshoeTarget, horseshoe
 from seatrial.selection.sparse.thresholded import thresholded_least_squares
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.gram import gram
@@ -100,3 +102,27 @@ def test_bad_questions():
         horseshoe(gram(phi, np.zeros(30)), NAMES[:12], KEY)
     with pytest.raises(InputError, match="1 of 1"):
         horseshoe(gram(phi[:, :1], y), NAMES[:1], KEY)
+
+
+def test_prior_draws_of_different_parts_are_independent():
+    """Of coefficients, their scales, the slab and the noise, in the order they were drawn: each of 28 correlations at one in 10 000."""
+    draws = np.asarray(small_target()[2].sample_prior(KEY, 4000))
+    parts = [draws[:, :3].ravel(), draws[:, 3:7].ravel(), draws[:, 7], draws[:, 8]]
+    columns = [*draws.T]
+    for one, other in [*combinations(parts, 2), *combinations(columns, 2)]:
+        n = min(one.size, other.size)
+        for turned in (one, np.abs(one)):
+            assert distributions.spearmanr(turned[:n], other[:n]).pvalue > 1e-5
+
+
+def test_summaries_of_the_draws_by_hand():
+    """Means of 1 - kappa over all chains and draws; a term is real where its central 95 % lies on one side of zero."""
+    rng = np.random.default_rng(0)
+    kappa = rng.random((2, 50, 3))
+    at = np.linspace(-1, 1, 100).reshape(2, 50)
+    coefficients = np.stack([at + 0.96, at + 0.94, at - 0.96], -1)
+    found = Horseshoe(NAMES[:3], coefficients, kappa, np.ones((2, 50)), None, "")
+    share = [np.mean([1 - x for x in kappa[..., j].ravel()]) for j in range(3)]
+    assert found.pseudo_inclusion == pytest.approx(share)
+    assert found.effective_terms == pytest.approx(sum(share))
+    assert found.terms == (NAMES[0], NAMES[2])
