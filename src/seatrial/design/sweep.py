@@ -220,7 +220,7 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
     n = designs[0].shape[0]
     lanes = lanes_at_once(run, *designs, cpu=LANES)
     blocks = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1).reshape(-1, lanes)
-    with ThreadPoolExecutor(1 if on_accelerator() else cores()) as pool:
+    with ThreadPoolExecutor(max_workers=1 if on_accelerator() else cores()) as pool:
         results = pool.map(
             lambda block: jax.tree.map(np.asarray, run(*(jnp.asarray(x[block]) for x in designs))), blocks
         )
