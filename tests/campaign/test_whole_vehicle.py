@@ -115,7 +115,7 @@ def test_published_coefficients_are_priors_where_sought_and_fixed_where_not(tmp_
     model = campaign.model(campaign.full)
     assert [term.text for term in model.coefficients] == ["M_uw", "M_uudelta_s"]
     assert {"w", "q", "theta"} <= set(model.states)
-    prior = campaign.prior("M_uudelta_s", "kg/rad")
+    prior = campaign.prior("M_uudelta_s")
     assert (prior.mean, prior.sd) == pytest.approx((-6.15, 1.23))
     assert campaign.hull.fixed["M_uq"] == -2.0
     assert "M_uw" not in campaign.hull.fixed
@@ -151,10 +151,10 @@ def test_what_an_earlier_campaign_found_is_a_prior_or_fixed(tmp_path):
     write_stamped_json(Store(tmp_path / "first").summary, summary, "key")
     (tmp_path / "second").mkdir()
     campaign = pitch(tmp_path / "second", ("published_to", 'known_from = ["../first"]\npublished_to'))
-    prior = campaign.prior("M_uw", "kg")
+    prior = campaign.prior("M_uw")
     assert (prior.mean, prior.sd) == pytest.approx((22.5, 0.3))
     assert campaign.hull.fixed["M_uq"] == -2.2
-    assert campaign.source.prior["M_uudelta_s"].mean == pytest.approx(-6.15)
+    assert campaign.priors["M_uudelta_s"].mean == pytest.approx(-6.15)
 
 
 @pytest.mark.parametrize(

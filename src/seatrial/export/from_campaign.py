@@ -12,7 +12,7 @@ import numpy as np
 from seatrial import __version__
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.whole_vehicle import WholeVehicle
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.estimate import Estimate, estimate_key
 from seatrial.campaign.selection.screening import with_shortlist
@@ -23,6 +23,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation import CURRENT
 from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published, rest_for, same_mass
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator
@@ -122,14 +123,14 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
         )
         found = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign), **common)
         moved = "u"
-    source = campaign.source.vehicle.catalogue
+    source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
     absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
     absent += found.unknown_drives
     return found, Provenance(
         estimate.key,
-        campaign.source.campaign.name,
+        campaign.name,
         f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
         str(estimate.data.attrs.get("seatrial_version", "")),
         tuple(term for term in campaign.full.terms if term not in structure.terms),
@@ -203,7 +204,7 @@ def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[st
             _, name, part = key.split(" ")
             found.setdefault(name, {})[part] = value
     actuators = {name: Actuator(**parts) for name, parts in found.items()}
-    control, limits = campaign.source.design.control, campaign.limits()
+    control, limits = campaign.family.control, campaign.limits
     lower, upper, rate = (getattr(limits, key) for key in ("lower", "upper", "rate"))
     if control not in actuators and not (lower is None and upper is None and rate is None):
         actuators[control] = Actuator(
@@ -213,8 +214,8 @@ def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[st
 
 
 def _limit_words(campaign: Campaign, vehicle: ExportedVehicle) -> list[str]:
-    control = campaign.source.design.control
-    known = control in vehicle.actuators and control in campaign.source.limits
+    control = campaign.family.control
+    known = control in vehicle.actuators and campaign.limits != Limits()
     return [f"limits of {control}: those of its trials, [limits] of campaign.toml"] if known else []
 
 

@@ -67,7 +67,7 @@ def write_calibration_picture(campaign: Campaign, found: Calibrated) -> Path:
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
     path = campaign.folder / f"calibration-{found.method}.svg"
     words = (
-        f"{campaign.source.campaign.name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
+        f"{campaign.name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
         f"pale bands hold all {len(found.calibration.names)} in 99 % of cases"
     )
     with own_settings():
@@ -105,7 +105,7 @@ def write_prior_picture(campaign: Campaign, found: PriorPredictive) -> Path:
             measured=found.measured,
             steady=found.steady,
             settling=found.settling,
-            words=[f"{campaign.source.campaign.name}: what the priors expect", *map(typeset, prior_summary(found))],
+            words=[f"{campaign.name}: what the priors expect", *map(typeset, prior_summary(found))],
         )
         write_text(path, draw_svg(figure, "prior"))
     return path
@@ -117,13 +117,13 @@ def write_prior_picture(campaign: Campaign, found: PriorPredictive) -> Path:
 def write_profile_picture(campaign: Campaign, found: Profiled) -> Path:
     """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
     path = campaign.folder / "profile.svg"
-    truth = {} if campaign.source.imported is not None else campaign.source.truth
+    truth = {} if campaign.imports is not None else campaign.truth
     panels = [
         Panel(profile, label_mathtext(label), truth.get(profile.name))
         for profile, label in zip(found.profiles, found.labels, strict=True)
     ]
     words = [
-        f"{campaign.source.campaign.name}: profile likelihoods of {found.structure.label}, the other parameters following",
+        f"{campaign.name}: profile likelihoods of {found.structure.label}, the other parameters following",
         "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"
         + "; dotted: true value" * bool(truth),
         *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if found.open else []),
@@ -146,7 +146,7 @@ def write_rehearsal_picture(campaign: Campaign, found: Rehearsal) -> Path:
         Progressed(name, *found.share_met(name), found.median_sd(name)[:, named]) for name in found.strategies
     ]
     words = (
-        f"{campaign.source.campaign.name}: {found.vehicles} vehicles from the priors",
+        f"{campaign.name}: {found.vehicles} vehicles from the priors",
         "bars hold 90 %; below, what the goal names",
     )
     with own_settings():
@@ -189,7 +189,7 @@ def write_select_picture(
     path = campaign.folder / "select.svg"
     with own_settings():
         figures = term_figures(campaign, selection, screened, contenders)
-        write_text(path, compose(f"{campaign.source.campaign.name}: which terms are real", figures))
+        write_text(path, compose(f"{campaign.name}: which terms are real", figures))
     return path
 
 

@@ -97,7 +97,7 @@ def rate_unit(name: str) -> str:
 
 def _smooth_channel(campaign: Campaign, record: Record, name: str) -> SmoothedChannel:
     where, values = f'record "{record.label}", channel "{name}"', record.channel(name)
-    stated = campaign.noise(name) if name in campaign.source.sensors else None
+    stated = campaign.noise.get(name)
     found = smooth(record.time, values, where=where)
     used = found.hidden and stated is not None
     if used:

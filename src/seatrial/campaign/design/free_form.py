@@ -103,7 +103,7 @@ def check_free_trial(campaign: Campaign) -> None:
     """
     campaign.check_surge("a free form")
     check_whole_trials(campaign, "--free-form")
-    limits, control = campaign.limits(), campaign.family.control
+    limits, control = campaign.limits, campaign.family.control
     if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
         unit = shown_unit(control)[1]
         raise InputError(
@@ -118,24 +118,24 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
     model, form = campaign.model(campaign.full), _form(campaign, levels)
     priors = coefficient_priors(campaign, model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
-    draws = draw_values(priors, random_key(campaign, "draws of the free form"), 2 * HALF)
+    draws = draw_values(priors, random_key(campaign.seed, "draws of the free form"), 2 * HALF)
     best = design_first(campaign, reporter).best
     family = best.best_manoeuvre()
     problem = FreeFormProblem(
         plan,
         form,
-        campaign.limits(),
+        campaign.limits,
         draws[:POINTS],
         cov,
         motion=campaign.motion_limits,
         draws=draws[:SAFE_FOR],
-        risk=RISK * (1.0 - campaign.source.design.probability),
+        risk=RISK * (1.0 - campaign.design.probability),
     )
     time, control = family.sample(best.family.sample_time)
     near = nearest_levels(form, time, control)
     found = design_free_form(
         problem,
-        campaign.source.campaign.seed,
+        campaign.seed,
         {f"the best {family.name}": near, **_random(campaign, form)},
         progress=reporter.progress("free-form design"),
     )
@@ -166,7 +166,7 @@ def _safety(campaign: Campaign, plan: Any, found: FreeFormDesign, draws: np.ndar
     if not campaign.motion_limits:
         return ()
     control = found.manoeuvre.sample(campaign.family.sample_time)[1]
-    probability = campaign.source.design.probability
+    probability = campaign.design.probability
     return judge_safety(plan, control[None, :, None], draws[HALF:], campaign.motion_limits, probability).words(0)
 
 
@@ -178,7 +178,7 @@ def _form(campaign: Campaign, levels: int) -> SteppedInput:
 
 
 def _random(campaign: Campaign, form: SteppedInput) -> dict[str, np.ndarray]:
-    limits, random = campaign.limits(), np.random.default_rng(campaign.source.campaign.seed)
+    limits, random = campaign.limits, np.random.default_rng(campaign.seed)
     assert limits.lower is not None
     assert limits.upper is not None
     return {f"random levels {i + 1}": random.choice([limits.lower, limits.upper], form.size) for i in range(2)}

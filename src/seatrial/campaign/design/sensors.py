@@ -57,7 +57,7 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorTable
         NumericalError: the motion diverges at a draw of the priors.
     """
     best, model, family = design_first(campaign, reporter).best, campaign.model(campaign.full), campaign.family
-    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    noise = campaign.noise
     controls = best.best_controls()
     plan = plan_trial(model, campaign.state_trim(model), noise, len(controls), family.sample_time)
     words, choices = zip(*_choices(campaign), strict=True)
@@ -88,7 +88,7 @@ def _choices(campaign: Campaign) -> list[tuple[str, SensorChoice]]:
             samples = round(1.0 / (rate * step))
             if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
                 found.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
-        better = campaign.noise(channel) / 2
+        better = campaign.noise[channel] / 2
         found.append(
             (f"{channel} of noise {better:.3g} {signal_unit(channel)}", SensorChoice(every, _with(ones, i, 0.5)))
         )

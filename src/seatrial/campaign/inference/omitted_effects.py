@@ -90,7 +90,7 @@ def _left_out(campaign: Campaign, estimate: Estimate, posterior: Posterior) -> t
     step = float(np.asarray(data.step)[0, 0])
     if not campaign.has_delay and np.ptp(np.asarray(data.step)[np.asarray(data.step) > 0]) < 1e-6 * step:
         signatures[DELAY] = (delayed - base) / step
-    for i, sensor in enumerate(campaign.sensors):
+    for i, sensor in enumerate(campaign.sensor_models):
         if not sensor.bias:
             signatures[f"offset of {sensor.channel}"] = np.eye(len(channels))[i] * np.ones_like(base)
     found = score_effects(

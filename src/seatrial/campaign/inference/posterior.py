@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.nuisance_parameters import deviations, nuisances, varying
+from seatrial.campaign.config.nuisance_parameters import deviations, varying
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
@@ -27,9 +27,9 @@ NARROWEST = 1e-9
 """Standard deviation over value of a prior below which rounding is felt."""
 
 
-def random_key(campaign: Campaign, purpose: str) -> jax.Array:
+def random_key(seed: int, purpose: str) -> jax.Array:
     """Random key of one piece of work, from the campaign's seed and the work's name."""
-    return jax.random.fold_in(jax.random.key(campaign.source.campaign.seed), zlib.crc32(purpose.encode()))
+    return jax.random.fold_in(jax.random.key(seed), zlib.crc32(purpose.encode()))
 
 
 def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[Record]) -> Posterior:
@@ -70,13 +70,12 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     """Coefficients and nuisances with their priors, those of each trial under its label."""
     labels, own = tuple(record.label for record in records), campaign.own
     parameters = [
-        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text, model.unit_of(term)))
-        for term in model.coefficients
+        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text)) for term in model.coefficients
     ]
-    for nuisance in nuisances(campaign, model):
+    for nuisance, prior in campaign.nuisances(model):
         one_each = nuisance.name in own
-        parameters += [nuisance.of_trial(label) for label in labels] if one_each else [nuisance.parameter()]
-    parameters += deviations(varying(campaign, model), labels)
+        parameters += [nuisance.of_trial(label, prior) for label in labels] if one_each else [nuisance.parameter(prior)]
+    parameters += deviations(varying(campaign.estimation, model), labels)
     if _free_initial(campaign):
         starts = [initial_state(campaign, model, record) for record in records]
         parameters += _initial_states(campaign, model, labels, starts)
@@ -91,21 +90,23 @@ def build_likelihood(
     Raises:
         InputError: records or sensors that this likelihood cannot use, with the campaign's file.
     """
-    table = campaign.source.estimation
+    table = campaign.estimation
     starts = [initial_state(campaign, model, record) for record in records]
     options = {
         "delay": campaign.has_delay,
         "current": table.current != "none",
         "own": campaign.own,
-        "varying": varying(campaign, model),
+        "varying": varying(campaign.estimation, model),
         "starts_over_ground": table.initial != "trim",
     }
     _check_turns(model, records)
     with located(str(campaign.path)):
         if table.likelihood == "filter-error":
             spread = [first_sd(campaign, state) for state in model.states]
-            return filter_error(model, records, campaign.sensors, starts, spread, **options)
-        return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
+            return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
+        return output_error(
+            model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign), **options
+        )
 
 
 def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
@@ -126,7 +127,7 @@ def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
 
 def first_sd(campaign: Campaign, state: str) -> float:
     """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
-    return campaign.noise(state) if state in campaign.channels else 1.0
+    return campaign.noise[state] if state in campaign.channels else 1.0
 
 
 def _free_initial(campaign: Campaign) -> bool:
@@ -135,7 +136,7 @@ def _free_initial(campaign: Campaign) -> bool:
     Raises:
         InputError: a quaternion, whose four numbers are not free.
     """
-    table = campaign.source.estimation
+    table = campaign.estimation
     if table.initial == "estimated" and set(QUATERNION) <= set(campaign.model(campaign.full).states):
         raise InputError(
             campaign.where("estimation.initial"),
@@ -182,7 +183,7 @@ def _check_widths(campaign: Campaign, parameters: Sequence[Parameter]) -> None:
 
 
 def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
-    if campaign.source.estimation.varying and len(records) < 2:
+    if campaign.estimation.varying and len(records) < 2:
         raise InputError(
             campaign.where("estimation.varying"),
             found=f'one trial, "{records[0].label}"',
@@ -208,7 +209,7 @@ def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tu
     Raises:
         InputError: a state that is not measured and has no trim value; of a whole vehicle such states start at 0 and level.
     """
-    if campaign.source.estimation.initial == "trim":
+    if campaign.estimation.initial == "trim":
         return campaign.state_trim(model)
     known = {**campaign.hull.trim, **first_measured(record)}
     for state in model.states:

@@ -156,7 +156,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
     # Under one label for all records, so that records of one length share compiled code.
     anonymous = replace(record, label=ANY)
     likelihood, data = build_likelihood(campaign, model, [anonymous])
-    keys = jax.random.split(random_key(campaign, f"predict {record.label}"), 1 + len(table))
+    keys = jax.random.split(random_key(campaign.seed, f"predict {record.label}"), 1 + len(table))
     starts = {initial_name(state, ANY): first_sd(campaign, state) for state in model.states}
     values = {}
     for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
@@ -168,7 +168,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
             prior = Normal(prior.mean, starts[parameter.name])
         values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
     outputs = np.asarray(_outputs(likelihood)(values, data, keys[1:]))
-    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensors])
+    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensor_models])
     noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)
     return {

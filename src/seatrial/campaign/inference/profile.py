@@ -88,7 +88,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
 
 def _each(campaign: Campaign, posterior: Posterior, structure: Structure, names: Sequence[str]) -> Iterator[Profile]:
     """Profiles, a few at a time."""
-    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     for start in range(0, len(names), TOGETHER):
         yield from profile_likelihood(posterior, mode, names[start : start + TOGETHER])
 

@@ -197,11 +197,9 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
     columns = [
         driven if name == manoeuvre.control else np.full(time.size, held.get(name, 0.0)) for name in model.controls
     ]
-    priors = {
-        term.text: (campaign.prior(term.text, model.unit_of(term)), model.unit_of(term)) for term in model.coefficients
-    }
+    priors = {term.text: (campaign.prior(term.text), model.unit_of(term)) for term in model.coefficients}
     if campaign.has_delay:
-        priors["delay"] = campaign.prior("delay", "s"), "s"
+        priors["delay"] = campaign.prior("delay"), "s"
     return PriorTrial(
         words,
         "",
@@ -216,7 +214,7 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
 
 def _largest(campaign: Campaign) -> Manoeuvre:
     """Member of the first family of the largest amplitude inside the limits, and of the longest period that fits."""
-    family, limits, (amplitudes, periods) = campaign.families[0], campaign.limits(), campaign.grid()
+    family, limits, (amplitudes, periods) = campaign.families[0], campaign.limits, campaign.design.grid()
     fitting = periods[family.fits(periods)]
     period = float(fitting.max() if fitting.size else periods.min())
     members = [family.manoeuvre(float(amplitude), period) for amplitude in amplitudes[::-1]]
@@ -305,13 +303,13 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     campaign.check_surge("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
-    key = random_key(campaign, "prior predictive")
+    key = random_key(campaign.seed, "prior predictive")
     drawn = {name: _draw(prior, key, name) for name, prior in trial.priors.items()}
     coefficients = {term.text: drawn[term.text] for term in model.coefficients}
     names = [initial_name(state, trial.label) for state in model.states]
     start = [drawn.get(name, np.full(N_DRAWS, value)) for name, value in zip(names, trial.start, strict=True)]
     current, bias = (_of_trial(drawn, name, trial.label) for name in (CURRENT, bias_name("u")))
-    if trial.label and campaign.source.estimation.initial != "trim":
+    if trial.label and campaign.estimation.initial != "trim":
         start[model.states.index("u")] = start[model.states.index("u")] - current
     keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
     speed, diverged = speeds(

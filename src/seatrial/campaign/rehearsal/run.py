@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.goal import Goal
+from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
@@ -95,13 +95,13 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
 
 def rehearsal_key(campaign: Campaign) -> str:
     """Key of a rehearsal of any number of vehicles."""
-    source, goal = campaign.source, _goal(campaign)
+    goal = _goal(campaign)
     return key_of(
         "rehearsal",
         design_key(campaign),
         {"shares": dict(goal.shares), "sds": dict(goal.sds), "trials": goal.trials},
-        source.estimation.model_dump(),
-        source.campaign.seed,
+        campaign.estimation,
+        campaign.seed,
     )
 
 
@@ -122,7 +122,7 @@ def _rehearse_one(
     campaign: Campaign, goal: Goal, space: DesignSpace, fixed: Mapping[str, Design], index: int
 ) -> Outcome:
     """Every strategy on one vehicle."""
-    vehicle = draw_vehicle(campaign, space.extremes, jax.random.fold_in(random_key(campaign, "rehearsal"), index))
+    vehicle = draw_vehicle(campaign, space.extremes, jax.random.fold_in(random_key(campaign.seed, "rehearsal"), index))
 
     def adaptive(number: int, values: np.ndarray | None, cov: np.ndarray | None) -> Design:
         return fixed["fixed"] if values is None or cov is None else space.most_informative(values, cov)
@@ -175,7 +175,7 @@ def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choo
 def _known(campaign: Campaign, records: Sequence[Record], most: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Mode of the k coefficients and their covariance, SI, given all records."""
     posterior = joint_posterior(campaign, records, most)
-    mode = find_mode(posterior, random_key(campaign, "rehearsal mode"))
+    mode = find_mode(posterior, random_key(campaign.seed, "rehearsal mode"))
     slope = np.asarray(jax.jvp(posterior.constrain, (jnp.asarray(mode.z),), (jnp.ones(posterior.dim),))[1])
     return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
 

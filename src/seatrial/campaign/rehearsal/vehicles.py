@@ -79,7 +79,7 @@ def draw_vehicle(campaign: Campaign, extremes: Float[np.ndarray, "2 n"], key: ja
         )
     first = int(stays[0])
     values = {name: float(column[first]) for name, column in columns.items() if not _is_own(name)}
-    values |= {noise_name(channel): campaign.noise(channel) for channel in campaign.channels}
+    values |= {noise_name(channel): campaign.noise[channel] for channel in campaign.channels}
     return Vehicle(values, trial_key, first)
 
 

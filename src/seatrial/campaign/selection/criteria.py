@@ -152,7 +152,7 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Datas
 
 
 def _at_maximum(campaign: Campaign, posterior: Posterior, structure: Structure) -> list[PredictiveCriterion]:
-    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     best = maximise_likelihood(posterior, mode).values
     density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
     return [aic(density, posterior.dim), bic(density, posterior.dim)]
@@ -171,7 +171,7 @@ def _predict(
         return past(time)
 
     try:
-        found = leave_future_out(watched, edges, random_key(campaign, f"future {structure.terms}"))
+        found = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
         dataset = _dataset([found.criterion], "")
     except (InputError, NumericalError) as error:
         reason = error.found if isinstance(error, InputError) else str(error).removeprefix(f"{FUTURE}: ")
@@ -353,7 +353,7 @@ def nested_pairs(
     by_names = {frozenset(estimate.names): estimate for estimate in estimates}
     said = []
     for larger in estimates:
-        terms = [term for term in campaign.source.structure.optional if term in larger.names]
+        terms = [term for term in campaign.structure.optional if term in larger.names]
         pairs = [(term, by_names.get(frozenset(larger.names) - {term})) for term in terms]
         inside = [(term, smaller) for term, smaller in pairs if smaller is not None]
         if inside:

@@ -200,7 +200,7 @@ def _nats(
     start = np.array(campaign.state_trim(campaign.model(best.structure)))
     every = campaign.model(campaign.full).controls
     places = [tuple(every.index(name) for name in simulator.model.controls) for simulator in simulators]
-    run = _follow(*simulators, *places, campaign.source.estimation.initial != "trim")
+    run = _follow(*simulators, *places, campaign.estimation.initial != "trim")
     values = _of_new_trial(campaign, truth), _of_new_trial(campaign, other)
     fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
     return in_blocks(lambda control: (run(control, *fixed),), controls)[0]

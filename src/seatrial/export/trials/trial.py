@@ -59,10 +59,9 @@ def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " 
         InputError: no stick stands for the control, it does not move the vehicle as the stick would, or either way is possible.
     """
     _, rate, _ = _row(control)
-    model, key = campaign.model(campaign.full), random_key(campaign, "stick")
+    model, key = campaign.model(campaign.full), random_key(campaign.seed, "stick")
     drawn = {
-        term.text: np.asarray(campaign.prior(term.text, model.unit_of(term)).draw(key, (_DRAWS,)), float)
-        for term in model.coefficients
+        term.text: np.asarray(campaign.prior(term.text).draw(key, (_DRAWS,)), float) for term in model.coefficients
     }
     known = {"u": SPEED, **campaign.hull.trim}
     try:
@@ -303,23 +302,18 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
     factor, unit = shown_unit(control)
     if content["unit"] != unit:
         raise ValueError(f"unit {content['unit']!r} of {control}, which is shown in {unit}")
-    limits = campaign.limits()
-    motion = [
-        f"{name} " + ", ".join(f"{key} {value}" for key, value in table.model_dump().items() if value is not None)
-        for name, table in campaign.source.limits.items()
-        if name != control
-    ]
+    limits, motion = campaign.limits, tuple(limit.words for limit in campaign.motion_limits)
     time, value = np.array(content["time_s"], float), np.array(content["value"], float) / factor
     whole = time.ndim == 1 and time.shape == value.shape and time.size > 1 and np.isfinite([*time, *value]).all()
     if not (whole and (np.diff(time) >= 0).all()):
         raise ValueError("times and values that are no schedule")
-    own = control == campaign.source.design.control
+    own = control == campaign.family.control
     lower, upper, rate = (getattr(limits, key) if own else None for key in ("lower", "upper", "rate"))
-    name = campaign.source.campaign.name
+    name = campaign.name
     rule = content.get("rule", "")
     find_stick = partial(campaign_stick, campaign, control, value)
     manoeuvre = content["manoeuvre"]
-    return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, tuple(motion), rule, find_stick)
+    return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, motion, rule, find_stick)
 
 
 def _again(campaign: Campaign) -> str:
