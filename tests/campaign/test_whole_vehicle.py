@@ -179,15 +179,12 @@ def test_vehicles_that_make_no_sense(tmp_path, change, message):
 def test_a_quaternion_is_no_unknown_start(tmp_path):
     changes = [
         ('moves = ["w", "q"]', 'moves = ["v", "w", "p", "q", "r"]\nattitude = "quaternion"'),
-        ("[truth]", '[estimation]\ninitial = "estimated"\n\n[truth]'),
         ('u = "1.54 m/s"', 'u = "1.54 m/s"\ndelta_r = "0 deg"'),
     ]
     campaign = pitch(tmp_path, *changes)
     assert campaign.state_trim(campaign.model(campaign.full))[-4:] == (1.0, 0.0, 0.0, 0.0)
-    from seatrial.campaign.inference.posterior import build_parameters
-
-    with pytest.raises(InputError, match="attitude as a quaternion"):
-        build_parameters(campaign, campaign.model(campaign.full), ())
+    with pytest.raises(InputError, match=r"estimation\.initial(.|\n)*attitude as a quaternion"):
+        pitch(tmp_path, *changes, ("[truth]", '[estimation]\ninitial = "estimated"\n\n[truth]'))
 
 
 def test_a_heading_over_full_turns_needs_euler_angles(tmp_path):

@@ -33,7 +33,7 @@ from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import ANGLES, signal_unit
+from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.simulation import CURRENT
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
@@ -198,6 +198,13 @@ def _estimation(table: EstimationTable, keys: FileKeys, model: VehicleModel) -> 
                 expected="a coefficient: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
+    if table.initial == "estimated" and set(QUATERNION) <= set(model.states):
+        raise InputError(
+            keys.where("estimation.initial"),
+            found='"estimated" with the attitude as a quaternion',
+            expected="an attitude of independent numbers",
+            remedy='set vehicle.attitude = "euler", or initial = "measured"',
+        )
     return EstimationSettings(**{**table.model_dump(), "varying": tuple(table.varying)})
 
 

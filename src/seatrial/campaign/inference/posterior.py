@@ -8,6 +8,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.nuisance_parameters import deviations, varying
+from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
@@ -76,7 +77,7 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
         one_each = nuisance.name in own
         parameters += [nuisance.of_trial(label, prior) for label in labels] if one_each else [nuisance.parameter(prior)]
     parameters += deviations(varying(campaign.estimation, model), labels)
-    if _free_initial(campaign):
+    if _free_initial(campaign.estimation):
         starts = [initial_state(campaign, model, record) for record in records]
         parameters += _initial_states(campaign, model, labels, starts)
     return tuple(parameters)
@@ -105,7 +106,7 @@ def build_likelihood(
             spread = [first_sd(campaign, state) for state in model.states]
             return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
         return output_error(
-            model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign), **options
+            model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign.estimation), **options
         )
 
 
@@ -130,21 +131,9 @@ def first_sd(campaign: Campaign, state: str) -> float:
     return campaign.noise[state] if state in campaign.channels else 1.0
 
 
-def _free_initial(campaign: Campaign) -> bool:
-    """Whether initial states are parameters; a filter takes them as uncertain anyway.
-
-    Raises:
-        InputError: a quaternion, whose four numbers are not free.
-    """
-    table = campaign.estimation
-    if table.initial == "estimated" and set(QUATERNION) <= set(campaign.model(campaign.full).states):
-        raise InputError(
-            campaign.where("estimation.initial"),
-            found='"estimated" with the attitude as a quaternion',
-            expected="an attitude of independent numbers",
-            remedy='set vehicle.attitude = "euler", or initial = "measured"',
-        )
-    return table.initial == "estimated" and table.likelihood == "output-error"
+def _free_initial(estimation: EstimationSettings) -> bool:
+    """Whether initial states are parameters; a filter takes them as uncertain anyway."""
+    return estimation.initial == "estimated" and estimation.likelihood == "output-error"
 
 
 def _initial_states(
