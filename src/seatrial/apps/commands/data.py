@@ -115,8 +115,9 @@ def _smooth(campaign: Any, trials: Any, channels: str) -> None:
     for record in records:
         check_names(record, names, "--accelerations")
     for record in records:
-        found = smooth_channels(campaign, record, names)
+        found = smooth_channels(campaign.noise, record, names)
         for channel in found:
             typer.echo(f"record {record.label}, {channel.line}")
-        paths = (write_accelerations(campaign, record, found), write_accelerations_picture(campaign, record, found))
+        folder = campaign.folder
+        paths = (write_accelerations(folder, record, found), write_accelerations_picture(folder, record, found))
         typer.echo(f"  written: {', '.join(map(str, paths))}")

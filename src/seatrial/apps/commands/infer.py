@@ -59,7 +59,7 @@ def profile(
 
         found = profile_all(campaign, get_trials(campaign, reporter), parameter or [], reporter)
         typer.echo("\n".join(found.lines()))
-        typer.echo(f"picture: {write_profile_picture(campaign, found)}")
+        typer.echo(f"picture: {write_profile_picture(campaign.folder, campaign.name, campaign.truth, found)}")
         return Exit.OK
 
     with_campaign(folder, quiet, work)

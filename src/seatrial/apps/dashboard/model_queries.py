@@ -32,6 +32,7 @@ from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import own_settings
@@ -138,7 +139,7 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     if not (0 <= row < sweep.amplitude.size and 0 <= column < sweep.period.size):
         raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
     chosen = chosen_of(sweep, (row, column))
-    manoeuvre = chosen.manoeuvre(campaign)
+    manoeuvre = chosen.manoeuvre(campaign.families)
     time, values = manoeuvre.sample(sweep.family.sample_time)
     factor, _ = shown_unit(manoeuvre.control)
     limits = campaign.limits
@@ -148,7 +149,7 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
         plot = as_plot(figure, "control", "Control of the design over time")
     with tempfile.TemporaryDirectory() as place:
         schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
-    margins = (*_of_control(campaign, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
+    margins = (*_of_control(campaign.limits, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
     return Clicked(design_words(sweep.family, chosen.amplitude, chosen.period), plot, margins, schedule)
 
 
@@ -168,8 +169,8 @@ def _usable(template: str, vehicle: str) -> bool:
         return False
 
 
-def _of_control(campaign: Campaign, sweep: Sweep, values: np.ndarray) -> list[Margin]:
-    limits, control = campaign.limits, sweep.family.control
+def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:
+    control = sweep.family.control
     factor, unit = shown_unit(control)
     fastest = float(np.abs(np.diff(values)).max(initial=0.0) / sweep.family.sample_time)
     rows = [

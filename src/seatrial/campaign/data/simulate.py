@@ -4,7 +4,7 @@ The truth may hold what no structure has: a lag of the actuator, dn/dt = (comman
 which the speed over ground shows and the speed through the water does not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import exp
 
@@ -24,6 +24,7 @@ from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.simulation import CURRENT
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.vehicles.simulate import simulate
 
@@ -78,9 +79,9 @@ class Chosen:
     period: float
     length: float | None = None
 
-    def manoeuvre(self, campaign: Campaign) -> Manoeuvre:
-        """The trial itself."""
-        family = next(one for one in campaign.families if one.kind == self.kind)
+    def manoeuvre(self, families: Sequence[Family]) -> Manoeuvre:
+        """The trial itself; its family is one of those that are swept."""
+        family = next(one for one in families if one.kind == self.kind)
         made = family.manoeuvre(self.amplitude, self.period)
         return made if self.length is None else replace(made, duration=self.length)
 
@@ -165,7 +166,7 @@ def _begun(campaign: Campaign) -> str:
 
 
 def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
-    family, manoeuvre = campaign.family, chosen.manoeuvre(campaign)
+    family, manoeuvre = campaign.family, chosen.manoeuvre(campaign.families)
     time, command = manoeuvre.sample(family.sample_time)
     trim = campaign.control_trim(campaign.model(campaign.full))
     columns = {name: command if name == family.control else np.full(command.size, value) for name, value in trim}

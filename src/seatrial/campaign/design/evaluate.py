@@ -17,6 +17,7 @@ from seatrial.core.errors import InputError
 from seatrial.design.cost import PropellerPower, expected_cost, gain_per_cost, in_joules
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.stopping import best_stops
@@ -92,14 +93,20 @@ def weigh(
     return replace(sweep, utility=found)
 
 
-def safety_lines(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: Float[np.ndarray, "S k"]) -> Sequence[str]:
+def safety_lines(
+    limits: Sequence[MotionLimit],
+    probability: float,
+    plan: TrialPlan,
+    sweep: Sweep,
+    draws: Float[np.ndarray, "S k"],
+) -> Sequence[str]:
     """How surely the best design keeps each limit of the motion, on draws that had no part in choosing it."""
-    if not campaign.motion_limits:
+    if not limits:
         return ()
-    fresh, probability = draws[len(_for_choice(draws)) :], campaign.design.probability
+    fresh = draws[len(_for_choice(draws)) :]
     samples = None if sweep.length is None else _samples(sweep, sweep.length[[sweep.best[0]], [sweep.best[1]]])
     controls = sweep.best_controls()[None]
-    return judge_safety(plan, controls, fresh, campaign.motion_limits, probability, samples=samples).words(0)
+    return judge_safety(plan, controls, fresh, limits, probability, samples=samples).words(0)
 
 
 def plan_as_run(plan: TrialPlan, sweep: Sweep) -> TrialPlan:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.settings import DesignSettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
@@ -109,7 +110,7 @@ def check_search(campaign: Campaign, budget: int) -> None:
         InputError: a grid of one amplitude or period, too small a budget, or designs that are counted by the second or joule.
     """
     check_whole_trials(campaign, "--search")
-    lower, upper = _box(campaign)
+    lower, upper = _box(campaign.design)
     for name, low, high in zip(("amplitude", "period"), lower, upper, strict=True):
         if not low < high:
             raise InputError(
@@ -128,7 +129,7 @@ def check_search(campaign: Campaign, budget: int) -> None:
 
 
 def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
-    lower, upper = _box(campaign)
+    lower, upper = _box(campaign.design)
     model = campaign.model(campaign.full)
     plan, best = plan_of(campaign, model), design_first(campaign, reporter).best
     draws = prior_draws(campaign, model)
@@ -181,9 +182,9 @@ def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
     )
 
 
-def _box(campaign: Campaign) -> tuple[np.ndarray, np.ndarray]:
+def _box(design: DesignSettings) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest amplitude and period of the grid."""
-    amplitude, period = campaign.design.grid()
+    amplitude, period = design.grid()
     return np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
 
 

@@ -315,6 +315,7 @@ def _sweep(
         "final_sd": "SI",
         "length": "s",
     }
+    safety = safety_lines(campaign.motion_limits, campaign.design.probability, plan, best, draws)
     dataset = xr.Dataset(
         {
             name: (
@@ -336,7 +337,7 @@ def _sweep(
             "control": campaign.family.control,
             "trim": json.dumps(trim),
             "refused": json.dumps(refused),
-            "safety": json.dumps(safety_lines(campaign, plan, best, draws)),
+            "safety": json.dumps(safety),
             "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         },
     )

@@ -1,7 +1,7 @@
 """From a campaign and its records to the posterior of one structure."""
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import numpy as np
@@ -42,9 +42,9 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     """
     model = campaign.model(structure)
     parameters = build_parameters(campaign, model, records)
-    _check_widths(campaign, parameters)
+    _check_widths(parameters, campaign.where)
     _check_trials(campaign, records)
-    _check_enough(campaign, records, len(parameters))
+    _check_enough(campaign.channels, records, len(parameters))
     return Posterior(
         parameters, *build_likelihood(campaign, model, records), _guess(campaign, model, records, parameters)
     )
@@ -79,7 +79,7 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     parameters += deviations(varying(campaign.estimation, model), labels)
     if _free_initial(campaign.estimation):
         starts = [initial_state(campaign, model, record) for record in records]
-        parameters += _initial_states(campaign, model, labels, starts)
+        parameters += _initial_states(campaign.noise, model, labels, starts)
     return tuple(parameters)
 
 
@@ -103,7 +103,7 @@ def build_likelihood(
     _check_turns(model, records)
     with located(str(campaign.path)):
         if table.likelihood == "filter-error":
-            spread = [first_sd(campaign, state) for state in model.states]
+            spread = [first_sd(campaign.noise, state) for state in model.states]
             return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
         return output_error(
             model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign.estimation), **options
@@ -126,9 +126,9 @@ def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
                 )
 
 
-def first_sd(campaign: Campaign, state: str) -> float:
+def first_sd(noise: Mapping[str, float], state: str) -> float:
     """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
-    return campaign.noise[state] if state in campaign.channels else 1.0
+    return noise.get(state, 1.0)
 
 
 def _free_initial(estimation: EstimationSettings) -> bool:
@@ -137,24 +137,24 @@ def _free_initial(estimation: EstimationSettings) -> bool:
 
 
 def _initial_states(
-    campaign: Campaign, model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
+    noise: Mapping[str, float], model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
 ) -> list[Parameter]:
     return [
         Parameter(
             initial_name(state, label),
             signal_unit(state),
             rf"{state}_0[{label}]",
-            Normal(value, 5.0 * first_sd(campaign, state) if state in campaign.channels else 1.0),
+            Normal(value, 5.0 * noise[state] if state in noise else 1.0),
         )
         for label, start in zip(labels, starts, strict=True)
         for state, value in zip(model.states, start, strict=True)
     ]
 
 
-def _check_widths(campaign: Campaign, parameters: Sequence[Parameter]) -> None:
+def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str]) -> None:
     for parameter in parameters:
         mean, sd = float(parameter.prior.mean), float(parameter.prior.sd)
-        where = campaign.where(f"prior.{parameter.name.split('[')[0]}")
+        where = name_key(f"prior.{parameter.name.split('[')[0]}")
         if not sd < WIDEST:
             raise InputError(
                 where,
@@ -181,8 +181,8 @@ def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
         )
 
 
-def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) -> None:
-    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in campaign.channels)
+def _check_enough(channels: Sequence[str], records: Sequence[Record], unknowns: int) -> None:
+    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in channels)
     if count < 2 * unknowns:
         raise InputError(
             "records " + ", ".join(f'"{record.label}"' for record in records),

@@ -149,12 +149,12 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         else ""
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
-    held_back = predict_held_back(campaign, _drawn(campaign, structure, posterior, mode), trials)
+    held_back = predict_held_back(campaign, _drawn(campaign.seed, structure, posterior, mode), trials)
     return FirstAnswer(structure, rows, ("mode",), note, caution=caution, held_back=tuple(held_back))
 
 
-def _drawn(campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
-    key = random_key(campaign.seed, f"about the mode {structure.terms}")
+def _drawn(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
+    key = random_key(seed, f"about the mode {structure.terms}")
     z = jax.random.multivariate_normal(key, mode.z, mode.cov, (N_DRAWS,), method="eigh")
     return _NormalPosterior(structure, posterior.names, np.asarray(posterior.constrain(z)))
 

@@ -33,6 +33,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
 from seatrial.estimation.mode import find_mode
+from seatrial.manoeuvres.family import Family
 
 DOUBLET = "repeated-doublet"
 FEWEST_VEHICLES = 2
@@ -147,7 +148,7 @@ def _rehearse_one(
 def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choose) -> Outcome:
     """Trials of one vehicle until the goal is met."""
     names = [term.text for term in campaign.model(campaign.full).coefficients]
-    most, kinds = goal.trials, _kinds(campaign)
+    most, kinds = goal.trials, _kinds(campaign.families)
     estimate, sd = np.full((2, most, len(names)), np.nan)
     family, (amplitude, period) = np.full(most, -1), np.full((2, most), np.nan)
     records: list[Record] = []
@@ -180,8 +181,8 @@ def _known(campaign: Campaign, records: Sequence[Record], most: int, k: int) -> 
     return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
 
 
-def _kinds(campaign: Campaign) -> list[str]:
-    kinds = [family.kind for family in campaign.families]
+def _kinds(families: Sequence[Family]) -> list[str]:
+    kinds = [family.kind for family in families]
     return kinds if RANDOM in kinds else [*kinds, RANDOM]
 
 
@@ -194,8 +195,8 @@ def _dataset(campaign: Campaign, strategies: Sequence[str], outcomes: Sequence[O
     names = [term.text for term in campaign.model(campaign.full).coefficients]
     data = xr.Dataset(stacked, {"strategy": list(strategies), "coefficient": names})
     data["family"].attrs = {
-        "flag_values": np.arange(len(_kinds(campaign))),
-        "flag_meanings": " ".join(_kinds(campaign)),
+        "flag_values": np.arange(len(_kinds(campaign.families))),
+        "flag_meanings": " ".join(_kinds(campaign.families)),
     }
     data["amplitude"].attrs, data["period"].attrs = {"units": "SI"}, {"units": "s"}
     return data

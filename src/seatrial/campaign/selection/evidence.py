@@ -43,7 +43,7 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
         evidences = _evidences(campaign, trials, keys, reporter)
         write_stamped_json(
             store.selection,
-            _as_json(campaign, _select(campaign, trials, evidences)),
+            _as_json(_select(campaign, trials, evidences)),
             key,
         )
         for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
@@ -180,7 +180,7 @@ def structure_rows(selection: Selection) -> list[dict[str, Any]]:
     ]
 
 
-def _as_json(campaign: Campaign, selection: Selection) -> dict:
+def _as_json(selection: Selection) -> dict:
     return {
         "structures": structure_rows(selection),
         "inclusion": dict(selection.inclusion),

@@ -277,13 +277,15 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
             str(beside),
             found=f"no schedule ({type(cause).__name__}: {cause})",
             expected="a schedule as `seatrial design` writes it, beside its CSV",
-            remedy=_again(campaign),
+            remedy=_again(campaign.folder),
         ) from cause
     _check(trial, path)
-    _check_table(trial, path, _again(campaign))
+    _check_table(trial, path, _again(campaign.folder))
     is_stale = Step(name, "stale", name) in standing(campaign.folder)
     return (
-        trial._replace(caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign)}")
+        trial._replace(
+            caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign.folder)}"
+        )
         if is_stale
         else trial
     )
@@ -316,8 +318,8 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
     return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, motion, rule, find_stick)
 
 
-def _again(campaign: Campaign) -> str:
-    return f"run `seatrial design {campaign.folder}` or `seatrial next {campaign.folder}` again"
+def _again(folder: Path) -> str:
+    return f"run `seatrial design {folder}` or `seatrial next {folder}` again"
 
 
 def _check_table(trial: Trial, path: Path, remedy: str) -> None:
