@@ -43,7 +43,7 @@ def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -
             if held is not None:
                 reporter.also = held.progress
                 remove_orphans(campaign.folder)
-            for outside in folders_outside(campaign.folder, campaign.source):
+            for outside in folders_outside(campaign.folder, campaign.known_from, campaign.imports):
                 reporter.say(f"reads files outside the campaign's folder, in {outside}")
             return work(campaign, reporter)
 

@@ -19,7 +19,7 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
         from seatrial.report.figure_files import write_check_picture
 
         trials = get_trials(campaign, reporter)
-        pictures = [write_check_picture(campaign, record) for record in (*trials.fit, *trials.predict)]
+        pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
         judged = check_records(campaign, trials)
         for one, picture in zip(judged, pictures, strict=True):
             typer.echo("\n".join(one.lines()))
@@ -80,7 +80,7 @@ def calibrate(
 
         found = run_calibration(campaign, get_trials(campaign, reporter), replicates, method, reporter)
         typer.echo("\n".join(found.lines()))
-        typer.echo(f"picture: {write_calibration_picture(campaign, found)}")
+        typer.echo(f"picture: {write_calibration_picture(campaign.folder, campaign.name, found)}")
         return Exit.ALARMS if found.calibration.outside() else Exit.OK
 
     with_campaign(folder, quiet, work)

@@ -38,7 +38,7 @@ def prior(folder: Folder, quiet: Quiet = False) -> None:
 
         found = predict_from_prior(campaign, reporter)
         typer.echo("\n".join(prior_lines(found)))
-        typer.echo(f"picture: {write_prior_picture(campaign, found)}")
+        typer.echo(f"picture: {write_prior_picture(campaign.folder, campaign.name, found)}")
         return finish(prior_alarms(found), prior_cautions(found))
 
     with_campaign(folder, quiet, work)

@@ -75,7 +75,7 @@ def sweep_all(
     Raises:
         NumericalError: the expected motion diverges for a design that is inside the limits.
     """
-    amplitude, period = campaign.grid()
+    amplitude, period = campaign.design.grid()
     every = amplitude.size if on_accelerator() else max(1, -(-LANES // period.size))
     parts = [
         _Rows(family, first, min(first + every, amplitude.size))
@@ -115,7 +115,7 @@ def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Swe
     """Predict and weigh the designs of some rows; an error where none is inside the limits."""
     campaign, believed = study.campaign, study.extra
     known = study.once("belief", lambda: _prepare(campaign, believed))
-    amplitude, period = campaign.grid()
+    amplitude, period = campaign.design.grid()
     try:
         sweep = known.predict(campaign.families[rows.family], amplitude[rows.first : rows.last], period)
         return rows, weigh(campaign, known.plan, sweep, believed.draws, known.scales)
@@ -135,7 +135,7 @@ def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     model = campaign.model(believed.structure)
     space, scales = belief_space(campaign, model, believed.belief)
     method, trim = design_filter(campaign, len(space.states)), campaign.control_trim(model)
-    mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits()
+    mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
         return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim)
@@ -171,14 +171,10 @@ SWEPT = {
 
 def design_key(campaign: Campaign) -> str:
     """Key of the first design."""
-    source = campaign.source
     return key_of(
         "design",
-        *(part.model_dump() for part in (source.vehicle, source.structure, source.design)),
-        None if source.power is None else source.power.model_dump(),
-        {name: table.model_dump() for name, table in source.prior.items()},
-        {name: table.model_dump() for name, table in source.sensors.items()},
-        {name: table.model_dump() for name, table in source.limits.items()},
+        *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
+        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits),
     )
 
 
@@ -252,7 +248,7 @@ def design_next(campaign: Campaign, structure: Structure, draws: np.ndarray, key
         return read_designs(campaign, store.next_design)
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
     basis = f"the posterior of {structure.label}"
-    order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * HALF]
+    order = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
     return _sweep(campaign, structure, belief, draws[order], store.next_design, stamp, basis, reporter)
 
 
@@ -264,7 +260,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     sweeps = []
     for kind in data["family"].values:
         gain, worth, peak_speed, final_sd, length = (np.asarray(data[name].sel(family=kind)) for name in SWEPT)
-        ended = length if campaign.source.design.per == "second" else None
+        ended = length if campaign.design.per == "second" else None
         sweeps.append(Sweep(families[str(kind)], *grid, gain, peak_speed, final_sd, trim, worth, ended))
     found = Designs(
         tuple(sorted(sweeps, key=lambda sweep: -sweep.worth[sweep.best])),
@@ -272,7 +268,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
         data.attrs["basis"],
         tuple(str(name) for name in data["coefficient"].values),
         np.asarray(data["sd_before"]),
-        utility_unit(campaign),
+        utility_unit(campaign.design),
         tuple(json.loads(data.attrs["safety"])),
         tuple(json.loads(data.attrs["prediction"])),
     )
@@ -291,7 +287,7 @@ def _sweep(
     basis: str,
     reporter: Reporter,
 ) -> Designs:
-    model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.grid()
+    model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
     scales, plan, trim = (
         belief_space(campaign, model, belief)[1],
         plan_of(campaign, model),
@@ -314,11 +310,12 @@ def _sweep(
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
     units = {
         "gain": "nat",
-        "worth": utility_unit(campaign),
+        "worth": utility_unit(campaign.design),
         "peak_speed": signal_unit(model.states[0]),
         "final_sd": "SI",
         "length": "s",
     }
+    safety = safety_lines(campaign.motion_limits, campaign.design.probability, plan, best, draws)
     dataset = xr.Dataset(
         {
             name: (
@@ -340,7 +337,7 @@ def _sweep(
             "control": campaign.family.control,
             "trim": json.dumps(trim),
             "refused": json.dumps(refused),
-            "safety": json.dumps(safety_lines(campaign, plan, best, draws)),
+            "safety": json.dumps(safety),
             "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         },
     )

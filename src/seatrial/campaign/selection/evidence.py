@@ -43,7 +43,7 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
         evidences = _evidences(campaign, trials, keys, reporter)
         write_stamped_json(
             store.selection,
-            _as_json(campaign, _select(campaign, trials, evidences)),
+            _as_json(_select(campaign, trials, evidences)),
             key,
         )
         for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
@@ -76,9 +76,7 @@ def agreement_words(evidence: Evidence) -> str:
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
     """Key of one structure's evidence."""
-    return key_of(
-        "evidence by agreement", estimate_key(campaign, structure, trials), campaign.source.selection.model_dump()
-    )
+    return key_of("evidence by agreement", estimate_key(campaign, structure, trials), campaign.selection)
 
 
 def _keys(campaign: Campaign, trials: Trials) -> tuple[dict[str, str], str]:
@@ -95,7 +93,7 @@ def _read(campaign: Campaign, trials: Trials) -> Selection:
 
 def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence]) -> Selection:
     shortlist = shortlist_of(campaign, trials)
-    return select(campaign.structures, evidences, campaign.source.structure.optional, shortlist)
+    return select(campaign.structures, evidences, campaign.structure.optional, shortlist)
 
 
 class _Part(NamedTuple):
@@ -127,8 +125,8 @@ def _evidences(campaign: Campaign, trials: Trials, keys: Mapping[str, str], repo
 
 def _compute(study: Study, part: _Part, report: Progress) -> Run | Weighed:
     """One piece of an evidence."""
-    campaign, terms, table = study.campaign, part.structure.terms, study.campaign.source.selection
-    keys = Keys(random_key(campaign, f"evidence {terms}"), random_key(campaign, f"importance {terms}"))
+    campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
+    keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
     settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles))
     return do(study.posterior(part.structure), part.piece, keys, settings, report)
 
@@ -138,7 +136,7 @@ class _Kept:
 
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
         self.campaign, self.structure, self.key = campaign, structure, key
-        self.gathering = Gathering(campaign.source.selection.repeats)
+        self.gathering = Gathering(campaign.selection.repeats)
         self.shares = np.zeros(self.gathering.most)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
         for repeat in range(self.gathering.most):
@@ -182,7 +180,7 @@ def structure_rows(selection: Selection) -> list[dict[str, Any]]:
     ]
 
 
-def _as_json(campaign: Campaign, selection: Selection) -> dict:
+def _as_json(selection: Selection) -> dict:
     return {
         "structures": structure_rows(selection),
         "inclusion": dict(selection.inclusion),

@@ -125,7 +125,7 @@ def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     if campaign.shortlist or not campaign.is_large:
         return campaign
     found = screen_terms(campaign, trials, reporter)
-    best = [found.terms(rank) for rank in range(min(campaign.source.structure.shortlist, found.data.sizes["model"]))]
+    best = [found.terms(rank) for rank in range(min(campaign.structure.shortlist, found.data.sizes["model"]))]
     order = campaign.full.terms
     sets = [tuple(term for term in order if term in terms) for terms in sorted(best, key=len, reverse=True)]
     return replace(campaign, shortlist=label_structures(sets))
@@ -148,9 +148,8 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
 
 def screening_key(campaign: Campaign, trials: Trials) -> str:
     """Key of the screening."""
-    source = campaign.source
-    tables = (source.structure, source.vehicle, *source.sensors.values(), *source.prior.values())
-    return key_of("screening", _LAYOUT, trials.key, [table.model_dump() for table in tables], source.campaign.seed)
+    believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.priors
+    return key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
 
 
 def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None]:
@@ -172,20 +171,18 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
             remedy=f"map the channel {missing[0]}, or leave at most 64 structures, which need no screening",
         )
     terms = campaign.full.terms
-    model = campaign.model(campaign.full)
-    units = {term.text: model.unit_of(term) for term in model.coefficients}
-    priors = {name: campaign.prior(name, units[name]) for name in terms}
+    priors = {name: campaign.prior(name) for name in terms}
     believed = {name: TermPrior(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
-    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    noise = campaign.noise
     used = [name for equation in equations for name in equation.signals if name in campaign.channels]
     records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
     slowest = max(float(np.median(record.step)) for record in records)
     narrowest = max(NARROWEST, FEWEST * slowest)
     delay = None
     if campaign.has_delay:
-        delay = likely_delay(records, equations, narrowest, *campaign.prior("delay", "s").bounds)
+        delay = likely_delay(records, equations, narrowest, *campaign.prior("delay").bounds)
         records = [delayed(record, delay) for record in records]
-    key, g = random_key(campaign, "screening"), campaign.source.structure.g
+    key, g = random_key(campaign.seed, "screening"), campaign.structure.g
     return screen(equations, campaign.rules, records, noise, believed, key, narrowest, g), delay
 
 
@@ -220,9 +217,7 @@ def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> xr.Da
         attrs={
             "count": posterior.count,
             "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
-            "prior": ""
-            if campaign.source.structure.g is None
-            else f"under a g-prior, g = {campaign.source.structure.g}",
+            "prior": "" if campaign.structure.g is None else f"under a g-prior, g = {campaign.structure.g}",
             "rows": found.fit.status,
             "noise": found.bias.status,
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,

@@ -122,7 +122,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
 
 def _first(campaign: Campaign, reporter: Reporter) -> Designs | None:
     """Designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
-    return design_first(campaign, reporter) if campaign.source.imported is None or is_designed(campaign) else None
+    return design_first(campaign, reporter) if campaign.imports is None or is_designed(campaign) else None
 
 
 def summarise(outcome: Outcome) -> dict[str, Any]:
@@ -136,7 +136,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions += [effect.sentence for effect in outcome.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
     return {
-        "name": campaign.source.campaign.name,
+        "name": campaign.name,
         "chosen": chosen.structure.label,
         "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],

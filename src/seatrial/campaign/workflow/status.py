@@ -39,7 +39,7 @@ def standing(folder: Path) -> tuple[Step, ...]:
     """
     campaign, store = load_campaign(folder), Store(folder)
     design = Step("design", _state(store.design, lambda: design_key(campaign)), "design")
-    steps = [design] if campaign.source.imported is None or design.state != "missing" else []
+    steps = [design] if campaign.imports is None or design.state != "missing" else []
     trials, state = _trials(campaign)
     records = "simulate" if campaign.is_simulated else "import"
     steps.append(Step(records, state, records))
@@ -48,21 +48,21 @@ def standing(folder: Path) -> tuple[Step, ...]:
 
 def _trials(campaign: Campaign) -> tuple[Trials, State]:
     """Key of the records, and the gravest of their states; a log that is missing makes its record stale."""
-    store, table = Store(campaign.folder), campaign.source.imported
+    store, imports = Store(campaign.folder), campaign.imports
     if not campaign.has_records:
         return Trials((), (), ""), "missing"
-    if table is None:
+    if imports is None:
         keys = record_keys(campaign)
         states = [_state(store.record(label), lambda key=key: key) for label, key in keys.items()]
         return Trials((), (), list(keys.values())[-1]), _gravest(states)
-    runs, keys = [*table.fit, *table.predict], {}
-    for run in runs:
+    keys = {}
+    for run in imports.runs:
         try:
-            keys[run] = record_key(campaign, run, _hash_of)
+            keys[run] = record_key(campaign, imports, run, _hash_of)
         except InputError:
             keys[run] = ""
-    states = [_state(store.record(run), lambda run=run: keys[run]) for run in runs]
-    return Trials((), (), trials_key(campaign, list(keys.values()))), _gravest(states)
+    states = [_state(store.record(run), lambda run=run: keys[run]) for run in imports.runs]
+    return Trials((), (), trials_key(imports, list(keys.values()))), _gravest(states)
 
 
 def _after(campaign: Campaign, store: Store, trials: Trials | None) -> Iterator[Step]:
