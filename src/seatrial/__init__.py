@@ -25,26 +25,66 @@ _HOME = {
     "NumericalError": "seatrial.core.errors",
     "make_record": "seatrial.core.record",
     "InputError": "seatrial.core.errors",
+    "find_mode": "seatrial.estimation.mode",
+    "sample": "seatrial.estimation.draw_posterior",
+    "NestedSettings": "seatrial.estimation.draw_posterior",
+    "ChainSettings": "seatrial.sampling.run",
+    "Draws": "seatrial.sampling.run",
+    "SMCSettings": "seatrial.sampling.tempered_smc",
+    "posterior_of_density": "seatrial.estimation.posterior",
+    "Posterior": "seatrial.estimation.posterior",
+    "Mode": "seatrial.estimation.mode",
+    "Normal": "seatrial.estimation.priors",
+    "LogNormal": "seatrial.estimation.priors",
+    "Uniform": "seatrial.estimation.priors",
+    "LogUniform": "seatrial.estimation.priors",
+    "half_normal": "seatrial.estimation.priors",
+    "truncated_normal": "seatrial.estimation.priors",
+    "evidence": "seatrial.selection.combined_evidence:agreed_evidence",
+    "Evidence": "seatrial.selection.evidence",
+    "EvidenceSettings": "seatrial.selection.evidence",
+    "compare": "seatrial.selection.verdict",
+    "Selection": "seatrial.selection.verdict",
 }
-"""Module of every public name."""
+"""Module of every public name, and its name there where that is another."""
 _LIGHT = ("seatrial.core.", "seatrial.logs.")
 """Where nothing computes with JAX."""
 __all__ = [
+    "ChainSettings",
     "CoefficientName",
+    "Draws",
+    "Evidence",
+    "EvidenceSettings",
     "InputError",
+    "LogNormal",
+    "LogUniform",
+    "Mode",
+    "NestedSettings",
+    "Normal",
     "NumericalError",
+    "Posterior",
     "Record",
+    "SMCSettings",
     "SeatrialError",
+    "Selection",
+    "Uniform",
     "__version__",
+    "compare",
     "configure",
     "design_first",
     "estimate_all",
+    "evidence",
+    "find_mode",
     "get_trials",
+    "half_normal",
     "init_campaign",
     "load_campaign",
     "make_record",
+    "posterior_of_density",
     "run_loop",
+    "sample",
     "select_structure",
+    "truncated_normal",
     "write_report",
 ]
 
@@ -60,7 +100,16 @@ if TYPE_CHECKING:
     from seatrial.core.engine import configure
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
     from seatrial.core.record import Record, make_record
+    from seatrial.estimation.draw_posterior import NestedSettings, sample
+    from seatrial.estimation.mode import Mode, find_mode
+    from seatrial.estimation.posterior import Posterior, posterior_of_density
+    from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform, half_normal, truncated_normal
     from seatrial.report.page import write_report
+    from seatrial.sampling.run import ChainSettings, Draws
+    from seatrial.sampling.tempered_smc import SMCSettings
+    from seatrial.selection.combined_evidence import agreed_evidence as evidence
+    from seatrial.selection.evidence import Evidence, EvidenceSettings
+    from seatrial.selection.verdict import Selection, compare
 
 
 def __dir__() -> list[str]:
@@ -70,8 +119,9 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
-    if not _HOME[name].startswith(_LIGHT):
+    module, _, there = _HOME[name].partition(":")
+    if not module.startswith(_LIGHT):
         from seatrial.core import engine
 
         engine.prepare(tell=True)
-    return getattr(import_module(_HOME[name]), name)
+    return getattr(import_module(module), there or name)
