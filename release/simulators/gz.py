@@ -16,9 +16,8 @@ import numpy as np
 from laboratory import History, State, Twin
 from worlds import compile_world, run_world
 
-from seatrial.export.drives import drives_of
-from seatrial.export.fins import fins_of
 from seatrial.export.manoeuvre import STILL, Controls, Current
+from seatrial.export.rigid_body import drives_of, fins_of
 from seatrial.export.target import Carried, Statement
 from seatrial.export.targets.gz import Gz
 from seatrial.export.terms import sorted_terms

@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import laboratory
 from laboratory import SAMPLE, History, State
 
-from seatrial.export.drives import drive_name, drives_of
 from seatrial.export.manoeuvre import Controls
+from seatrial.export.rigid_body import drive_name, drives_of
 from seatrial.export.targets.stonefish import Stonefish, solid_of
 from seatrial.export.vehicle import ExportedVehicle, Provenance
 from seatrial.export.write import state

@@ -14,9 +14,8 @@ import laboratory
 from laboratory import History, State, Twin
 from worlds import compile_world, run_world
 
-from seatrial.export.drives import drives_of
-from seatrial.export.exact import gravity_of
 from seatrial.export.manoeuvre import STILL, Controls, Current
+from seatrial.export.rigid_body import drives_of, gravity_of
 from seatrial.export.target import Carried, Statement
 from seatrial.export.targets.uuv import Uuv, plugin_of
 from seatrial.export.vehicle import ExportedVehicle, Provenance

@@ -22,8 +22,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.row_fit import SCREENING
-from seatrial.estimation.row_noise import force_slope
-from seatrial.estimation.rows import Rows, rewhitened, solve
+from seatrial.estimation.rows import Rows, force_slope, rewhitened, solve
 from seatrial.estimation.weak_form import TrialRows
 
 LEVELS = (0.5, 1.0, 1.5, 2.0)
