@@ -49,7 +49,7 @@ class RowCovariance(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class WhitenedRows:
     """Whitened rows of all trials, equation after equation; n rows, k coefficients, e equations.
 
     Attributes:
@@ -173,7 +173,9 @@ def force_slope(
     return slope
 
 
-def whitened_rows(equations: Sequence[AxisEquation], trials: Sequence[TrialRows], noise: Mapping[str, float]) -> Rows:
+def whitened_rows(
+    equations: Sequence[AxisEquation], trials: Sequence[TrialRows], noise: Mapping[str, float]
+) -> WhitenedRows:
     """Rows of all trials, independent and of unit residual variance as far as the fit with every term can tell.
 
     Args:
@@ -212,7 +214,7 @@ def whitened_rows(equations: Sequence[AxisEquation], trials: Sequence[TrialRows]
     design, target = flat(mix(rows, mixing))
     whole, count = _joined(raw), [trial.windows.centre.size for trial in trials]
     unexplained = ((whole.target - whole.design @ values) ** 2).sum(1)
-    return Rows(
+    return WhitenedRows(
         names,
         design,
         target,
@@ -231,7 +233,9 @@ def whitened_rows(equations: Sequence[AxisEquation], trials: Sequence[TrialRows]
     )
 
 
-def rewhitened(rows: Rows, trials: Sequence[TrialRows]) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, " n"]]:
+def rewhitened(
+    rows: WhitenedRows, trials: Sequence[TrialRows]
+) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, " n"]]:
     """Design and target of other signals in the same windows, freed of the same noise: for simulated repetitions."""
     parts = [
         whiten(raw_rows(rows.equations, trial), factor) for trial, factor in zip(trials, rows.factors, strict=True)

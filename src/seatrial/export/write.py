@@ -19,9 +19,9 @@ from seatrial.export.targets.gz import Gz
 from seatrial.export.targets.holoocean import HoloOcean
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.targets.stonefish import Stonefish
-from seatrial.export.targets.table import Table
+from seatrial.export.targets.table import CsvTable
 from seatrial.export.targets.uuv import Uuv
-from seatrial.export.vehicle import ExportedVehicle, Provenance, of_published
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
@@ -38,12 +38,12 @@ EXPORTERS: dict[str, Callable[..., Exporter]] = {
     "fossen": Fossen,
     "holoocean": HoloOcean,
     "json": OwnJson,
-    "csv": Table,
+    "csv": CsvTable,
 }
 """In the order in which they are listed."""
 
 
-def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) -> Statement:
+def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance) -> Statement:
     """Compare the vehicle with what the target keeps, and say it."""
     carried, own = exporter.carries(vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
@@ -65,7 +65,7 @@ def loss_words(loss: Iterable[Change]) -> str:
 
 
 def export_vehicle(
-    exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance, folder: Path
+    exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance, folder: Path
 ) -> tuple[Statement, list[Path]]:
     """Write a vehicle's files into a folder; returns what they say of themselves, and their paths.
 
@@ -107,7 +107,7 @@ def make_exporter(name: str, **options: Any) -> Exporter:
     return EXPORTERS[name](**given)
 
 
-def of_catalogue(name: str) -> tuple[ExportedVehicle, Provenance]:
+def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
     """A published vehicle by name.
 
     Raises:
@@ -124,7 +124,7 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, Provenance]:
     vehicle = of_published(name, load_vehicle(name))
     absent = [f"everything about {rate}" for rate in RATES if rate not in vehicle.moves]
     absent += vehicle.unknown_drives
-    return vehicle, Provenance(
+    return vehicle, ExportProvenance(
         f"catalogue {name}",
         f"{vehicle.name}, as published",
         version=__version__,

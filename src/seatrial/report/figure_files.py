@@ -23,7 +23,7 @@ from seatrial.core.files import write_text
 from seatrial.core.record import Record
 from seatrial.report.drawing import draw_svg, signal_axis, signal_symbol
 from seatrial.report.figures.checks import Progressed, prior_motions, rank_figure, rehearsal_figure
-from seatrial.report.figures.fit import Curve, Driven, smoothed_record
+from seatrial.report.figures.fit import Driven, SmoothedSignal, smoothed_record
 from seatrial.report.figures.posterior import Panel, profile_figure
 from seatrial.report.figures.records import raw_record, relay_figure
 from seatrial.report.figures.style import INK, MUTED, PAPER, WIDE, own_settings, unit_label
@@ -40,8 +40,10 @@ def write_accelerations_picture(campaign: Campaign, record: Record, channels: Se
     for channel in channels:
         name, found, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
         curves += [
-            Curve(signal_axis(name), factor * found.value, factor * found.value_sd, factor * record.channel(name)),
-            Curve(_rate_axis(name, unit), factor * found.rate, factor * found.rate_sd),
+            SmoothedSignal(
+                signal_axis(name), factor * found.value, factor * found.value_sd, factor * record.channel(name)
+            ),
+            SmoothedSignal(_rate_axis(name, unit), factor * found.rate, factor * found.rate_sd),
         ]
     with own_settings():
         write_text(path, draw_svg(smoothed_record(record.time, curves), f"accelerations-{record.label}"))

@@ -59,7 +59,7 @@ class Driven(NamedTuple):
     values: np.ndarray
 
 
-class Curve(NamedTuple):
+class SmoothedSignal(NamedTuple):
     """A signal or a rate in the unit of its label; `measured` is None for what no sensor shows."""
 
     label: str
@@ -165,7 +165,7 @@ def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray,
     return lags[there] * spacing, correlation[there], int(values.size)
 
 
-def smoothed_record(time: np.ndarray, curves: Sequence[Curve], most: int = 1500) -> "Figure":
+def smoothed_record(time: np.ndarray, curves: Sequence[SmoothedSignal], most: int = 1500) -> "Figure":
     """Draw a panel for each curve.
 
     Args:

@@ -34,7 +34,7 @@ SAMPLERS = {
 }
 
 
-class Finding(NamedTuple):
+class Conclusion(NamedTuple):
     """One sentence of the summary; `kind` is alarm, finding or caution."""
 
     kind: str
@@ -83,7 +83,7 @@ def coefficient(row: dict[str, Any]) -> Markup:
     return Markup('<span class="together">{} = {}{}</span>').format(label_html(row["label"]), number, unit)
 
 
-def find(outcome: Outcome) -> list[Finding]:
+def find(outcome: Outcome) -> list[Conclusion]:
     """Alarms, then verdicts, then cautions; what is said of the chosen structure first, and once for many parameters."""
     labels, summary = labels_of(outcome), outcome.summary
     chosen = outcome.chosen.structure.label
@@ -94,7 +94,7 @@ def find(outcome: Outcome) -> list[Finding]:
     if len(outcome.campaign.structures) == 1:
         verdicts.append("only one model was compared: whether its terms are needed was not asked")
     said = [("alarm", alarms), ("finding", verdicts), ("caution", summary["cautions"])]
-    return [Finding(kind, text) for kind, texts in said for text in _sentences(texts, labels)]
+    return [Conclusion(kind, text) for kind, texts in said for text in _sentences(texts, labels)]
 
 
 def glance(outcome: Outcome) -> list[dict[str, Any]]:

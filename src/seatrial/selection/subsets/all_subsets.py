@@ -173,7 +173,7 @@ class LaneSums(NamedTuple):
         return whole / self.weight.sum()
 
 
-class Block(NamedTuple):
+class LaneBlock(NamedTuple):
     """What a block needs beside its lanes.
 
     Attributes:
@@ -248,7 +248,7 @@ def empty_sums(r: int, lanes: int, blocks: int) -> LaneSums:
 
 
 def add_block(
-    block: Block,
+    block: LaneBlock,
     tree: SubsetElimination,
     matrix: Float[np.ndarray, "r1 r1 lanes"],
     determinant: Float[np.ndarray, " lanes"],
@@ -325,7 +325,7 @@ def all_subsets(
         problem.matrix[..., None], np.array([problem.start]), *_parts(problem, slice(fixed))
     )
     lane_terms = spread(np.arange(2**fixed), free[:fixed]) | candidates.certain
-    block = Block(
+    block = LaneBlock(
         problem.shape,
         *_parts(problem, slice(fixed, None)),
         np.exp(_log_chance(np.arange(2 ** (len(free) - fixed)), chance[fixed:])),
@@ -366,7 +366,7 @@ def _halves(lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(
-    block: Block, corner: Float[np.ndarray, "m lanes"], determinant: Float[np.ndarray, "m lanes"]
+    block: LaneBlock, corner: Float[np.ndarray, "m lanes"], determinant: Float[np.ndarray, "m lanes"]
 ) -> tuple[Float[np.ndarray, "m lanes"], Float[np.ndarray, "m lanes"]]:
     """-a log(corner) - 1/2 log(determinant), over the latter, and an array as large to be written over."""
     free = np.empty_like(corner)
