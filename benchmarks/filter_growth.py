@@ -10,8 +10,7 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.state_space import StateSpace
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.filters.belief import Filter
-from seatrial.filters.large import LargeUnscentedKalmanFilter
-from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

@@ -4,10 +4,12 @@ About 20 minutes on two cores; an interrupted run resumes. Writes docs/calibrati
 """
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from equation_error_ranks import equation_error_ranks
+from matplotlib.figure import Figure
 
 import seatrial
 from seatrial.apps.console import ConsoleReporter
@@ -15,15 +17,15 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.core.files import write_text
-from seatrial.estimation.calibration import Calibration
-from seatrial.report.figures.calibration import distance_figure
-from seatrial.report.figures.style import own_settings
-from seatrial.report.svg import draw_svg
+from seatrial.estimation.calibration import DRAWS, Calibration
+from seatrial.report.drawing import draw_svg
+from seatrial.report.figures.style import BAND, BLUE, INK, ORANGE, POINT, SMALL, own_settings, style_axes
 from seatrial.sampling.names import DEFAULT, METHODS
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "calibration"
 REPLICATES = 400
+WIDTH, ROW, BOTTOM = 640.0, 84.0, 40.0
 RESULTS = "<!-- results -->"
 """Where the results begin in the page."""
 BASE = """
@@ -159,6 +161,33 @@ def table(found: dict[str, Calibration]) -> str:
             f"| {ranks.p_values().min():.3f} | {'all' if not outside else f'all but {outside}'} |"
         )
     return "\n".join(rows) + "\n"
+
+
+def distance_figure(found: Mapping[str, Calibration], columns: int = 4) -> Figure:
+    """Draw, for each of several calibrations, the distance of every quantity's distribution from the uniform one.
+
+    Args:
+        found: calibrations by title.
+        columns: panels side by side.
+    """
+    rows = -(-len(found) // columns)
+    box_width = (WIDTH - 48) / columns - 16
+    height = rows * (ROW + 34) + BOTTOM
+    figure = Figure(figsize=(WIDTH * POINT, height * POINT), dpi=72)
+    for i, (title, one) in enumerate(found.items()):
+        x, y = 44 + (i % columns) * (box_width + 16), height - (i // columns + 1) * (ROW + 34) + 10
+        axes = style_axes(figure.add_axes((x / WIDTH, y / height, box_width / WIDTH, ROW / height)))
+        at, band = np.arange(1, DRAWS + 1), one.distance_band()
+        axes.fill_between(at, -band, band, color=BLUE, alpha=BAND, linewidth=0)
+        outside = one.outside()
+        for name, line in zip(one.names, one.distance(), strict=True):
+            axes.plot(at, line, color=ORANGE if name in outside else BLUE, linewidth=0.9)
+        axes.set_xlim(0, DRAWS + 1)
+        axes.set_ylim(-0.15, 0.15)
+        axes.tick_params(labelbottom=i + columns >= len(found), labelleft=i % columns == 0)
+        axes.set_title(title.replace(", ", "\n"), fontsize=SMALL, color=INK, pad=3, loc="left")
+    figure.text(0.5, 10 / height, "rank of the truth among 99 draws", fontsize=SMALL + 1, color=INK, ha="center")
+    return figure
 
 
 if __name__ == "__main__":

@@ -24,13 +24,12 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.files import write_json, write_text
 from seatrial.core.progress import run_side_by_side
 from seatrial.estimation.posterior import Posterior
+from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.style import own_settings
-from seatrial.report.svg import draw_svg
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
-from seatrial.sampling.tempered_ladder import LadderSettings, sample_ladder
 from seatrial.selection.bridge import bridge_evidence
 from seatrial.selection.combined_evidence import Keys, agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
@@ -39,7 +38,7 @@ from seatrial.selection.laplace import laplace_evidence
 from seatrial.selection.nested import nested_evidence
 from seatrial.selection.prior_monte_carlo import prior_evidence
 from seatrial.selection.savage_dickey import savage_dickey
-from seatrial.selection.thermodynamic import stepping_stone, thermodynamic
+from seatrial.selection.thermodynamic import LadderSettings, sample_ladder, stepping_stone, thermodynamic
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "evidence"

@@ -25,7 +25,7 @@ def main() -> None:
 
 def panels(outcome: Outcome) -> list[tuple[str, Drawing]]:
     """The loop in four pictures, with their headings."""
-    marginals = posteriors.section(outcome)["figures"]
+    marginals = posteriors.posteriors_section(outcome)["figures"]
     quadratic = outcome.chosen.names.index("X_uabsu")
     return [
         (
@@ -33,7 +33,7 @@ def panels(outcome: Outcome) -> list[tuple[str, Drawing]]:
             designs.sweep_drawings(outcome, outcome.first, "first")[0],
         ),
         ("2. What the trial taught about quadratic drag", marginals[quadratic]),
-        ("3. Which terms the data support", models.section(outcome)["figures"][1]),
+        ("3. Which terms the data support", models.models_section(outcome)["figures"][1]),
         ("4. What to run next", designs.sweep_drawings(outcome, outcome.next, "next")[1]),
     ]
 

@@ -18,7 +18,7 @@ from laboratory import SAMPLE, History, State, Twin
 
 from seatrial.export.manoeuvre import Controls
 from seatrial.export.targets.fossen import Fossen, controls_of
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 from seatrial.export.write import state
 
 STEP, DEPTH = 0.005, 10.0
@@ -58,7 +58,9 @@ class FossenTwin:
 def exported(vehicle: ExportedVehicle, folder: Path) -> type:
     """The class in a vehicle's exported file."""
     exporter = Fossen()
-    ((name, text),) = exporter.write(vehicle, state(exporter, vehicle, Provenance("laboratory", vehicle.name))).items()
+    ((name, text),) = exporter.write(
+        vehicle, state(exporter, vehicle, ExportProvenance("laboratory", vehicle.name))
+    ).items()
     path = folder / name
     path.write_text(text, encoding="utf-8")
     spec = importlib.util.spec_from_file_location(path.stem, path)

@@ -16,13 +16,12 @@ import numpy as np
 from laboratory import History, State, Twin
 from worlds import compile_world, run_world
 
-from seatrial.export.drives import drives_of
-from seatrial.export.fins import fins_of
 from seatrial.export.manoeuvre import STILL, Controls, Current
+from seatrial.export.rigid_body import drives_of, fins_of
 from seatrial.export.target import Carried, Statement
 from seatrial.export.targets.gz import Gz
 from seatrial.export.terms import sorted_terms
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 
 OWN = Path(__file__).parent / "gz"
 SOURCES = ("hydrodynamics/Hydrodynamics", "lift_drag/LiftDrag", "thruster/Thruster")
@@ -36,7 +35,7 @@ class GzTwin:
     def __init__(self, world: Path, version: str, vehicle: ExportedVehicle, folder: Path, current: Current):
         self.world, self.version, self.vehicle, self.folder = world, version, vehicle, folder
         self.current = current
-        statement = Statement(self.target, Provenance("", ""), Carried(Gz().carries(vehicle).motion), (), "", ())
+        statement = Statement(self.target, ExportProvenance("", ""), Carried(Gz().carries(vehicle).motion), (), "", ())
         (folder / "world.sdf").write_text(Gz().write(vehicle, statement)["world.sdf"], encoding="utf-8")
 
     def run(self, start: State, controls: Controls, duration: float) -> History:

@@ -20,7 +20,7 @@ from laboratory import SAMPLE, History, State, Twin
 
 from seatrial.export.manoeuvre import Controls
 from seatrial.export.targets.holoocean import HoloOcean
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 from seatrial.export.write import state
 
 STEP = 0.002
@@ -32,7 +32,7 @@ class HoloOceanTwin:
     target = "HoloOcean"
 
     def __init__(self, torpedo: Any, version: str, vehicle: ExportedVehicle):
-        exporter, provenance = HoloOcean(), Provenance("laboratory", vehicle.name)
+        exporter, provenance = HoloOcean(), ExportProvenance("laboratory", vehicle.name)
         self.version, self.torpedo = version, torpedo
         self.scenario = json.loads(exporter.write(vehicle, state(exporter, vehicle, provenance))["agent.json"])
         self.turned = exporter.carries(vehicle).reversed

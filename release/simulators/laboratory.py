@@ -21,9 +21,9 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.manoeuvre import STILL, Controls, Current, plan_for, simulate
 from seatrial.export.motion import motion_of
-from seatrial.export.published import of_catalogue
 from seatrial.export.target import Carried, Exporter
 from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.write import of_catalogue
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.thrusters import commands_for
 

@@ -20,8 +20,8 @@ from laboratory import CHANNELS, DURATION, SAMPLE, STEP, History, Results, Scena
 
 from seatrial.export.manoeuvre import Controls
 from seatrial.export.motion import motion_of
-from seatrial.export.published import of_catalogue
 from seatrial.export.target import Carried
+from seatrial.export.write import of_catalogue
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.control_signs import push_of, sense_of
 from seatrial.vehicles.simulate import simulate

@@ -21,10 +21,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 import laboratory
 from laboratory import SAMPLE, History, State
 
-from seatrial.export.drives import drive_name, drives_of
 from seatrial.export.manoeuvre import Controls
+from seatrial.export.rigid_body import drive_name, drives_of
 from seatrial.export.targets.stonefish import Stonefish, solid_of
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 from seatrial.export.write import state
 
 RATE = 500.0
@@ -130,7 +130,7 @@ def twin_of(vehicle: ExportedVehicle, driver: Path, version: str, folder: Path) 
     exporter = Stonefish()
     place = folder / f"{len(list(folder.iterdir()))}"
     place.mkdir()
-    statement = state(exporter, vehicle, Provenance(vehicle.name, vehicle.name))
+    statement = state(exporter, vehicle, ExportProvenance(vehicle.name, vehicle.name))
     for name, text in exporter.write(vehicle, statement).items():
         (place / name).write_text(text, encoding="utf-8")
     names = {drive.control: drive_name(drive) for drive in drives_of(vehicle)[0]}

@@ -14,12 +14,11 @@ import laboratory
 from laboratory import History, State, Twin
 from worlds import compile_world, run_world
 
-from seatrial.export.drives import drives_of
-from seatrial.export.exact import gravity_of
 from seatrial.export.manoeuvre import STILL, Controls, Current
+from seatrial.export.rigid_body import drives_of, gravity_of
 from seatrial.export.target import Carried, Statement
 from seatrial.export.targets.uuv import Uuv, plugin_of
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 
 OWN = Path(__file__).parent / "uuv"
 STEP = 0.001
@@ -40,7 +39,7 @@ class UuvTwin:
 
     def __init__(self, world: Path, version: str, vehicle: ExportedVehicle, folder: Path, current: Current):
         self.world, self.version, self.vehicle, self.folder, self.current = world, version, vehicle, folder, current
-        statement = Statement(self.target, Provenance("", ""), Carried(Uuv().carries(vehicle).motion), (), "", ())
+        statement = Statement(self.target, ExportProvenance("", ""), Carried(Uuv().carries(vehicle).motion), (), "", ())
         (folder / "vehicle.urdf").write_text(Uuv().write(vehicle, statement)["vehicle.urdf"], encoding="utf-8")
 
     def run(self, start: State, controls: Controls, duration: float) -> History:

@@ -10,8 +10,8 @@ import numpy as np
 from laboratory import SAMPLE, History, State
 from scipy.spatial.transform import Rotation
 
-from seatrial.export.exact import SIGN
 from seatrial.export.manoeuvre import Controls
+from seatrial.export.rigid_body import SIGN
 
 DEPTH = 50.0
 """Of the start, m."""

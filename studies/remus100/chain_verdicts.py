@@ -3,13 +3,13 @@
 import numpy as np
 import xarray as xr
 
+from seatrial.sampling.diagnostics import MAX_R_HAT
 from studies.remus100.chains import AFAR
 from studies.remus100.study import Item, Number, Study, chain_settings
 from studies.remus100.trial import paper_posterior, paper_trial
 from studies.remus100.vehicle_file import NAMES
 
 TABLE_3 = {"X_u": (-1.44, 0.08), "X_uabsu": (-2.81, 0.04), "T_nabsn": (6.28, 0.10)}
-MAX_R_HAT = 1.01
 START = {"start": "posterior mode, others about it"}
 TABLE_6 = {
     "chain-6-full": {"X_u": (-0.97, 0.37), "X_uabsu": (-3.05, 0.19), "T_nabsn": (6.28, 0.10), "X_du3": (7.78, 9.65)},

@@ -17,8 +17,7 @@ from seatrial.estimation.posterior import Posterior
 from seatrial.report.figures.posterior import normal_density
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE, limit_ticks, thin
 from seatrial.sampling import adaptive_metropolis
-from seatrial.sampling.diagnostics import diagnose
-from seatrial.sampling.geweke import geweke_scores, printed_geweke_scores
+from seatrial.sampling.diagnostics import diagnose, geweke_scores, printed_geweke_scores
 from seatrial.sampling.run import ChainSettings, Run, finish, is_finished
 from seatrial.selection.criteria import deviance_criteria, psis_loo, waic
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit

@@ -75,7 +75,7 @@ BELOW, HIGH = 92, 56
 
 
 @dataclass(frozen=True)
-class Trials:
+class FilterTrials:
     """Trials of many seeds: control in rad/s, shape (seeds, n, 1), noisy u and udot and true ones, shape (seeds, n, 2)."""
 
     control: Float[np.ndarray, "seeds n 1"]
@@ -83,7 +83,7 @@ class Trials:
     true: Float[np.ndarray, "seeds n 2"]
 
 
-class Run(NamedTuple):
+class FilterRun(NamedTuple):
     """What one filter made of the trial."""
 
     name: str
@@ -120,7 +120,7 @@ def filters_part(study: Study) -> xr.Dataset:
     return dataset.merge(first).assign_coords(coordinates)
 
 
-def make_trials(reading: Reading, seeds: int) -> Trials:
+def make_trials(reading: Reading, seeds: int) -> FilterTrials:
     """Simulate and measure trials of seeds 1000, 1001, ..."""
     model, stamps, steps = reading.model(), STEP * np.arange(N_STEPS), jnp.full(N_STEPS, STEP)
     span = N_STEPS * STEP
@@ -134,7 +134,7 @@ def make_trials(reading: Reading, seeds: int) -> Trials:
     u = jax.vmap(lambda n: simulate(model, truth, n, steps, start))(jnp.asarray(held))[..., 0]
     udot = jax.vmap(jax.vmap(lambda x, n: model.output("udot", truth, (x,), (n[0],))))(u, jnp.asarray(held))
     true = np.asarray(jnp.stack([u, udot], -1))
-    return Trials(held, true + np.stack(noise), true)
+    return FilterTrials(held, true + np.stack(noise), true)
 
 
 def filter_space(reading: Reading, p: float = 1.0, q: float = 1.0, r: float = 1.0) -> StateSpace:
@@ -169,7 +169,7 @@ def paper_filters(reading: Reading) -> dict[str, Filter]:
     }
 
 
-def run_over_seeds(method: Filter, space: StateSpace, trials: Trials) -> FilterTrace:
+def run_over_seeds(method: Filter, space: StateSpace, trials: FilterTrials) -> FilterTrace:
     """Traces of one filter over all trials."""
     return _run_over_seeds(method, space, jnp.asarray(trials.control), jnp.asarray(trials.measured))
 
@@ -219,7 +219,7 @@ def draw_figure_2(study: Study) -> "Figure":
 def draw_figure_4(study: Study) -> "Figure":
     """Draw the square-root filter along the largest doublets of 10 s, with the long quiet tail."""
     data = study.part("chosen-doublet")
-    run = Run("SRUKF", data["u"].values, data["udot"].values, data["mean"].values, data["sd"].values)
+    run = FilterRun("SRUKF", data["u"].values, data["udot"].values, data["mean"].values, data["sd"].values)
     return _traces(study, data, [run], ALONE)
 
 
@@ -229,7 +229,7 @@ def _run_over_seeds(method: Filter, space: StateSpace, control: Array, measured:
     return jax.vmap(lambda c, y: run_filter(method, space, c, y, steps))(control, measured)
 
 
-def _over_seeds(reading: Reading, method: Filter, space: StateSpace, trials: Trials) -> xr.Dataset:
+def _over_seeds(reading: Reading, method: Filter, space: StateSpace, trials: FilterTrials) -> xr.Dataset:
     trace = run_over_seeds(method, space, trials)
     means, sds = (in_printed_units(reading, x[..., 1:]) for x in (trace.means, trace.sds))
     truth = np.array([reading.printed_truth[name] for name in NAMES])
@@ -253,7 +253,7 @@ def _over_seeds(reading: Reading, method: Filter, space: StateSpace, trials: Tri
     )
 
 
-def _seconds(method: Filter, space: StateSpace, trials: Trials) -> float:
+def _seconds(method: Filter, space: StateSpace, trials: FilterTrials) -> float:
     """Wall-clock time of one 15 s trial among the others, all run side by side, compiled beforehand: the smallest of five."""
     times = []
     for _ in range(5):
@@ -263,13 +263,15 @@ def _seconds(method: Filter, space: StateSpace, trials: Trials) -> float:
     return min(times) / trials.control.shape[0]
 
 
-def _runs(data: xr.Dataset, names: Mapping[str, Any]) -> list[Run]:
+def _runs(data: xr.Dataset, names: Mapping[str, Any]) -> list[FilterRun]:
     chosen = {name: data.sel(filter=name) for name in names}
-    return [Run(name, *(one[part].values for part in ("u", "udot", "mean", "sd"))) for name, one in chosen.items()]
+    return [
+        FilterRun(name, *(one[part].values for part in ("u", "udot", "mean", "sd"))) for name, one in chosen.items()
+    ]
 
 
 def _traces(
-    study: Study, data: xr.Dataset, runs: list[Run], looks: Mapping[str, Mapping[str, Any]], below: float = 0
+    study: Study, data: xr.Dataset, runs: list[FilterRun], looks: Mapping[str, Mapping[str, Any]], below: float = 0
 ) -> "Figure":
     """Draw a column of response, one of estimates and one of their standard deviations; `below` is room left free, points."""
     figure, grid = panels(PAGE, [84, 84, 84], 3, left=46, between=57, bottom=30 + below)
@@ -299,7 +301,9 @@ def _traces(
     return figure
 
 
-def _response(column: "np.ndarray", data: xr.Dataset, runs: list[Run], looks: Mapping[str, Mapping[str, Any]]) -> None:
+def _response(
+    column: "np.ndarray", data: xr.Dataset, runs: list[FilterRun], looks: Mapping[str, Mapping[str, Any]]
+) -> None:
     time, n = data["time"].values, rpm(data["n"].values)
     steps, dots, keep = thin_steps(n), thin(time.size, 400), thin(time.size, 500)
     column[0].plot(time[steps], n[steps], color=MUTED, linewidth=1.2, label="n")
@@ -339,7 +343,7 @@ def _clipping(axes: "Axes", data: xr.Dataset) -> None:
     name_axes(axes, "time [s]", "clipped points\na step")
 
 
-def _first_second(axes: "Axes", data: xr.Dataset, runs: list[Run]) -> None:
+def _first_second(axes: "Axes", data: xr.Dataset, runs: list[FilterRun]) -> None:
     """Draw the acceleration that the filters believe in during the first second, where clipping is densest."""
     time = data["time"].values
     early = time <= 1.0

@@ -11,13 +11,11 @@ from markupsafe import Markup
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.files import atomic_path, write_text
 from seatrial.numerics.sigma_points import UnscentedRule
-from seatrial.report.drawing import Drawing
+from seatrial.report.drawing import Drawing, draw_pdf, draw_svg, inlined
 from seatrial.report.figures.style import POINT, own_settings
 from seatrial.report.html import render_html
 from seatrial.report.labels import name_html, sentence_html
 from seatrial.report.numbers import plain, rounded, times_ten, typeset
-from seatrial.report.pdf import draw_pdf
-from seatrial.report.svg import draw_svg, inlined
 from studies.remus100.designs import ACTIVE as WINDOWS
 from studies.remus100.designs import INITIAL_VARIANCE as DESIGN_VARIANCE
 from studies.remus100.figures import FIGURES, chosen_figures

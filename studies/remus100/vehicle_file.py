@@ -43,7 +43,7 @@ class CoefficientsTable(Table, allow_inf_nan=False):
     T_nabsn: float | Quantity
 
 
-class TrimTable(Table):
+class VehicleTrim(Table):
     """`[trim]`: propeller speed about which the vehicle works; the surge speed follows."""
 
     n: Quantity
@@ -87,7 +87,7 @@ class VehicleFile(Table, allow_inf_nan=False):
     thrust_deduction: float = 0.0
     fixed: dict[str, float] = Field(default={})
     coefficients: CoefficientsTable
-    trim: TrimTable
+    trim: VehicleTrim
     doubted: DoubtedTable = DoubtedTable()
     units: UnitsTable = UnitsTable()
     noise: NoiseTable = NoiseTable()

@@ -13,7 +13,7 @@ from seatrial.campaign.selection.criteria import (
     criteria_lines,
     differences,
 )
-from seatrial.selection.criteria import DevianceCriteria, Estimated, PredictiveCriterion
+from seatrial.selection.criteria import DevianceCriteria, MonteCarloValue, PredictiveCriterion
 from seatrial.selection.structures import Structure
 
 POINTS = np.random.default_rng(3).normal(-2.0, 1.0, 400)
@@ -23,11 +23,11 @@ def made(label, behind, missing=(), status=""):
     """Criteria of a structure that is behind the best by so much, evenly over the measurements."""
     noise = 0.02 * np.random.default_rng(len(label) + int(behind)).normal(size=POINTS.size)
     points = POINTS + behind / POINTS.size + noise - noise.mean()
-    deviance = DevianceCriteria(*(Estimated(float(points.sum()) + extra, 0.3) for extra in (0.0, 4.0, 4.0, 8.0)))
+    deviance = DevianceCriteria(*(MonteCarloValue(float(points.sum()) + extra, 0.3) for extra in (0.0, 4.0, 4.0, 8.0)))
     predictive = {
         name: PredictiveCriterion(
             name,
-            Estimated(float(points.sum()), 0.1),
+            MonteCarloValue(float(points.sum()), 0.1),
             float(np.sqrt(points.size) * points.std()),
             np.nan if name == FUTURE else 4.0,
             points,

@@ -10,13 +10,13 @@ from seatrial.core.batching import backend, lanes_at_once, map_in_step, map_lane
 from seatrial.design.sweep import in_blocks, sweep_family
 from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.pointwise import pointwise_log_likelihood
-from seatrial.filters.large import LargeUnscentedKalmanFilter
+from seatrial.filters.square_root import LargeUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.sampling.target import evaluate
-from seatrial.sampling.tempered_ladder import LadderSettings, sample_ladder
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 from seatrial.selection.criteria import deviances
 from seatrial.selection.prior_monte_carlo import log_likelihoods
+from seatrial.selection.thermodynamic import LadderSettings, sample_ladder
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.simulate import simulate_many
 from tests.cases import RPM

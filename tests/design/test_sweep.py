@@ -7,8 +7,7 @@ from seatrial.core.gaussian import Gaussian, independent
 from seatrial.core.state_space import StateSpace
 from seatrial.design.sweep import sweep_family
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.large import LargeUnscentedKalmanFilter
-from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.numerics.integrate import euler_step

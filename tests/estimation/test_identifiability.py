@@ -10,7 +10,7 @@ import pytest
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.design.fisher import fisher_information
-from seatrial.estimation.combinations import known_combinations
+from seatrial.estimation.combinations import Unknown, known_combinations
 from seatrial.estimation.identifiability import (
     _expected_cov,
     identifiability_of_design,
@@ -20,7 +20,6 @@ from seatrial.estimation.identifiability import (
 )
 from seatrial.estimation.information import likelihood_information
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.null_space import Unknown
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal, Uniform

@@ -7,8 +7,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.row_fit import fit_rows, independent_rows
-from seatrial.estimation.row_noise import row_covariances, sensor_noise
-from seatrial.estimation.rows import solve, whitened_rows
+from seatrial.estimation.rows import row_covariances, sensor_noise, solve, whitened_rows
 from seatrial.estimation.weak_form import pointwise_trials, raw_rows, weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import U0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from seatrial.estimation.scores import (
+from seatrial.estimation.validation import (
     coverage,
     crps_normal,
     effective_samples,

@@ -6,7 +6,7 @@ import numpy as np
 
 from seatrial.core.signals import RATES
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance, of_published
+from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, of_published
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
 
@@ -15,7 +15,9 @@ COUNT = 1000
 HOSTILE = 'REMUS --> <b> & "100" """ \\ {n}'
 FLIPPED = {"Y_uudelta_r": -9.64, "N_uudelta_r": 6.15, "Z_uudelta_s": 9.64, "M_uudelta_s": 6.15}
 """Fins of the other sign than those of the published REMUS."""
-PROVENANCE = Provenance("abc123", HOSTILE, "M-2 (X_uabsu T_nabsn)", "0.1.0", ("X_u",), ("lag of n",), ("body: x",))
+PROVENANCE = ExportProvenance(
+    "abc123", HOSTILE, "M-2 (X_uabsu T_nabsn)", "0.1.0", ("X_u",), ("lag of n",), ("body: x",)
+)
 
 
 def published(name="remus100_hall_anstee", **changes) -> ExportedVehicle:
@@ -26,7 +28,7 @@ def published(name="remus100_hall_anstee", **changes) -> ExportedVehicle:
     sd = 0.05 * np.abs(mean)
     root = np.diag(sd) @ np.array([[1.0, 0.0], [-0.6, 0.8]])[: len(names), : len(names)]
     covariance = root @ root.T
-    estimated = Estimated(names, mean, np.sqrt(np.diag(covariance)), covariance)
+    estimated = CoefficientEstimates(names, mean, np.sqrt(np.diag(covariance)), covariance)
     return replace(vehicle, estimated=estimated, **changes)
 
 

@@ -10,9 +10,8 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.export import manoeuvre
 from seatrial.export.motion import motion_of
-from seatrial.export.registry import EXPORTERS, make_exporter
 from seatrial.export.vehicle import of_published, rest_for
-from seatrial.export.write import export_vehicle, loss_words, state
+from seatrial.export.write import EXPORTERS, export_vehicle, loss_words, make_exporter, state
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
 from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, with_terms

@@ -8,7 +8,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
-from seatrial.export.published import of_catalogue
+from seatrial.export.write import of_catalogue
 from tests.export.finished import finished
 
 WHOLE = (

@@ -135,7 +135,7 @@ def simulated(vehicle, **options):
 
 
 def without(vehicle, *names):
-    from seatrial.export.kept import without as less
+    from seatrial.export.terms import without as less
 
     return less(vehicle, names)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from seatrial.export.manoeuvre import simulate
-from seatrial.export.registry import make_exporter
 from seatrial.export.target import Carried
+from seatrial.export.write import make_exporter
 from seatrial.vehicles.actuators import Actuator
 
 FILE = Path(__file__).parents[2] / "release" / "simulators" / "laboratory.py"

@@ -11,7 +11,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.reading import read_exported
 from seatrial.export.targets.own_json import OwnJson
-from seatrial.export.targets.table import Table
+from seatrial.export.targets.table import CsvTable
 from tests.export.cases import PROVENANCE, own_force, published, rich, states, written
 
 
@@ -114,24 +114,24 @@ def test_files_that_are_no_json_are_refused(tmp_path):
 
 def test_the_table_holds_every_coefficient_and_the_covariance():
     vehicle = published()
-    lines = [line for line in written(Table(), vehicle)["coefficients.csv"].splitlines() if line[0] != "#"]
+    lines = [line for line in written(CsvTable(), vehicle)["coefficients.csv"].splitlines() if line[0] != "#"]
     rows = {row["name"]: row for row in csv.DictReader(lines)}
     assert {name: float(rows[name]["value"]) for name in vehicle.coefficients} == vehicle.coefficients
     found = [[float(rows[a][f"covariance with {b}"]) for b in vehicle.estimated.names] for a in vehicle.estimated.names]
     np.testing.assert_array_equal(found, vehicle.estimated.covariance)
     assert (rows["mass"]["value"], rows["mass"]["unit"]) == ("30.48", "kg")
-    frame = written(Table(), published("bluerov2_heavy"))["coefficients.csv"]
+    frame = written(CsvTable(), published("bluerov2_heavy"))["coefficients.csv"]
     assert "\nthruster 8 x,-0.12," in frame
     assert "\nf_3 upper,40.0,,kg m/s^2,body" in frame
     assert "\ncoriolis_of_added_mass_automatic,1.0," in frame
-    surge = written(Table(), published("remus100_surge"))["coefficients.csv"]
+    surge = written(CsvTable(), published("remus100_surge"))["coefficients.csv"]
     assert "x_g" not in surge
     assert "\nmass,30.48" in surge
 
 
 def test_thrusters_are_numbered_from_one_in_the_table():
     vehicle = published("bluerov2_heavy")
-    lines = csv.reader(written(Table(), vehicle)["coefficients.csv"].splitlines())
+    lines = csv.reader(written(CsvTable(), vehicle)["coefficients.csv"].splitlines())
     rows = {row[0]: row[1] for row in lines if len(row) > 1}
     for number, thruster in enumerate(vehicle.thrusters):
         assert [float(rows[f"thruster {1 + number} {axis}"]) for axis in "xyz"] == list(thruster.place)

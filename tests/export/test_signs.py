@@ -11,12 +11,11 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
-from seatrial.export.commands import command_line, contrary_to, motion_senses
-from seatrial.export.manoeuvre import plan_for, simulate
+from seatrial.export.manoeuvre import command_line, contrary_to, motion_senses, plan_for, simulate
 from seatrial.export.motion import motion_of
 from seatrial.export.reading import read_exported
-from seatrial.export.registry import EXPORTERS, make_exporter
 from seatrial.export.targets.fossen import controls_of
+from seatrial.export.write import EXPORTERS, make_exporter
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.control_signs import push_of, sense_of

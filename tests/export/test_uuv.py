@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.export.kept import without
 from seatrial.export.targets.uuv import FILTERED, Uuv
+from seatrial.export.terms import without
 from tests.export.cases import (
     SIGN,
     assert_equal,

@@ -9,9 +9,8 @@ from filterpy.kalman import MerweScaledSigmaPoints
 from filterpy.kalman import UnscentedKalmanFilter as PeerFilter
 
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.large import LargeUnscentedKalmanFilter
 from seatrial.filters.run import run_filter, summarise_filter
-from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.numerics.sigma_points import UnscentedRule
 from tests.filters import textbook

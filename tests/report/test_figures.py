@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from seatrial.report.figures.fit import Driven, Predicted, record_fit
-from seatrial.report.figures.pairs import correlations, pair
-from seatrial.report.figures.posterior import PriorShape, marginal
+from seatrial.report.drawing import draw_svg
+from seatrial.report.figures.fit import Driven, Predicted, autocorrelation, record_fit, record_residuals
+from seatrial.report.figures.posterior import PriorShape, correlations, marginal, pair
 from seatrial.report.figures.records import control_over_time, covered
-from seatrial.report.figures.residuals import autocorrelation, record_residuals
 from seatrial.report.figures.structures import probability_bars
 from seatrial.report.figures.style import thin, thin_steps
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.figures.traces import coefficient_trace
-from seatrial.report.svg import draw_svg
 
 TIME = np.arange(400) * 0.1
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from seatrial.report.drawing import draw_svg
+from seatrial.report.figures.checks import prior_motions
 from seatrial.report.figures.fit import Driven
-from seatrial.report.figures.prior_predictive import prior_motions
-from seatrial.report.svg import draw_svg
 
 TIME = np.linspace(0.0, 60.0, 301)
 NORMAL = np.random.default_rng(0).normal(size=400)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from seatrial.estimation.profile import DROP, Profile
-from seatrial.report.figures.profile import Panel, profile_figure
-from seatrial.report.svg import draw_svg
+from seatrial.report.drawing import draw_svg
+from seatrial.report.figures.posterior import Panel, profile_figure
 
 
 def profile(kind: str) -> Profile:

@@ -2,9 +2,9 @@ import re
 
 import numpy as np
 
+from seatrial.report.drawing import draw_svg, inline_svg
 from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import PALETTE
-from seatrial.report.svg import draw_svg, inline_svg
 
 
 def figure(label="$n$ [rpm]"):

@@ -6,11 +6,18 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from seatrial.report.drawing import draw_svg
 from seatrial.report.figure_files import write_select_picture
-from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
-from seatrial.report.figures.structures import Gap, inclusion_bars, model_space, speed_gaps
-from seatrial.report.sections.terms import section
-from seatrial.report.svg import draw_svg
+from seatrial.report.figures.structures import (
+    CoefficientPath,
+    Gap,
+    coefficient_paths,
+    inclusion_bars,
+    inclusion_paths,
+    model_space,
+    speed_gaps,
+)
+from seatrial.report.sections.models import terms_section
 from seatrial.report.term_figures import term_figures
 from tests.report.outcomes import EVIL, make_outcome, make_screened
 
@@ -77,8 +84,8 @@ def test_the_picture_is_one_file_that_stands_alone(outcome):
 def test_the_section_says_what_was_left_out(outcome):
     names = [item.name for item in term_figures(outcome.campaign.units, outcome.selection, None, outcome.contenders)]
     assert names == ["contenders"]
-    without = section(replace(outcome, screened=None, contenders=None))
+    without = terms_section(replace(outcome, screened=None, contenders=None))
     assert (without["findings"], without["screened"], without["figures"]) == ([], False, [])
-    cautious = section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))
+    cautious = terms_section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))
     assert cautious["findings"][-1]["kind"] == "caution"
     assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in cautious["findings"][-1]["text"]

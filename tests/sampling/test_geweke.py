@@ -3,8 +3,7 @@ import pytest
 from scipy import signal
 
 from seatrial.core.errors import InputError
-from seatrial.sampling.diagnostics import geweke_score
-from seatrial.sampling.geweke import geweke_scores, printed_geweke_scores
+from seatrial.sampling.diagnostics import geweke_score, geweke_scores, printed_geweke_scores
 
 RNG_SEED = 0
 

@@ -8,7 +8,16 @@ from seatrial.core.errors import NumericalError
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection import combined_evidence as agreement
-from seatrial.selection.combined_evidence import Gathering, Keys, Piece, Run, Weighed, agreed_evidence, do, judge
+from seatrial.selection.combined_evidence import (
+    EvidenceRun,
+    Gathering,
+    Keys,
+    Piece,
+    Weighed,
+    agreed_evidence,
+    do,
+    judge,
+)
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
@@ -61,13 +70,13 @@ def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch
 
     monkeypatch.setattr(agreement, "find_mode", lost)
     smc = SMCResult(0.0, low, np.ones(1), np.ones(1), 1.0, 0.0)
-    found = do(target, Piece(None, Run(0, smc, high)), KEYS, SMALL)
+    found = do(target, Piece(None, EvidenceRun(0, smc, high)), KEYS, SMALL)
     above = float(np.diff(evaluate(target, np.concatenate([low, high])))[0])
     assert found.failure == "no mode"
     assert f"a point {above - 0.5 * 0.002001:.1f} nats above the highest peak" in found.alarms[0]
-    same = do(target, Piece(None, Run(0, smc._replace(particles=high), high)), KEYS, SMALL)
+    same = do(target, Piece(None, EvidenceRun(0, smc._replace(particles=high), high)), KEYS, SMALL)
     assert same.alarms == ()
-    (said,) = do(target, Piece(None, Run(0, smc, high[:0])), KEYS, SMALL).alarms
+    (said,) = do(target, Piece(None, EvidenceRun(0, smc, high[:0])), KEYS, SMALL).alarms
     assert "could not be cooled" in said
 
 
@@ -82,7 +91,9 @@ def test_value_is_the_other_methods_where_importance_sampling_complains():
 
 
 def numbered(*logs, expected_variance=0.0):
-    return [Run(i, run, np.empty((0, 1))) for i, run in enumerate(runs(*logs, expected_variance=expected_variance))]
+    return [
+        EvidenceRun(i, run, np.empty((0, 1))) for i, run in enumerate(runs(*logs, expected_variance=expected_variance))
+    ]
 
 
 def test_pieces_follow_what_is_known():

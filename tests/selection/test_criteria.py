@@ -8,7 +8,7 @@ from scipy import stats
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.priors import Uniform
 from seatrial.selection.criteria import (
-    Estimated,
+    MonteCarloValue,
     PredictiveCriterion,
     compare,
     deviance_criteria,
@@ -56,7 +56,7 @@ def table_of(problem, draws):
     return stats.norm(draws @ problem.design.T, problem.sd).logpdf(problem.measured)
 
 
-def assert_within(found: Estimated, value, errors=4):
+def assert_within(found: MonteCarloValue, value, errors=4):
     assert found.error > 0
     assert abs(found.value - value) < errors * found.error
 
@@ -151,7 +151,7 @@ def test_draws_of_another_posterior_are_refused():
 
 def predicted(pointwise, method="WAIC"):
     pointwise = np.asarray(pointwise, float)
-    return PredictiveCriterion(method, Estimated(pointwise.sum(), 0.0), 1.0, 1.0, pointwise, np.empty(0), "")
+    return PredictiveCriterion(method, MonteCarloValue(pointwise.sum(), 0.0), 1.0, 1.0, pointwise, np.empty(0), "")
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,13 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.priors import Normal
-from seatrial.sampling.tempered_ladder import Ladder, LadderSettings, sample_ladder, spread
 from seatrial.selection.thermodynamic import (
+    Ladder,
+    LadderSettings,
     _integrals,
     _jackknife,
+    sample_ladder,
+    spread,
     stepping_stone,
     stepping_stone_evidence,
     thermodynamic,

@@ -154,7 +154,7 @@ class Balance:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class PredictionCriterion:
     """c: ln of standard deviation before over after of g.c, a prediction with gradient g in the coefficients; from 0."""
 
     factor: Float[np.ndarray, "k k"]
@@ -171,7 +171,7 @@ class Prediction:
 
 
 CRITERIA: dict[str, Callable[..., Criterion]] = {
-    kind.name: kind for kind in (Entropy, MeanVariance, LeastKnown, Balance, Prediction)
+    kind.name: kind for kind in (Entropy, MeanVariance, LeastKnown, Balance, PredictionCriterion)
 }
 """Every utility from Fisher information, by the name a campaign gives it."""
 
@@ -192,7 +192,11 @@ def find_criterion(
     if name not in CRITERIA:
         raise InputError("utility", found=f'"{name}"', expected=", ".join(CRITERIA), remedy=nearest(name, CRITERIA))
     factor = _factor(np.asarray(prior_cov, float))
-    return Prediction(factor, _checked(gradient, len(factor))) if name == Prediction.name else CRITERIA[name](factor)
+    return (
+        PredictionCriterion(factor, _checked(gradient, len(factor)))
+        if name == PredictionCriterion.name
+        else CRITERIA[name](factor)
+    )
 
 
 def _factor(cov: np.ndarray) -> np.ndarray:
@@ -220,7 +224,7 @@ def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
     found = None if gradient is None else np.asarray(gradient, float)
     if found is None or found.shape != (k,) or not np.isfinite(found).all() or not found.any():
         raise InputError(
-            f"utility {Prediction.name}, gradient",
+            f"utility {PredictionCriterion.name}, gradient",
             found="none" if found is None else f"{found}",
             expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
             remedy="state the prediction whose variance is to fall",

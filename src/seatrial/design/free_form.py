@@ -26,7 +26,7 @@ ALIKE = 0.05
 """Designs this close in nats are as good as each other: five per cent of one standard deviation."""
 
 
-class Margin(NamedTuple):
+class LimitMargin(NamedTuple):
     """One limit of the design, SI.
 
     Attributes:
@@ -44,7 +44,7 @@ class Margin(NamedTuple):
     active: bool
 
 
-class Outcome(NamedTuple):
+class ClimbOutcome(NamedTuple):
     """What became of one start; utilities in nats.
 
     Attributes:
@@ -85,8 +85,8 @@ class FreeFormDesign:
     manoeuvre: Manoeuvre
     levels: Float[np.ndarray, " m"]
     utility: float
-    margins: tuple[Margin, ...]
-    outcomes: tuple[Outcome, ...]
+    margins: tuple[LimitMargin, ...]
+    outcomes: tuple[ClimbOutcome, ...]
     broken: float
     broken_error: float
     at_bounds: float
@@ -138,7 +138,7 @@ def design_free_form(
         before, after = climb.utilities(np.array([begin, climbed]))
         final, gain = climb.rounded(climbed if after >= before else begin)
         levels = problem.form.trim + problem.span * final
-        found.append((Outcome(name, float(before), float(after), gain, levels, done, converged), climb, final))
+        found.append((ClimbOutcome(name, float(before), float(after), gain, levels, done, converged), climb, final))
         progress((i + 1) * steps, len(chosen) * steps)
     best, climb, x = max(found, key=lambda each: each[0].utility)
     outcomes = tuple(outcome for outcome, _, _ in found)
@@ -181,7 +181,7 @@ def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
     return kept
 
 
-def _margins(climb: Climb, x: np.ndarray) -> tuple[Margin, ...]:
+def _margins(climb: Climb, x: np.ndarray) -> tuple[LimitMargin, ...]:
     problem, limits, step = climb.problem, climb.problem.limits, float(np.median(climb.setup.plan.step))
     _, control = problem.form.manoeuvre(problem.form.trim + problem.span * x).sample(step)
     found = [
@@ -202,12 +202,12 @@ def _margins(climb: Climb, x: np.ndarray) -> tuple[Margin, ...]:
     return tuple(found)
 
 
-def _margin(name: str, reached: float, bound: float, side: float, scale: float) -> Margin:
+def _margin(name: str, reached: float, bound: float, side: float, scale: float) -> LimitMargin:
     left = max(0.0, side * (bound - reached))  # rounding may leave it an ulp beyond
-    return Margin(name, reached, bound, left, left <= TIGHT * scale)
+    return LimitMargin(name, reached, bound, left, left <= TIGHT * scale)
 
 
-def _status(best: Outcome, outcomes: tuple[Outcome, ...]) -> str:
+def _status(best: ClimbOutcome, outcomes: tuple[ClimbOutcome, ...]) -> str:
     gains = np.array([outcome.utility for outcome in outcomes])
     said = [f"{best.utility:.3f} nats from {best.name}"]
     if gains.size > 1:

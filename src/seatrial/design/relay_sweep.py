@@ -13,8 +13,8 @@ from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.design.sweep import in_blocks
 from seatrial.filters.belief import Filter
-from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import summarise_filter
+from seatrial.filters.square_root import unscented_filter
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.relay import RelayFamily, check_family, run_relay
 

@@ -18,8 +18,8 @@ from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import summarise_filter
+from seatrial.filters.square_root import unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre

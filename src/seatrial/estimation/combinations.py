@@ -1,8 +1,10 @@
-"""Which sums and ratios of parameters are known when each alone is not.
+"""Which parameters the data only show together, and which of their sums and ratios are known when each alone is not.
 
 Of all sums a^T c the one with the least sd(a^T c) / |a^T c| is a = C^-1 c, whose relative standard deviation is
 (c^T C^-1 c)^-1/2 (Cauchy-Schwarz). It is compared with sums that mean something: the slope of a force with a signal at the
 operating point, sum c_i d phi_i / d s, and the force itself there over the signal, sum c_i phi_i / s.
+
+Changes of several parameters at once that leave every measurement as it is are the null space of the scaled information.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,11 +15,69 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.signals import SIGNALS, signal_unit
-from seatrial.estimation.null_space import Unknown
-from seatrial.estimation.remedies import is_coefficient, measured, percent
+from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
 
+INVISIBLE = 1e-10
+"""Eigenvalue of the information, its diagonal scaled to one, over the largest, below which a combination is invisible."""
+SHOWN = 1e-3
+"""Share of the largest effect on the measurements, each parameter's taken alone, below which it is not named as part of a change."""
 WORTH = 0.7
 """Relative standard deviation, over that of the best parameter alone, from which a sum is worth naming."""
+
+
+class Unknown(NamedTuple):
+    """What these functions need of each parameter.
+
+    Attributes:
+        names: names.
+        units: SI units.
+        values: values.
+        scale: change of each parameter that counts as one in the scaled information: its value where that is known, else its
+            prior standard deviation.
+        relative: whether `scale` is the value, so that scaled changes are relative ones.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Float[np.ndarray, " d"]
+    scale: Float[np.ndarray, " d"]
+    relative: np.ndarray
+
+    def pick(self, chosen: Sequence[int]) -> "Unknown":
+        """Some of them."""
+        at = list(chosen)
+        names, units = tuple(self.names[i] for i in at), tuple(self.units[i] for i in at)
+        return Unknown(names, units, self.values[at], self.scale[at], self.relative[at])
+
+
+class Invisible(NamedTuple):
+    """A change of several parameters at once that leaves every measurement as it is.
+
+    Attributes:
+        names: parameters that change.
+        steps: by how much, in units of `Unknown.scale`, the smallest being one.
+        relative: whether each step is a share of the parameter's value.
+    """
+
+    names: tuple[str, ...]
+    steps: tuple[float, ...]
+    relative: tuple[bool, ...]
+
+    @property
+    def is_scale(self) -> bool:
+        """Whether all of them grow alike, so that their ratios are known."""
+        return all(self.relative) and np.ptp(self.steps) < 1e-3 * abs(self.steps[0])
+
+    @property
+    def text(self) -> str:
+        """The change in words."""
+        if self.is_scale and len(self.names) > 1:
+            return f"{listed(self.names)} scale together: only their ratios are known"
+        parts = [
+            f"{name} by {step:+.3g} %" if share else f"{name} by {0.01 * step:+.3g} prior standard deviations"
+            for name, step, share in zip(self.names, self.steps, self.relative, strict=True)
+        ]
+        return f"changing {listed(parts)} leaves every measurement as it is"
 
 
 class Combination(NamedTuple):
@@ -49,6 +109,27 @@ class Combination(NamedTuple):
         """How well it is known: in percent where that says more than the number itself."""
         size = measured(self.value, self.sd, self.unit)
         return f"to {percent(self.relative_sd)} ({size})" if self.relative_sd < 0.3 else f"as {size}"
+
+
+def null_combinations(information: Float[np.ndarray, "d d"], unknown: Unknown) -> tuple[Invisible, ...]:
+    """Combinations without information, each with as few parameters as elimination leaves.
+
+    The rank is judged with every diagonal entry scaled to one, so that it depends on no unit, value or prior.
+
+    Args:
+        information: of the data, in the parameters' own units, of parameters the data touch at all.
+        unknown: the parameters.
+    """
+    size = np.sqrt(np.abs(np.diag(information)))
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
+    found = []
+    for effect in _eliminated(vectors[:, eigenvalues < INVISIBLE * eigenvalues[-1]].T):
+        named = np.flatnonzero(np.abs(effect) > SHOWN * np.abs(effect).max())
+        part = unknown.pick(named)
+        steps = effect[named] / (size[named] * part.scale)
+        steps = steps / np.abs(steps).min() * np.sign(steps[0])
+        found.append(Invisible(part.names, tuple(map(float, steps)), tuple(map(bool, part.relative))))
+    return tuple(found)
 
 
 def known_combinations(
@@ -84,6 +165,19 @@ def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list
         if len(group) > 1:
             found.append(sorted(group))
     return found
+
+
+def _eliminated(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, "r d"]:
+    """The same space by rows of which each has a one where the others have zeros: Gauss and Jordan, largest pivots."""
+    rows, free = rows.copy(), list(range(len(rows)))
+    while free:
+        which, column = np.unravel_index(np.argmax(np.abs(rows[free])), rows[free].shape)
+        pivot = free.pop(which)
+        rows[pivot] /= rows[pivot, column]
+        for other in range(len(rows)):
+            if other != pivot:
+                rows[other] -= rows[other, column] * rows[pivot]
+    return rows
 
 
 def _meant(unknown: Unknown, at: Mapping[str, float]) -> list[Combination]:

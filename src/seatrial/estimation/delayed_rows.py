@@ -9,7 +9,7 @@ from scipy.optimize import fminbound
 from seatrial.core.record import Record
 from seatrial.estimation.rows import solve
 from seatrial.estimation.weak_form import raw_rows, weak_trials
-from seatrial.numerics.zero_order_hold import held_mean
+from seatrial.numerics.integrate import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
 POINTS = 17

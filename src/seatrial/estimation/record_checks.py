@@ -46,7 +46,7 @@ TOLD = 0.9
 
 
 @dataclass(frozen=True)
-class Finding:
+class RecordFinding:
     """One judgement of a record.
 
     Attributes:
@@ -74,7 +74,7 @@ class Finding:
 
 def check_motion(
     name: str, step: float, measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"]
-) -> list[Finding]:
+) -> list[RecordFinding]:
     """Direction, size and delay of a measured channel beside the expected one, NaN where not measured.
 
     Args:
@@ -91,18 +91,20 @@ def check_motion(
             "or check the axes (east-north-up or north-east-down)"
         )
         value = f"correlation {correlation:+.2f} with the motion expected"
-        return [Finding(name, "direction", "fail", value, against, remedy)]
+        return [RecordFinding(name, "direction", "fail", value, against, remedy)]
     if correlation < RELATED:
         remedy = "the motion is hardly that of the commands: check the channel map, the clocks and the priors"
         usual = f"{RELATED:g} or more is usual"
-        return [Finding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy)]
-    found = [Finding(name, "direction", "pass", f"correlation {correlation:+.2f} with the motion expected", against)]
+        return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy)]
+    found = [
+        RecordFinding(name, "direction", "pass", f"correlation {correlation:+.2f} with the motion expected", against)
+    ]
     there = np.isfinite(measured)
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
     fits = 1 / SIZE <= ratio <= SIZE
     value, remedy = f"{ratio:.3g} times the motion expected", "" if fits else _unit_guess(ratio)
-    found.append(Finding(name, "size", "pass" if fits else "caution", value, limits, remedy))
+    found.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     return [*found, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
 
 
@@ -124,26 +126,26 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
     return float(np.mean([_correlation(one, expected) > 0 for one in drawn[~lost]])) >= AGREED
 
 
-def not_judged(names: Sequence[str]) -> Finding:
+def not_judged(names: Sequence[str]) -> RecordFinding:
     """The note about channels of which the priors do not say which way they go."""
     value = "not judged, nor size and delay; vehicles drawn from the priors go either way or run away"
     remedy = "priors of known sign, such as half-normal ones, would say"
-    return Finding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
+    return RecordFinding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
 
 
-def _delay(name: str, late: float, shifted: float, direct: float) -> list[Finding]:
+def _delay(name: str, late: float, shifted: float, direct: float) -> list[RecordFinding]:
     """A shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
     limit = f"under {LATE:g} s, where a shift explains most of the rest"
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
     if late > 0:
         remedy = "give the delay a prior, [prior.delay], unless the vehicle is but slower than believed"
-        return [Finding(name, "delay", "caution", f"about {late:.2g} s late", limit, remedy)]
+        return [RecordFinding(name, "delay", "caution", f"about {late:.2g} s late", limit, remedy)]
     remedy = "the response comes before its command: put command and response on one clock, unless the vehicle is but quicker than believed"
-    return [Finding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
+    return [RecordFinding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
 
 
-def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[Finding]:
+def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[RecordFinding]:
     """Samples that stand out from both of their sides, alone or up to three together.
 
     Args:
@@ -157,9 +159,9 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
     share = float((_standing_out(x) > SPIKE * np.maximum(_scatter(x), noise)).mean())
     limit = f"under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
-        return [Finding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
+        return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
     remedy = f'residuals = "heavy" under [sensors.{name}] bears them; look at the raw plot first'
-    return [Finding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
+    return [RecordFinding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
 
 
 def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -188,7 +190,7 @@ def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 def check_excitation(
     names: Sequence[str], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"], about: str = ""
-) -> list[Finding]:
+) -> list[RecordFinding]:
     """What the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
 
     Args:
@@ -203,10 +205,10 @@ def check_excitation(
         share = float(left / prior)
         value, limit = f"{share:.0%} of the prior's sd would be left", "below 70 % it is excited"
         if share < 0.7:
-            found.append(Finding(name, check, "pass", value, limit))
+            found.append(RecordFinding(name, check, "pass", value, limit))
         else:
             remedy = "this record cannot tell it: move what it depends on further, fix it, or design a trial (`seatrial design`)"
-            found.append(Finding(name, check, "caution", value, limit, remedy))
+            found.append(RecordFinding(name, check, "caution", value, limit, remedy))
     return found
 
 

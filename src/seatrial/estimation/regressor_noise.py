@@ -22,8 +22,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.row_fit import SCREENING
-from seatrial.estimation.row_noise import force_slope
-from seatrial.estimation.rows import Rows, rewhitened, solve
+from seatrial.estimation.rows import WhitenedRows, force_slope, rewhitened, solve
 from seatrial.estimation.weak_form import TrialRows
 
 LEVELS = (0.5, 1.0, 1.5, 2.0)
@@ -67,7 +66,7 @@ class RegressorBias:
         return 100.0 * self.bias / np.abs(self.corrected)
 
 
-def regressor_noise_bias(rows: Rows, key: Array, pairs: int = 16, forces: bool = True) -> RegressorBias:
+def regressor_noise_bias(rows: WhitenedRows, key: Array, pairs: int = 16, forces: bool = True) -> RegressorBias:
     """Estimate the bias of each coefficient.
 
     Args:
@@ -124,7 +123,7 @@ def _noisy(
 
 
 def _driven(
-    rows: Rows, trial: TrialRows, values: Mapping[str, float], pairs: int, random: np.random.Generator
+    rows: WhitenedRows, trial: TrialRows, values: Mapping[str, float], pairs: int, random: np.random.Generator
 ) -> dict[str, Float[np.ndarray, "pairs n"]]:
     """Responses of the velocities to white forces of the density that the rows show; none where they show none."""
     if not rows.force_sd.any():
@@ -148,7 +147,9 @@ def _driven(
     return {name: response[:, :, i].T for i, name in enumerate(velocities)}
 
 
-def _at(rows: Rows, drawn: list[dict[str, np.ndarray]], times: float, scale: np.ndarray) -> Float[np.ndarray, "k k1"]:
+def _at(
+    rows: WhitenedRows, drawn: list[dict[str, np.ndarray]], times: float, scale: np.ndarray
+) -> Float[np.ndarray, "k k1"]:
     """Moments with so many times the drawn noise added."""
     trials = [
         replace(

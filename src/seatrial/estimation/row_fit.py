@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.record import Record
-from seatrial.estimation.rows import Rows, solve, whitened_rows
+from seatrial.estimation.rows import WhitenedRows, solve, whitened_rows
 from seatrial.estimation.weak_form import weak_trials
 from seatrial.vehicles.axis_equation import AxisEquation
 
@@ -52,7 +52,7 @@ class RowFit:
         return np.sqrt(np.diag(self.cov))
 
 
-def fit_rows(rows: Rows) -> RowFit:
+def fit_rows(rows: WhitenedRows) -> RowFit:
     """Fit every term.
 
     The residuals' correlations over successive windows are judged against what chance gives, 3 over the root of their number;
@@ -80,7 +80,7 @@ def fit_rows(rows: Rows) -> RowFit:
 
 def independent_rows(
     equations: Sequence[AxisEquation], records: Sequence[Record], noise: Mapping[str, float], narrowest: float
-) -> tuple[Rows, RowFit]:
+) -> tuple[WhitenedRows, RowFit]:
     """Rows and fit at the first width, of `narrowest` s and its doubles, at which neighbouring residuals no longer correlate.
 
     The widest that leaves two rows for each term is taken where none does, and the fit's status then says what is wrong.

@@ -22,7 +22,15 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation import CURRENT
-from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published, rest_for, same_mass
+from seatrial.export.vehicle import (
+    REST,
+    CoefficientEstimates,
+    ExportedVehicle,
+    ExportProvenance,
+    of_published,
+    rest_for,
+    same_mass,
+)
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
@@ -34,7 +42,7 @@ from seatrial.vehicles.model import VehicleModel
 
 def of_campaign(
     folder: Path | str, structure: str | None = None, rest: str | None = None
-) -> tuple[ExportedVehicle, Provenance]:
+) -> tuple[ExportedVehicle, ExportProvenance]:
     """The vehicle that a campaign's data support.
 
     Args:
@@ -80,7 +88,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     return Estimate(labels[chosen], open_dataset(path))
 
 
-def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Provenance]:
+def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:
     """What the campaign itself knows."""
     hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure
     if hull.mass is None:
@@ -125,7 +133,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
     where = f"catalogue {source}" if source else "campaign.toml"
     absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
     absent += found.unknown_drives
-    return found, Provenance(
+    return found, ExportProvenance(
         estimate.key,
         campaign.name,
         f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
@@ -142,8 +150,8 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
 
 
 def _with_rest(
-    campaign: Campaign, alone: ExportedVehicle, provenance: Provenance, rest: str
-) -> tuple[ExportedVehicle, Provenance]:
+    campaign: Campaign, alone: ExportedVehicle, provenance: ExportProvenance, rest: str
+) -> tuple[ExportedVehicle, ExportProvenance]:
     """The published vehicle, in which all that acts in the campaign's motion is the campaign's."""
     published = of_published(rest, load_vehicle(rest))
     own, other = alone.hull.mass, published.hull.mass
@@ -214,11 +222,11 @@ def _limit_words(control: str, limits: Limits, vehicle: ExportedVehicle) -> list
     return [f"limits of {control}: those of its trials, [limits] of campaign.toml"] if known else []
 
 
-def _estimated(estimate: Estimate, structure: Structure) -> Estimated:
+def _estimated(estimate: Estimate, structure: Structure) -> CoefficientEstimates:
     names = tuple(term for term in structure.terms if term in estimate.names)
     draws = estimate.draws(names)
     covariance = np.cov(draws.T, bias=True).reshape(len(names), len(names))
-    return Estimated(names, draws.mean(0), np.sqrt(np.diag(covariance)), covariance)
+    return CoefficientEstimates(names, draws.mean(0), np.sqrt(np.diag(covariance)), covariance)
 
 
 def _current(estimate: Estimate) -> float:

@@ -3,9 +3,11 @@
     0 to 2 s steady ahead, 2 to 6 and 6 to 10 s 20 % above and below, 12 to 18 s rudder, 22 to 28 s stern plane, to 40 s
 
 The vehicle of an open frame does the same with its forces: surge, yaw and heave.
+
+What a positive command means in a target is found by pushing it: a target's convention for fins need not be the vehicle's.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +16,13 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from seatrial.core.signals import RATES, signal_unit
-from seatrial.export.motion import CURRENT_IN_BODY, Motion
-from seatrial.export.target import Change
+from seatrial.export.motion import CURRENT_IN_BODY, Motion, motion_of
+from seatrial.export.target import Carried, Change
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.control_signs import DURATION as PUSH_DURATION
+from seatrial.vehicles.control_signs import STEP as PUSH_STEP
+from seatrial.vehicles.control_signs import Sense, push_of, sense_of, sense_words
 from seatrial.vehicles.thrusters import allocation
 
 Controls = Callable[[float], Mapping[str, float]]
@@ -148,6 +153,57 @@ def changes(
             largest = np.inf if gone.any() else float(np.nanmax(np.abs(own[:, i] - other[:, i])))
             found.append(Change(rate, signal_unit(rate), largest, float(np.nanmax(own[:, i]) - np.nanmin(own[:, i]))))
     return tuple(found)
+
+
+def motion_senses(
+    vehicle: ExportedVehicle, motion: Motion, plan: Plan, controls: Iterable[str] | None = None
+) -> dict[str, Sense]:
+    """Return the sense of each control in a motion, from the start of a plan; empty where it moves nothing.
+
+    Args:
+        vehicle: whose controls they are.
+        motion: its own, or a target's.
+        plan: manoeuvre, whose start is taken.
+        controls: those that are asked for; all where None.
+    """
+    held = plan.controls(0.0)
+    start = np.zeros(8)
+    start[0] = plan.speed
+
+    def end(control: str, push: float) -> np.ndarray:
+        pushed = {**held, control: held[control] + push}
+        return simulate(motion, {}, lambda t: pushed, start, PUSH_DURATION, PUSH_STEP)[-1]
+
+    found = {}
+    for control in vehicle.controls if controls is None else controls:
+        push = push_of(control)
+        answer = end(control, push) - end(control, -push)
+        found[control] = sense_of(control, dict(zip(RATES, answer.tolist(), strict=False)))
+    return found
+
+
+def contrary_to(vehicle: ExportedVehicle, convention: Mapping[str, Sense]) -> tuple[str, ...]:
+    """Return the controls whose positive values do the contrary of what a target's convention has them do."""
+    asked = [control for control in convention if control in vehicle.controls]
+    if not asked:
+        return ()
+    own = motion_of(vehicle)
+    senses = motion_senses(vehicle, own, plan_for(vehicle, own), asked)
+    return tuple(
+        control
+        for control, sense in senses.items()
+        if any(sense.get(rate) == -sign for rate, sign in convention[control].items())
+    )
+
+
+def command_line(vehicle: ExportedVehicle, carried: Carried, plan: Plan) -> str:
+    """Return what positive commands do in the target, in words; nothing for a vehicle without controls."""
+    parts = []
+    for control, sense in motion_senses(vehicle, carried.motion, plan).items():
+        turned = control in carried.reversed
+        words = sense_words({rate: -sign if turned else sign for rate, sign in sense.items()})
+        parts.append(f"{control} {words}" + (f" (minus seatrial's {control})" if turned else ""))
+    return "; ".join(parts)
 
 
 def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float]) -> Float[np.ndarray, " 9"]:

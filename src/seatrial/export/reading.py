@@ -11,7 +11,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import RATES
 from seatrial.export.targets.own_json import FORMAT, described
-from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance
+from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
@@ -20,7 +20,7 @@ _ROUNDING = 1e-9
 """Relative difference that is rounding."""
 
 
-def read_exported(path: Path | str) -> tuple[ExportedVehicle, Provenance]:
+def read_exported(path: Path | str) -> tuple[ExportedVehicle, ExportProvenance]:
     """Read a vehicle and where it comes from.
 
     Raises:
@@ -149,22 +149,24 @@ def _contradiction(key: str, found: Any, expected: str) -> InputError:
     )
 
 
-def _estimated(table: dict[str, Any]) -> Estimated:
+def _estimated(table: dict[str, Any]) -> CoefficientEstimates:
     names = tuple(table["names"])
     mean, sd = np.array(table["mean"], float), np.array(table["sd"], float)
     covariance = np.array(table["covariance"], float).reshape(len(names), len(names))
     spread = np.sqrt(np.diag(covariance))
     if mean.shape != sd.shape or not np.allclose(spread, sd, rtol=1e-6) or not np.allclose(covariance, covariance.T):
         raise ValueError("a covariance that is not symmetric, or whose diagonal is not sd^2")
-    return Estimated(names, mean, sd, covariance)
+    return CoefficientEstimates(names, mean, sd, covariance)
 
 
-def _provenance(path: Path, content: dict[str, Any]) -> Provenance:
+def _provenance(path: Path, content: dict[str, Any]) -> ExportProvenance:
     try:
         table = content["provenance"]
         lists = {key: tuple(table[key]) for key in ("dropped", "absent", "sources", "cautions")}
         current = _number(table.get("current", 0.0))
-        return Provenance(table["run"], table["title"], table["structure"], table["seatrial"], **lists, current=current)
+        return ExportProvenance(
+            table["run"], table["title"], table["structure"], table["seatrial"], **lists, current=current
+        )
     except (KeyError, TypeError, ValueError) as cause:
         raise _refusal(path, f"no provenance ({cause})") from cause
 

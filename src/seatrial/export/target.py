@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from seatrial.export.motion import Motion
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 from seatrial.vehicles.actuators import Actuator
 
 
@@ -55,7 +55,7 @@ class Statement(NamedTuple):
     """
 
     target: str
-    provenance: Provenance
+    provenance: ExportProvenance
     carried: Carried
     loss: tuple[Change, ...]
     manoeuvre: str

@@ -11,11 +11,9 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
-from seatrial.export.published import of_catalogue
-from seatrial.export.registry import make_exporter
 from seatrial.export.target import Statement
-from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance, of_published
-from seatrial.export.write import export_vehicle
+from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, of_published
+from seatrial.export.write import export_vehicle, make_exporter, of_catalogue
 from seatrial.sampling.run import Draws
 from seatrial.vehicles.catalogue import PublishedVehicle
 
@@ -61,7 +59,7 @@ def export_to(
     return export_vehicle(make_exporter(to, **options), vehicle, provenance, Path(folder))
 
 
-def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple[ExportedVehicle, Provenance]:
+def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple[ExportedVehicle, ExportProvenance]:
     """Return a vehicle with the means of draws in the places of its own values.
 
     Raises:
@@ -69,7 +67,7 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
     """
     found = of_published(vehicle.hull.name, vehicle)
     absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves] + found.unknown_drives
-    provenance = Provenance(
+    provenance = ExportProvenance(
         "own numbers", found.name, version=__version__, absent=(", ".join(absent),) if absent else ()
     )
     if draws is None:
@@ -84,7 +82,7 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
         )
     table = draws.array(names)
     covariance = np.cov(table.T, bias=True).reshape(len(names), len(names))
-    estimated = Estimated(names, table.mean(0), np.sqrt(np.diag(covariance)), covariance)
+    estimated = CoefficientEstimates(names, table.mean(0), np.sqrt(np.diag(covariance)), covariance)
     means = dict(zip(names, map(float, estimated.mean), strict=True))
     cautions = tuple(draws.complaints())
     return (

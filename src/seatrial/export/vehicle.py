@@ -28,7 +28,7 @@ SAME_MASS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Estimated:
+class CoefficientEstimates:
     """What the data say: posterior mean, standard deviation and covariance of the coefficients, SI, in one order."""
 
     names: tuple[str, ...] = ()
@@ -38,7 +38,7 @@ class Estimated:
 
 
 @dataclass(frozen=True, eq=False)
-class Provenance:
+class ExportProvenance:
     """Where a vehicle comes from.
 
     Attributes:
@@ -86,7 +86,7 @@ class ExportedVehicle:
     added_coriolis: AddedCoriolis = "named"
     thrusters: tuple[Thruster, ...] = ()
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
-    estimated: Estimated = field(default_factory=Estimated)
+    estimated: CoefficientEstimates = field(default_factory=CoefficientEstimates)
 
     @property
     def unknown_drives(self) -> list[str]:

@@ -1,18 +1,28 @@
-"""Writing an export: checked first, then every file whole, or none."""
+"""Writing an export: the exporter by the name that `--to` takes, the vehicle checked first, then every file whole, or none."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from seatrial import __version__
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
-from seatrial.export.commands import command_line
-from seatrial.export.manoeuvre import Plan, changes, growth_rate, plan_for, run_manoeuvre
+from seatrial.core.signals import RATES
+from seatrial.export.manoeuvre import Plan, changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Change, Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle, Provenance
+from seatrial.export.targets.fossen import Fossen
+from seatrial.export.targets.gz import Gz
+from seatrial.export.targets.holoocean import HoloOcean
+from seatrial.export.targets.own_json import OwnJson
+from seatrial.export.targets.stonefish import Stonefish
+from seatrial.export.targets.table import CsvTable
+from seatrial.export.targets.uuv import Uuv
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
 # lost.
@@ -21,9 +31,19 @@ _SLOW = 0.05
 """Growth, 1/s, below which nothing grows much in the manoeuvre."""
 _NOTHING = 1e-9
 """Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
+EXPORTERS: dict[str, Callable[..., Exporter]] = {
+    "gz": Gz,
+    "uuv": Uuv,
+    "stonefish": Stonefish,
+    "fossen": Fossen,
+    "holoocean": HoloOcean,
+    "json": OwnJson,
+    "csv": CsvTable,
+}
+"""In the order in which they are listed."""
 
 
-def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) -> Statement:
+def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance) -> Statement:
     """Compare the vehicle with what the target keeps, and say it."""
     carried, own = exporter.carries(vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
@@ -36,6 +56,82 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance) 
     return found._replace(lines=tuple(_lines(vehicle, found, command_line(vehicle, carried, plan))))
 
 
+def loss_words(loss: Iterable[Change]) -> str:
+    """The loss in predicted motion in words."""
+    shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
+    if not shown:
+        return "none"
+    return "; ".join(_change_words(change) for change in shown)
+
+
+def export_vehicle(
+    exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance, folder: Path
+) -> tuple[Statement, list[Path]]:
+    """Write a vehicle's files into a folder; returns what they say of themselves, and their paths.
+
+    Raises:
+        InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
+    """
+    exporter.check(vehicle)
+    statement = state(exporter, vehicle, provenance)
+    texts = exporter.write(vehicle, statement)
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    return statement, [folder / name for name in texts]
+
+
+def make_exporter(name: str, **options: Any) -> Exporter:
+    """Build an exporter; options that are None keep the target's own.
+
+    Raises:
+        InputError: no target of that name, or an option that it does not have.
+    """
+    if name not in EXPORTERS:
+        raise InputError(
+            f"--to {name}",
+            found=f'"{name}"',
+            expected="one of " + ", ".join(EXPORTERS),
+            remedy=nearest(name, EXPORTERS),
+        )
+    given = {key: value for key, value in options.items() if value is not None}
+    fields = set(EXPORTERS[name].__dataclass_fields__) - {"name", "target"}  # pyright: ignore[reportFunctionMemberAccess]
+    for key in given:
+        if key not in fields:
+            raise InputError(
+                f"--{key}",
+                found=f"--to {name}",
+                expected="a target that has this option: "
+                + ", ".join(other for other, one in EXPORTERS.items() if key in one.__dataclass_fields__),  # pyright: ignore[reportFunctionMemberAccess]
+                remedy=f"leave --{key} out",
+            )
+    return EXPORTERS[name](**given)
+
+
+def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
+    """A published vehicle by name.
+
+    Raises:
+        InputError: no such vehicle, which may have been meant as a folder.
+    """
+    names = vehicle_names()
+    if name not in names:
+        raise InputError(
+            name,
+            found="neither a folder nor a vehicle of the catalogue",
+            expected="a campaign's folder, or one of " + ", ".join(names),
+            remedy=nearest(name, names),
+        )
+    vehicle = of_published(name, load_vehicle(name))
+    absent = [f"everything about {rate}" for rate in RATES if rate not in vehicle.moves]
+    absent += vehicle.unknown_drives
+    return vehicle, ExportProvenance(
+        f"catalogue {name}",
+        f"{vehicle.name}, as published",
+        version=__version__,
+        absent=(", ".join(absent),) if absent else (),
+    )
+
+
 def _loss_in_current(
     vehicle: ExportedVehicle, carried: Carried, plan: Plan, current: float
 ) -> tuple[Change, ...] | None:
@@ -44,14 +140,6 @@ def _loss_in_current(
         return None
     own = run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan, (0.0, current, 0.0))
     return changes(vehicle, own, run_manoeuvre(carried.motion, carried.actuators, plan, (0.0, current, 0.0)))
-
-
-def loss_words(loss: Iterable[Change]) -> str:
-    """The loss in predicted motion in words."""
-    shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
-    if not shown:
-        return "none"
-    return "; ".join(_change_words(change) for change in shown)
 
 
 def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> list[str]:
@@ -95,19 +183,3 @@ def _change_words(change: Change) -> str:
         return f"{change.rate} runs away in the target"
     share = f" ({change.largest / change.range:.0%} of its range)" if change.range > _NOTHING else " (its range is 0)"
     return f"{change.rate} by {change.largest:.2g} {change.unit}{share}"
-
-
-def export_vehicle(
-    exporter: Exporter, vehicle: ExportedVehicle, provenance: Provenance, folder: Path
-) -> tuple[Statement, list[Path]]:
-    """Write a vehicle's files into a folder; returns what they say of themselves, and their paths.
-
-    Raises:
-        InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
-    """
-    exporter.check(vehicle)
-    statement = state(exporter, vehicle, provenance)
-    texts = exporter.write(vehicle, statement)
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    return statement, [folder / name for name in texts]

@@ -26,7 +26,7 @@ SHRINKING, GROWING = 0.75, 1.1
 """A standard deviation that falls as one over the square root of time keeps 0.87 of its value over the last quarter."""
 
 
-class Finding(NamedTuple):
+class TuningFinding(NamedTuple):
     """One thing that is wrong: what to change, the direction, and reason and remedy in words."""
 
     change: Literal["P", "Q", "R", "trial"]
@@ -66,7 +66,7 @@ class TuningReport:
     erratic: Float[np.ndarray, " c"]
     nees: float
     nees_band: tuple[float, float]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[TuningFinding, ...] = ()
 
 
 def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray, " d"] | None = None) -> TuningReport:
@@ -117,7 +117,7 @@ def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray,
     return replace(report, findings=tuple(_findings(report, space, [column.size for column in innovations])))
 
 
-def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[Finding]:
+def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[TuningFinding]:
     """What to change, the most telling check of each matrix first.
 
     A P that holds the constants fast hides all else, unless innovations are small: then it is noise that moves them.
@@ -128,36 +128,38 @@ def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> lis
             f"the constants moved {np.sqrt(report.moved):.0f} times as far from their first values as P_0 allows: raise P_0 of "
             f"{', '.join(constants)}, then check again"
         )
-        return [Finding("P", "up", words)]
+        return [TuningFinding("P", "up", words)]
     said = _innovation_findings(report, space, counts)
     if report.moved < report.moved_band[0]:
         words = (
             f"the constants moved {1 / np.sqrt(max(report.moved, 1e-30)):.3g} times less than P_0 expects, so that the first "
             f"estimates jump about: lower P_0 of {', '.join(constants)}"
         )
-        said.append(Finding("P", "down", words))
+        said.append(TuningFinding("P", "down", words))
     noisy_r = any(finding[:2] == ("R", "up") for finding in said)
     for name, erratic, settling in zip(constants, report.erratic, report.settling, strict=True):
         if erratic > ERRATIC and not noisy_r:
             words = f"the estimate of {name} is erratic: it travels {erratic:.1f} times as far as it should; lower Q of {name}"
-            said.append(Finding("Q", "down", words))
+            said.append(TuningFinding("Q", "down", words))
         if settling > GROWING:
             words = (
                 f"the standard deviation of {name} grew by {settling - 1:.0%} over the last quarter: lower Q of {name}"
             )
-            said.append(Finding("Q", "down", f"{words}, or end the trial before it goes quiet"))
+            said.append(TuningFinding("Q", "down", f"{words}, or end the trial before it goes quiet"))
         if settling < SHRINKING:
             words = f"the standard deviation of {name} still fell by {1 - settling:.0%} over the last quarter"
-            said.append(Finding("trial", "longer", f"{words}: it has not settled, run the trial longer"))
+            said.append(TuningFinding("trial", "longer", f"{words}: it has not settled, run the trial longer"))
     if not said and report.nees > report.nees_band[1]:
         words = f"errors squared are {report.nees:.1f} times what the filter states: raise Q, or look for what the model lacks"
-        said.append(Finding("Q", "up", words))
+        said.append(TuningFinding("Q", "up", words))
     if not said and report.nees < report.nees_band[0]:
-        said.append(Finding("Q", "down", f"errors squared are {report.nees:.3g} times what the filter states: lower Q"))
+        said.append(
+            TuningFinding("Q", "down", f"errors squared are {report.nees:.3g} times what the filter states: lower Q")
+        )
     return said
 
 
-def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[Finding]:
+def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[TuningFinding]:
     significant = np.where(report.whiteness < LEVEL, report.correlation, 0.0)
     worst = int(np.argmax(np.abs(significant)))
     follows = f"innovations of {space.outputs[worst]} follow one another (correlation {report.correlation[worst]:+.2f})"
@@ -176,18 +178,18 @@ def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[i
 
     low = [i for i, count in enumerate(counts) if report.spread[i] < min(_band(count)[0], 1 - RELEVANT)]
     if low:
-        return [Finding("R", "down", f"{too_large}, and smaller than R alone: lower R of {sds(low)}")]
+        return [TuningFinding("R", "down", f"{too_large}, and smaller than R alone: lower R of {sds(low)}")]
     if report.nis < min(report.nis_band[0], 1 - RELEVANT):
         chased = f", and {follows}: the filter chases the noise" if chasing else ""
-        return [Finding("Q", "down", f"{too_large}, though not smaller than R{chased}: lower Q of {dynamic}")]
+        return [TuningFinding("Q", "down", f"{too_large}, though not smaller than R{chased}: lower Q of {dynamic}")]
     if report.nis > max(report.nis_band[1], 1 + RELEVANT) and not sluggish:
         high = [i for i, spread in enumerate(report.spread) if spread > 1 + RELEVANT]
         chased = f", and {follows}: the filter chases the noise" if chasing else ""
-        return [Finding("R", "up", f"{too_small}{chased}: raise R of {sds(high)}")]
+        return [TuningFinding("R", "up", f"{too_small}{chased}: raise R of {sds(high)}")]
     if sluggish:
-        return [Finding("Q", "up", f"{follows}: the filter trusts its model too much; raise Q of {dynamic}")]
+        return [TuningFinding("Q", "up", f"{follows}: the filter trusts its model too much; raise Q of {dynamic}")]
     if chasing:
-        return [Finding("Q", "down", f"{follows}: the filter chases the noise; lower Q of {dynamic}")]
+        return [TuningFinding("Q", "down", f"{follows}: the filter chases the noise; lower Q of {dynamic}")]
     return []
 
 

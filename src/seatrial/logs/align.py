@@ -16,7 +16,7 @@ from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
-from seatrial.numerics.zero_order_hold import held_mean
+from seatrial.numerics.integrate import held_mean
 
 _MOST_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9

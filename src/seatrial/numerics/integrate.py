@@ -1,10 +1,12 @@
-"""One-step integrators on tuples of scalars, with the input held over the step, and the time loop that every simulation is."""
+"""One-step integrators on tuples of scalars with the input held over the step, the time loop of every simulation, and held signals."""
 
 from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
 
 from seatrial.core.batching import on_accelerator
 
@@ -104,6 +106,22 @@ def time_loop(
         return (moved, memory), kept
 
     return jax.lax.scan(advance, (start, memory), (None if law else control, step, extra, push))
+
+
+def held_mean(
+    time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], edges: Float[np.ndarray, " m1"]
+) -> Float[np.ndarray, " m"]:
+    """Mean of a held signal over each interval between neighbouring edges: exact, and without aliases of what is faster.
+
+    Args:
+        time: stamps, strictly increasing, s.
+        values: from each stamp to the next; the first also before, the last for ever after.
+        edges: increasing, s.
+    """
+    change = values - values[0]  # so that what never changes comes back as it was
+    total = np.concatenate([[0.0], np.cumsum(change[:-1] * np.diff(time))])
+    after = change[-1] * np.maximum(edges - time[-1], 0.0)
+    return values[0] + np.diff(np.interp(edges, time, total) + after) / np.diff(edges)
 
 
 def _moved(state: State, rate: State, step: Any) -> State:

@@ -21,19 +21,14 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
-from seatrial.report.drawing import signal_axis, signal_symbol
-from seatrial.report.figures.accelerations import Curve, smoothed_record
-from seatrial.report.figures.calibration import rank_figure
-from seatrial.report.figures.fit import Driven
-from seatrial.report.figures.prior_predictive import prior_motions
-from seatrial.report.figures.profile import Panel, profile_figure
-from seatrial.report.figures.records import raw_record
-from seatrial.report.figures.rehearsal import Progressed, rehearsal_figure
-from seatrial.report.figures.relay import relay_figure
+from seatrial.report.drawing import draw_svg, signal_axis, signal_symbol
+from seatrial.report.figures.checks import Progressed, prior_motions, rank_figure, rehearsal_figure
+from seatrial.report.figures.fit import Driven, SmoothedSignal, smoothed_record
+from seatrial.report.figures.posterior import Panel, profile_figure
+from seatrial.report.figures.records import raw_record, relay_figure
 from seatrial.report.figures.style import INK, MUTED, PAPER, WIDE, own_settings, unit_label
 from seatrial.report.labels import label_mathtext
 from seatrial.report.numbers import typeset
-from seatrial.report.svg import draw_svg
 from seatrial.report.term_figures import TermFigure, term_figures
 from seatrial.selection.verdict import Selection
 
@@ -45,8 +40,10 @@ def write_accelerations_picture(folder: Path, record: Record, channels: Sequence
     for channel in channels:
         name, found, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
         curves += [
-            Curve(signal_axis(name), factor * found.value, factor * found.value_sd, factor * record.channel(name)),
-            Curve(_rate_axis(name, unit), factor * found.rate, factor * found.rate_sd),
+            SmoothedSignal(
+                signal_axis(name), factor * found.value, factor * found.value_sd, factor * record.channel(name)
+            ),
+            SmoothedSignal(_rate_axis(name, unit), factor * found.rate, factor * found.rate_sd),
         ]
     with own_settings():
         write_text(path, draw_svg(smoothed_record(record.time, curves), f"accelerations-{record.label}"))

@@ -7,31 +7,24 @@ from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
-from seatrial.report.sections import (
-    coefficients,
-    designs,
-    fits,
-    known,
-    method,
-    models,
-    posteriors,
-    summary,
-    terms,
-    traces,
-)
+from seatrial.report.sections.designs import known_section, next_section, trial_section
+from seatrial.report.sections.fits import fits_section, traces_section
+from seatrial.report.sections.models import models_section, terms_section
+from seatrial.report.sections.posteriors import coefficients_section, posteriors_section
+from seatrial.report.sections.summary import method_section, summary_section
 
 SECTIONS = {
-    "summary": summary.section,
-    "coefficients": coefficients.section,
-    "models": models.section,
-    "terms": terms.section,
-    "trial": designs.trial_section,
-    "fit": fits.section,
-    "traces": traces.section,
-    "posteriors": posteriors.section,
-    "known": known.section,
-    "next": designs.next_section,
-    "method": method.section,
+    "summary": summary_section,
+    "coefficients": coefficients_section,
+    "models": models_section,
+    "terms": terms_section,
+    "trial": trial_section,
+    "fit": fits_section,
+    "traces": traces_section,
+    "posteriors": posteriors_section,
+    "known": known_section,
+    "next": next_section,
+    "method": method_section,
 }
 """Sections by the name of their template, in reading order."""
 CONTENTS = {

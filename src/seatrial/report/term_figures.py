@@ -8,8 +8,15 @@ import numpy as np
 from seatrial.campaign.selection.runner_up import Contenders
 from seatrial.campaign.selection.screening import Screened
 from seatrial.core.coefficients import CoefficientName
-from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
-from seatrial.report.figures.structures import Gap, inclusion_bars, model_space, speed_gaps
+from seatrial.report.figures.structures import (
+    CoefficientPath,
+    Gap,
+    coefficient_paths,
+    inclusion_bars,
+    inclusion_paths,
+    model_space,
+    speed_gaps,
+)
 from seatrial.report.labels import label_mathtext
 from seatrial.selection.verdict import Selection
 

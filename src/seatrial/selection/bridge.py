@@ -16,12 +16,12 @@ from scipy.special import expit, logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import evaluate
 from seatrial.selection.evidence import Evidence
 
 ProposalShape = Literal["normal", "t"]
 FREEDOM = 5.0
-MIN_ESS = 400.0
 MAX_ERROR = 0.2
 """Standard error, nats, above which the error formula itself, an expansion, is not believed."""
 TOLERANCE, MAX_ITERATIONS = 1e-10, 1000

@@ -146,10 +146,10 @@ class Piece(NamedTuple):
     """A repeat of tempered SMC; or importance sampling, with the first repeat's particles, where no repeat is given."""
 
     repeat: int | None
-    first: "Run | None" = None
+    first: "EvidenceRun | None" = None
 
 
-class Run(NamedTuple):
+class EvidenceRun(NamedTuple):
     """One repeat; of the first also its particles after they were cooled, shape (n, d), none where they could not be."""
 
     repeat: int
@@ -207,7 +207,7 @@ def agreed_evidence(
 
 def do(
     posterior: Posterior, piece: Piece, keys: Keys, settings: EvidenceSettings, progress: Progress = no_progress
-) -> Run | Weighed:
+) -> EvidenceRun | Weighed:
     """Do one piece of an evidence."""
     if piece.repeat is None:
         return _weigh(posterior, piece, keys.importance)
@@ -217,7 +217,7 @@ def do(
     if piece.repeat == 0:
         with suppress(NumericalError):
             cold = sample_cold(posterior, smc, jax.random.fold_in(key, 1), settings.smc)
-    return Run(piece.repeat, smc, cold)
+    return EvidenceRun(piece.repeat, smc, cold)
 
 
 class Gathering:
@@ -231,7 +231,7 @@ class Gathering:
 
     def __init__(self, asked: int):
         self.asked = asked
-        self.runs: dict[int, Run] = {}
+        self.runs: dict[int, EvidenceRun] = {}
         self.weighed: Weighed | None = None
         self._begun: set[int | None] = set()
 
@@ -246,7 +246,7 @@ class Gathering:
         following = iter(self._following, None)
         return [*asked, *following]
 
-    def add(self, found: Run | Weighed) -> Piece | None:
+    def add(self, found: EvidenceRun | Weighed) -> Piece | None:
         """Keep what was found, and return what can be done now, if anything can."""
         if isinstance(found, Weighed):
             self.weighed = found
@@ -276,9 +276,9 @@ class Gathering:
         self._begun.add(piece.repeat)
         return piece
 
-    def _in_order(self) -> list[Run]:
+    def _in_order(self) -> list[EvidenceRun]:
         """The repeats up to the first that is not there, or the first at which they check sharply enough."""
-        there: list[Run] = []
+        there: list[EvidenceRun] = []
         while len(there) in self.runs and not (len(there) >= self.asked and _sharp(there)):
             there.append(self.runs[len(there)])
         return there
@@ -354,5 +354,5 @@ def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Seq
     ]
 
 
-def _sharp(runs: Sequence[Run]) -> bool:
+def _sharp(runs: Sequence[EvidenceRun]) -> bool:
     return combine_runs([run.smc for run in runs]).std_error <= BLUNT

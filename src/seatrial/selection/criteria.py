@@ -24,8 +24,8 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.target import LANES
+from seatrial.selection.importance import MAX_K_HAT
 
-MAX_K_HAT = 0.7
 MAX_POINT_VARIANCE = 0.4
 """Variance of a point's log density above which its WAIC term is not to be trusted (Vehtari, Gelman and Gabry 2017)."""
 SMALL_DIFFERENCE = 8.0
@@ -35,7 +35,7 @@ _AT_ONCE = 500
 """Measurements handled at once: their temporary copies stay small."""
 
 
-class Estimated(NamedTuple):
+class MonteCarloValue(NamedTuple):
     """A number and its Monte Carlo standard error."""
 
     value: float
@@ -45,10 +45,10 @@ class Estimated(NamedTuple):
 class DevianceCriteria(NamedTuple):
     """Criteria from the posterior mean of the deviance; p_D counts the parameters the data determine."""
 
-    mean_deviance: Estimated
-    p_d: Estimated
-    dic: Estimated
-    bpic: Estimated
+    mean_deviance: MonteCarloValue
+    p_d: MonteCarloValue
+    dic: MonteCarloValue
+    bpic: MonteCarloValue
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class PredictiveCriterion:
     """
 
     method: Literal["WAIC", "PSIS-LOO", "AIC", "BIC", "leave-future-out"]
-    value: Estimated
+    value: MonteCarloValue
     std_error: float
     effective: float
     pointwise: Float[np.ndarray, " n"]
@@ -106,9 +106,9 @@ def deviance_criteria(posterior: Posterior, draws: Float[np.ndarray, "chains dra
     moved = (draws - mean) @ slope
     centre, p_d = deviance.mean(), deviance.mean() - at_mean
     return DevianceCriteria(
-        Estimated(float(centre), mean_error(deviance)),
+        MonteCarloValue(float(centre), mean_error(deviance)),
         *(
-            Estimated(float(share * centre + times * p_d), mean_error((share + times) * deviance - times * moved))
+            MonteCarloValue(float(share * centre + times * p_d), mean_error((share + times) * deviance - times * moved))
             for share, times in ((0, 1), (1, 1), (1, 2))
         ),
     )
@@ -209,7 +209,7 @@ def _log_mean(part: np.ndarray) -> np.ndarray:
 
 
 def _summed(method, pointwise: np.ndarray, error: float, effective: float, k_hat: np.ndarray, status: str):
-    total = Estimated(float(pointwise.sum()), error)
+    total = MonteCarloValue(float(pointwise.sum()), error)
     return PredictiveCriterion(method, total, sum_error(pointwise), effective, pointwise, k_hat, status)
 
 
@@ -308,7 +308,7 @@ def _criterion(
         if n < 40 * parameters
         else ""
     )
-    total = Estimated(float(pointwise.sum()), 0.0)
+    total = MonteCarloValue(float(pointwise.sum()), 0.0)
     return PredictiveCriterion(method, total, sum_error(pointwise), float(parameters), pointwise, np.empty(0), status)
 
 

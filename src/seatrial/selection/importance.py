@@ -21,6 +21,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import Evidence
 
@@ -30,10 +31,10 @@ WIDE_SHARE, WIDE_SCALE = 0.2, 2.0
 GOOD = 0.5
 """Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy."""
 MAX_K_HAT = 0.7
-MIN_ESS = 400.0
+"""Pareto shape of the weights above which their mean is not to be trusted (Vehtari et al., JMLR 25, 2024)."""
 
 
-class Proposal(NamedTuple):
+class ProposalComponent(NamedTuple):
     """What is drawn about one mode: centre, shape (d,), triangular factor of the scale matrix, shape (d, d), and share of the draws."""
 
     centre: Float[np.ndarray, " d"]
@@ -140,21 +141,21 @@ def weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d
     return np.sqrt(share @ (values - share @ values) ** 2)
 
 
-def laplace_proposal(mode: Mode) -> Proposal:
+def laplace_proposal(mode: Mode) -> ProposalComponent:
     """Proposal at the mode, nowhere wider than the prior, which has unit variance in z.
 
     A density that leans on the edge of its box has almost no curvature at the mode, and its Laplace covariance no meaning.
     """
     values, vectors = np.linalg.eigh(mode.precision)
-    return Proposal(mode.z, np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T))
+    return ProposalComponent(mode.z, np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T))
 
 
-def distance(proposal: Proposal, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+def distance(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     """Squared distance from the centre, in standard deviations."""
     return np.sum(solve_triangular(proposal.factor, (z - proposal.centre).T, lower=True) ** 2, 0)
 
 
-def weigh(target: Target, proposals: Sequence[Proposal], key: jax.Array, n: int) -> Weights:
+def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Weights:
     """Draw from the proposals, each its share, and weigh the draws.
 
     Raises:
@@ -177,7 +178,7 @@ def weigh(target: Target, proposals: Sequence[Proposal], key: jax.Array, n: int)
     return Weights(np.asarray(z), log_weight, np.asarray(smoothed), float(k_hat), ess)
 
 
-def refit(proposals: Sequence[Proposal], weights: Weights) -> list[Proposal]:
+def refit(proposals: Sequence[ProposalComponent], weights: Weights) -> list[ProposalComponent]:
     """Proposals with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws.
 
     Of several, a draw belongs to each as far as each is likely to have made it, and half of the draws are shared by what was found.
@@ -188,7 +189,9 @@ def refit(proposals: Sequence[Proposal], weights: Weights) -> list[Proposal]:
     return [_refitted(one, part, weights.z, len(proposals)) for one, part in zip(proposals, belongs, strict=True)]
 
 
-def _refitted(proposal: Proposal, part: Float[np.ndarray, " n"], z: Float[np.ndarray, "n d"], count: int) -> Proposal:
+def _refitted(
+    proposal: ProposalComponent, part: Float[np.ndarray, " n"], z: Float[np.ndarray, "n d"], count: int
+) -> ProposalComponent:
     """One of some proposals, fitted to its part of the weights, which sum to 1 over all of them."""
     total = float(part.sum())
     if total == 0.0:
@@ -199,7 +202,7 @@ def _refitted(proposal: Proposal, part: Float[np.ndarray, " n"], z: Float[np.nda
     trust, doubt = 1.0 / float(share @ share), centre.size + 2.0
     old = proposal.factor @ proposal.factor.T
     factor = np.linalg.cholesky((trust * (spread.T * share) @ spread + doubt * old) / (trust + doubt))
-    return Proposal(centre, factor, 0.5 / count + 0.5 * total)
+    return ProposalComponent(centre, factor, 0.5 / count + 0.5 * total)
 
 
 def _complaints(weights: Weights) -> list[str]:
@@ -215,19 +218,19 @@ def _complaints(weights: Weights) -> list[str]:
     return said
 
 
-def _draw(proposal: Proposal, random: np.random.Generator, n: int) -> Float[np.ndarray, "n d"]:
+def _draw(proposal: ProposalComponent, random: np.random.Generator, n: int) -> Float[np.ndarray, "n d"]:
     """Independent draws about one mode."""
     stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
     stretch *= np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
     return proposal.centre + (stretch[:, None] * random.normal(size=(n, proposal.centre.size))) @ proposal.factor.T
 
 
-def _log_shares(proposals: Sequence[Proposal], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "modes n"]:
+def _log_shares(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "modes n"]:
     """Log density of each proposal, times its share."""
     return np.stack([np.log(one.share) + _log_proposal(one, z) for one in proposals])
 
 
-def _log_proposal(proposal: Proposal, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+def _log_proposal(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     d = proposal.centre.size
     square = distance(proposal, z)
     power = 0.5 * (FREEDOM + d)

@@ -18,12 +18,12 @@ from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.selection.evidence import Evidence
-from seatrial.selection.importance import Weights, evidence_of, laplace_proposal, weigh
+from seatrial.selection.importance import MAX_K_HAT, Weights, evidence_of, laplace_proposal, weigh
 
 MAX_CORRECTION = 0.2
 """Correction, nats, above which the approximation is not to be used."""
-MIN_ESS = 20.0
-MAX_K_HAT = 0.7
+MIN_CHECK_ESS = 20.0
+"""Effective draws below which the correction is not known."""
 AT_BOUND = 0.1
 """Share of the distance from mode to bound that is left after two standard deviations towards it."""
 
@@ -94,7 +94,7 @@ def _complaints(mode: Mode, check: _Check, bounded: tuple[str, ...]) -> list[str
         said.append("the posterior has no curvature in some direction: the data say nothing there, use tempered SMC")
     if bounded:
         said.append(f"the posterior of {', '.join(bounded)} runs into the end of the prior: use importance sampling")
-    if not (check.ess >= MIN_ESS and check.k_hat <= MAX_K_HAT):
+    if not (check.ess >= MIN_CHECK_ESS and check.k_hat <= MAX_K_HAT):
         said.append(
             f"the posterior is far from normal (of the draws of the check {check.ess:.0f} count, Pareto k {check.k_hat:.2f}): "
             "use importance sampling or tempered SMC"

@@ -24,16 +24,16 @@ from scipy.special import logsumexp
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.estimation.posterior import Posterior
+from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.selection.criteria import (
-    MAX_K_HAT,
     Comparison,
-    Estimated,
+    MonteCarloValue,
     PredictiveCriterion,
     compare,
     deviances,
     sum_error,
 )
-from seatrial.selection.importance import MIN_ESS, ImportanceSettings, importance_sample
+from seatrial.selection.importance import MAX_K_HAT, ImportanceSettings, importance_sample
 
 Past = Callable[[float], Posterior]
 """Posterior given what was measured before a time, s; always of the same parameters."""
@@ -97,7 +97,7 @@ def leave_future_out(
         pointwise.append(value)
     variance += stretch.variance
     k_hat, points = np.array(k_hats), -2 * np.array(pointwise)
-    total = Estimated(float(points.sum()), 2 * float(np.sqrt(variance)))
+    total = MonteCarloValue(float(points.sum()), 2 * float(np.sqrt(variance)))
     criterion = PredictiveCriterion(
         "leave-future-out", total, sum_error(points), np.nan, points, k_hat, "; ".join(_complaints(k_hat, max_k_hat))
     )

@@ -27,6 +27,7 @@ from seatrial.estimation.residuals import White
 from seatrial.estimation.sensors import noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.integrate import rk4_step
+from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import LANES
 from seatrial.selection.evidence import Evidence
 
@@ -185,9 +186,6 @@ def _go_on(
         return jax.tree.map(lambda x, new: jax.lax.dynamic_update_slice(x, new, (g * size,)), lanes, moved)
 
     return jax.lax.fori_loop(0, groups, group_on, lanes)
-
-
-MIN_ESS = 400.0
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.estimation.regressor_noise import RegressorBias, regressor_noise_bias
 from seatrial.estimation.row_fit import RowFit, independent_rows
-from seatrial.estimation.rows import Rows
+from seatrial.estimation.rows import WhitenedRows
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.conjugate import Prior, evidence_of, physical_prior, unit_information
@@ -79,7 +79,7 @@ class Screening:
     """
 
     rules: CompiledRules
-    rows: Rows
+    rows: WhitenedRows
     fit: RowFit
     posterior: SubsetPosterior
     sensitivity: Sensitivity

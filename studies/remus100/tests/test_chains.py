@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from seatrial.selection.criteria import Estimated, PredictiveCriterion, compare
+from seatrial.selection.criteria import MonteCarloValue, PredictiveCriterion, compare
 from studies.remus100.tests.studies import TINY, study
 from tests.cases import THRUST, U0, X_U, X_UU, naive_rk4, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, golden_noise, naive_doublets, naive_speed
@@ -136,7 +136,7 @@ def test_golden_posterior_and_criteria(longer, part):
 def test_criteria_cannot_tell_the_golden_models_apart(longer, method):
     full, reduced = (longer.part(part)["pointwise"].sel(predictive=method).values for part in GOLDEN)
     found = compare(
-        *(PredictiveCriterion(method, Estimated(x.sum(), 0.0), 1, 1, x, np.empty(0), "") for x in (full, reduced))
+        *(PredictiveCriterion(method, MonteCarloValue(x.sum(), 0.0), 1, 1, x, np.empty(0), "") for x in (full, reduced))
     )
     assert abs(found.delta) < 0.5
     assert "equally well" in found.verdict

@@ -13,7 +13,7 @@ from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.conjugate import GPrior, physical_prior
 from seatrial.selection.subsets.gram import gram
 from seatrial.selection.subsets.sampler import (
-    MAX_R_HAT,
+    MAX_PRESENCE_R_HAT,
     _status,
     half_of,
     presence_r_hat,
@@ -265,8 +265,8 @@ def test_what_the_chains_did_is_counted():
     ("inclusion", "r_hat", "error", "covered", "said"),
     [
         (0.5, 1.0, 0.0, 1.0, ""),
-        (0.5, MAX_R_HAT + 0.001, 0.0, 1.0, "the chains disagree about b"),
-        (0.5, MAX_R_HAT - 0.001, 0.0, 1.0, ""),
+        (0.5, MAX_PRESENCE_R_HAT + 0.001, 0.0, 1.0, "the chains disagree about b"),
+        (0.5, MAX_PRESENCE_R_HAT - 0.001, 0.0, 1.0, ""),
         (0.511, 1.0, 0.0, 1.0, "the probabilities of b by visits and by evidences differ by up to 0.011"),
         (0.489, 1.0, 0.0, 1.0, "differ by up to 0.011"),
         (0.509, 1.0, 0.0, 1.0, ""),

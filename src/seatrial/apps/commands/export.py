@@ -61,9 +61,7 @@ def _vehicle(
 ) -> Exit:
     from seatrial.core.errors import InputError
     from seatrial.export.from_campaign import of_campaign
-    from seatrial.export.published import of_catalogue
-    from seatrial.export.registry import EXPORTERS, make_exporter
-    from seatrial.export.write import export_vehicle
+    from seatrial.export.write import EXPORTERS, export_vehicle, make_exporter, of_catalogue
 
     if to is None:
         raise InputError(

@@ -14,10 +14,9 @@ from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, env
 from seatrial.apps.dashboard.view_models import Plot, Recorded, Swept, Told
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
-from seatrial.report.drawing import signal_axis, signal_symbol
-from seatrial.report.figures.fit import Z90
+from seatrial.report.drawing import axes_box, inline_svg, signal_axis, signal_symbol
+from seatrial.report.figures.fit import Z90, autocorrelation
 from seatrial.report.figures.posterior import PriorShape, marginal
-from seatrial.report.figures.residuals import autocorrelation
 from seatrial.report.figures.structures import probability_bars
 from seatrial.report.figures.style import (
     BAND,
@@ -37,7 +36,6 @@ from seatrial.report.figures.style import (
 )
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_mathtext
-from seatrial.report.svg import axes_box, inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from seatrial.design.stated_prediction import TRACKS
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.large import MOST_UNROLLED, unscented_filter
+from seatrial.filters.square_root import MOST_UNROLLED, unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 
 UTILITY_DRAWS = 32

@@ -16,8 +16,8 @@ from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.design.prior_belief import STATE_SD
 from seatrial.estimation.simulation import delay_control
-from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import FilterTrace, run_filter
+from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 

@@ -17,8 +17,7 @@ from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.identifiability import identifiability_of_design, identify
-from seatrial.estimation.identifiability_report import Identifiability
+from seatrial.estimation.identifiability import Identifiability, identifiability_of_design, identify
 from seatrial.estimation.information import likelihood_information
 from seatrial.estimation.output_error import is_deviation
 from seatrial.estimation.posterior import Parameter

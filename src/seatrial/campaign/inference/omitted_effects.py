@@ -20,9 +20,9 @@ from seatrial.core.signals import signal_unit
 from seatrial.estimation.omitted_effects import Omitted, score_effects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.scores import effective_samples, whiteness
 from seatrial.estimation.sensors import noise_name
 from seatrial.estimation.simulation import delay_control
+from seatrial.estimation.validation import effective_samples, whiteness
 from seatrial.selection.structures import Structure
 
 FORCES = ("X_0", "X_u", "X_uabsu", "X_u3")

@@ -28,7 +28,7 @@ from seatrial.estimation.posterior import Posterior
 from seatrial.selection.criteria import (
     SMALL_DIFFERENCE,
     DevianceCriteria,
-    Estimated,
+    MonteCarloValue,
     PredictiveCriterion,
     aic,
     bic,
@@ -135,7 +135,7 @@ def _both(
     present, future = open_dataset(store.criteria(label)), open_dataset(store.future(label))
     found = {**_criteria_in(present), **_criteria_in(future)}
     refused = tuple(text for data in (present, future) if (text := data.attrs["refused"]))
-    deviance = DevianceCriteria(*(Estimated(*pair) for pair in json.loads(present.attrs["deviance"])))
+    deviance = DevianceCriteria(*(MonteCarloValue(*pair) for pair in json.loads(present.attrs["deviance"])))
     return Criteria(estimate.structure, deviance, found, edges, refused)
 
 
@@ -208,7 +208,9 @@ def _criteria_in(data: xr.Dataset) -> dict[str, PredictiveCriterion]:
         k_hat = data[f"k_hat {method}"].values if f"k_hat {method}" in data else np.empty(0)
         count = np.nan if effective is None else effective
         pointwise = data[f"pointwise {method}"].values
-        found[method] = PredictiveCriterion(method, Estimated(value, error), std_error, count, pointwise, k_hat, status)
+        found[method] = PredictiveCriterion(
+            method, MonteCarloValue(value, error), std_error, count, pointwise, k_hat, status
+        )
     return found
 
 

@@ -24,7 +24,7 @@ from seatrial.campaign.store.files import (
 )
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection.combined_evidence import ALARM, FLOOR, Gathering, Keys, Piece, Run, Weighed, do
+from seatrial.selection.combined_evidence import ALARM, FLOOR, EvidenceRun, Gathering, Keys, Piece, Weighed, do
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select
@@ -109,7 +109,7 @@ def _evidences(campaign: Campaign, trials: Trials, keys: Mapping[str, str], repo
     of = {one.structure.label: one for one in kept}
     parts = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin()]
 
-    def done(index: int, result: Run | Weighed) -> _Part | None:
+    def done(index: int, result: EvidenceRun | Weighed) -> _Part | None:
         structure = parts[index].structure
         following = of[structure.label].keep(result)
         return following and _Part(structure, following)
@@ -123,7 +123,7 @@ def _evidences(campaign: Campaign, trials: Trials, keys: Mapping[str, str], repo
     return [one.gathering.evidence() for one in kept]
 
 
-def _compute(study: Study, part: _Part, report: Progress) -> Run | Weighed:
+def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | Weighed:
     """One piece of an evidence."""
     campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
     keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
@@ -143,12 +143,12 @@ class _Kept:
             if (stored := load_checkpoint(self._checkpoint(repeat), key)) is not None:
                 cold = stored.pop("cold")
                 smc = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
-                self.gathering.runs[repeat] = Run(repeat, smc, cold)
+                self.gathering.runs[repeat] = EvidenceRun(repeat, smc, cold)
                 self.told(repeat, 1.0)
 
-    def keep(self, found: Run | Weighed) -> Piece | None:
+    def keep(self, found: EvidenceRun | Weighed) -> Piece | None:
         """Add what was found, a repeat also on disk, and return what can be done now."""
-        if isinstance(found, Run):
+        if isinstance(found, EvidenceRun):
             arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
             save_checkpoint(self._checkpoint(found.repeat), self.key, arrays)
             self.told(found.repeat, 1.0)

@@ -15,8 +15,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.delayed_rows import delayed, likely_delay
 from seatrial.estimation.row_fit import SCREENING
-from seatrial.estimation.weak_form import where_measured
-from seatrial.estimation.windows import FEWEST
+from seatrial.estimation.weak_form import FEWEST, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist

@@ -7,8 +7,7 @@ kind.
 
 from seatrial.estimation.priors.box import CORNER, LogUniform, Uniform
 from seatrial.estimation.priors.normal import LogNormal, Normal
-from seatrial.estimation.priors.physical import physical_support, restricted
-from seatrial.estimation.priors.protocol import Prior
+from seatrial.estimation.priors.prior import Prior, physical_support, restricted
 from seatrial.estimation.priors.truncated import TruncatedNormal, half_normal, truncated_normal
 
 __all__ = [

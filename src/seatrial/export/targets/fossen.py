@@ -12,7 +12,7 @@ import numpy as np
 
 from seatrial.core.coefficients import CoefficientName, Factor
 from seatrial.core.signals import signal_unit
-from seatrial.export.commands import contrary_to
+from seatrial.export.manoeuvre import contrary_to
 from seatrial.export.motion import motion_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement

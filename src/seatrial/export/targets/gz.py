@@ -15,14 +15,35 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
-from seatrial.export.drives import Drive, drive_name, drives_of
-from seatrial.export.exact import DENSITY, SIGN, body_of, flip, flu, gravity_of, point_mass, volume_of
-from seatrial.export.fins import Fin, fin_force, fin_words, fins_of
-from seatrial.export.kept import actuator_losses, is_asymmetric, term_losses, without
 from seatrial.export.motion import Motion, current_in, force_of, motion_with
+from seatrial.export.rigid_body import (
+    DENSITY,
+    SIGN,
+    Drive,
+    Fin,
+    body_of,
+    drive_name,
+    drives_of,
+    fin_force,
+    fin_words,
+    fins_of,
+    flip,
+    flu,
+    gravity_of,
+    point_mass,
+    volume_of,
+)
 from seatrial.export.stability import check_explicit_added_mass, check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.terms import all_products, automatic_products, sorted_terms
+from seatrial.export.terms import (
+    actuator_losses,
+    all_products,
+    automatic_products,
+    is_asymmetric,
+    sorted_terms,
+    term_losses,
+    without,
+)
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
 from seatrial.vehicles.actuators import Actuator

@@ -17,15 +17,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.export.commands import contrary_to
-from seatrial.export.drives import drives_of
-from seatrial.export.exact import DENSITY
-from seatrial.export.kept import actuator_losses, added_mass_losses, term_losses
-from seatrial.export.manoeuvre import SPEED
+from seatrial.export.manoeuvre import SPEED, contrary_to
 from seatrial.export.motion import Motion, coriolis_force, restoring_force
+from seatrial.export.rigid_body import DENSITY, drives_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.terms import sorted_terms
+from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import GRAVITY, Hull, rigid_mass_matrix

@@ -22,15 +22,12 @@ from jaxtyping import Float, Int
 from scipy.optimize import brentq
 
 from seatrial.core.signals import RATES
-from seatrial.export.drives import Drive, drive_name, drives_of
-from seatrial.export.exact import DENSITY, body_of
-from seatrial.export.fins import Fin, fins_of
-from seatrial.export.kept import actuator_losses, added_mass_losses, term_losses
 from seatrial.export.manoeuvre import SPEED, plan_for
 from seatrial.export.motion import Motion, force_of, motion_of, motion_with
+from seatrial.export.rigid_body import DENSITY, Drive, Fin, body_of, drive_name, drives_of, fins_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.terms import sorted_terms
+from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import HEAD, comment, identifier, number, numbers, text
 from seatrial.vehicles.actuators import Actuator

@@ -15,7 +15,7 @@ from seatrial.vehicles.hull import Hull
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvTable:
     """See the module."""
 
     name: str = "csv"

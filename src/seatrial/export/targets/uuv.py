@@ -19,13 +19,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.export.drives import Drive, drive_name, drives_of
-from seatrial.export.exact import DENSITY, Body, body_of, flip, flu, gravity_of, point_mass, volume_of
-from seatrial.export.kept import actuator_losses, product_losses, term_losses
 from seatrial.export.motion import Motion, coriolis_force, force_of, motion_with
+from seatrial.export.rigid_body import (
+    DENSITY,
+    Body,
+    Drive,
+    body_of,
+    drive_name,
+    drives_of,
+    flip,
+    flu,
+    gravity_of,
+    point_mass,
+    volume_of,
+)
 from seatrial.export.stability import check_explicit_added_mass, check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.terms import Pair, all_products, mass_products, sorted_terms
+from seatrial.export.terms import (
+    Pair,
+    actuator_losses,
+    all_products,
+    mass_products,
+    product_losses,
+    sorted_terms,
+    term_losses,
+)
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import HEAD, comment, identifier, matrix, number, numbers
 from seatrial.vehicles.actuators import Actuator

@@ -1,4 +1,4 @@
-"""One parameter before and after the data: draws, prior, normal approximation, 95 % interval and, if known, the truth."""
+"""Parameters before and after the data: one at a time, those known together, and profile likelihoods."""
 
 from math import pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,9 +20,43 @@ from seatrial.report.figures.style import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from seatrial.report.figures.style import (
+    DOTS,
+    ORANGE,
+    SMALL,
+    draw_dots,
+    thin,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
+
+from seatrial.estimation.profile import DROP, Profile
+from seatrial.report.figures.style import (
+    BAND,
+    FONT,
+    PAPER,
+    POINT,
+    style_axes,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WIDTH, HIGHEST = 4.5, 2.5
 """Half width of the frame, posterior standard deviations; its height, in heights of the draws, at most."""
+SHARES = (0.95, 0.5)
+LEGIBLE, FAINT, SYMBOL = 6, 0.05, 9
+PROFILE_WIDTH, ROW, HEAD, BELOW = 640.0, 104.0, 22.0, 40.0
+COLUMNS = 3
+DEEPEST = 2.4
+"""How far below the maximum the curves are shown."""
 
 
 class PriorShape(NamedTuple):
@@ -45,6 +79,14 @@ class PriorShape(NamedTuple):
         """Density at x, between the points along straight lines."""
         inside = (x >= self.lower) & (x <= self.upper)
         return np.where(inside, np.interp(x, self.value, self.height), 0.0)
+
+
+class Panel(NamedTuple):
+    """One profile with its symbol for the figure, within dollars, and its true value where there is one."""
+
+    profile: Profile
+    symbol: str
+    truth: float | None = None
 
 
 def marginal(
@@ -106,6 +148,141 @@ def normal_density(x: np.ndarray, mean: float, sd: float) -> np.ndarray:
     return np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * sqrt(2 * pi))
 
 
+def pair(
+    x: np.ndarray,
+    y: np.ndarray,
+    symbols: tuple[str, str],
+    units: tuple[str, str],
+    truth: tuple[float, float] | None = None,
+) -> "Figure":
+    """Draw joint draws of two parameters with the regions that hold 50 % and 95 % of them.
+
+    Args:
+        x: draws of the first, SI, shape (n,).
+        y: draws of the second, likewise.
+        symbols: within dollars.
+        units: SI.
+        truth: of a simulated vehicle.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    exponents = [power_of_ten(*np.quantile(values, [0.001, 0.999])) for values in (x, y)]
+    x, y = x * 10.0 ** -exponents[0], y * 10.0 ** -exponents[1]
+    figure, (axes,) = new_figure(NARROW, [190], left=50)
+    keep = thin(x.size, 900)
+    draw_dots(axes, x[keep], y[keep], size=1.5, color=DOTS, label="draws").set_alpha(0.6)
+    ranges = [np.quantile(values, [0.0005, 0.9995]) + np.ptp(values) * np.array([-0.06, 0.06]) for values in (x, y)]
+    counts, x_edges, y_edges = np.histogram2d(x, y, bins=48, range=ranges)
+    smooth = gaussian_filter(counts, 1.6)
+    levels = _levels(smooth)
+    if levels[0] < levels[1]:
+        axes.contour(
+            (x_edges[1:] + x_edges[:-1]) / 2,
+            (y_edges[1:] + y_edges[:-1]) / 2,
+            smooth.T,
+            levels=levels,
+            colors=BLUE,
+            linewidths=[1.1, 1.9],
+        )
+    axes.plot(x.mean(), y.mean(), marker="o", markersize=5, color=INK, linestyle="none", label="mean", zorder=5)
+    if truth is not None:
+        axes.plot(
+            truth[0] * 10.0 ** -exponents[0],
+            truth[1] * 10.0 ** -exponents[1],
+            marker="X",
+            markersize=8,
+            color=PURPLE,
+            linestyle="none",
+            label="true value",
+            zorder=6,
+        )
+    axes.set(xlim=ranges[0], ylim=ranges[1])
+    limit_ticks(axes.xaxis, 4)
+    label_axes(axes, unit_label(symbols[0], units[0], exponents[0]), unit_label(symbols[1], units[1], exponents[1]))
+    return figure
+
+
+def correlations(matrix: np.ndarray, symbols: Sequence[str]) -> "Figure":
+    """Draw the correlation of every pair as a square whose size and colour show it; strong ones are written out.
+
+    Args:
+        matrix: shape (k, k).
+        symbols: within dollars, shape (k,).
+    """
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Rectangle
+
+    count = len(symbols)
+    margin = 14 + 5.0 * max(map(_length, symbols))
+    side = NARROW - margin - 10
+    figure, (axes,) = new_figure(NARROW, [side], left=margin, right=10, bottom=margin, top=6)
+    axes.grid(False)
+    rows, columns = np.tril_indices(count, -1)
+    for sign, colour in ((1, BLUE), (-1, ORANGE)):
+        chosen = [(r, c) for r, c in zip(rows, columns, strict=True) if sign * matrix[r, c] >= FAINT]
+        sizes = [0.92 * np.sqrt(abs(matrix[r, c])) for r, c in chosen]
+        squares = [
+            Rectangle((c - size / 2, r - size / 2), size, size) for (r, c), size in zip(chosen, sizes, strict=True)
+        ]
+        axes.add_collection(PatchCollection(squares, facecolor=colour, edgecolor="none", alpha=0.55))
+    for row, column in zip(rows, columns, strict=True):
+        if np.isfinite(matrix[row, column]) and (count <= LEGIBLE or abs(matrix[row, column]) >= 0.5):
+            text = f"{matrix[row, column]:+.2f}".replace("-", "−")
+            axes.text(
+                float(column),
+                float(row),
+                text,
+                ha="center",
+                va="center",
+                fontsize=SMALL if count <= LEGIBLE else 6,
+                color=INK,
+            )
+    axes.set(xlim=(-0.5, count - 1.5), ylim=(count - 0.5, 0.5))
+    axes.set_xticks(range(count - 1), symbols[:-1], rotation=90 if count > 5 else 0)
+    axes.set_yticks(range(1, count), symbols[1:])
+    axes.tick_params(length=0, labelsize=SYMBOL)
+    for spine in axes.spines.values():
+        spine.set_color(MUTED)
+    return figure
+
+
+def profile_figure(panels: Sequence[Panel], words: Sequence[str] = ()) -> "Figure":
+    """Draw a panel for each parameter: curve, threshold, 95 % interval, and the ends of the prior where it is met.
+
+    Args:
+        panels: profiles.
+        words: lines printed above, plain text.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
+    top = 10.0 + 14.0 * len(words)
+    total = top + rows * (HEAD + ROW + BELOW)
+    figure = Figure(figsize=(PROFILE_WIDTH * POINT, total * POINT), dpi=72)
+    figure.add_artist(Rectangle((0, 0), 1, 1, transform=figure.transFigure, facecolor=PAPER, zorder=-9))
+    for i, text in enumerate(words):
+        figure.text(
+            44 / PROFILE_WIDTH,
+            1 - (14 + 14 * i) / total,
+            text.replace("$", r"\$"),
+            fontsize=SMALL,
+            color=INK,
+            va="baseline",
+        )
+    width = (PROFILE_WIDTH - 44 - 12 - 22 * (columns - 1)) / columns
+    for i, panel in enumerate(panels):
+        left = 44 + (i % columns) * (width + 22)
+        bottom = total - top - (i // columns) * (HEAD + ROW + BELOW) - HEAD - ROW
+        axes = style_axes(figure.add_axes((left / PROFILE_WIDTH, bottom / total, width / PROFILE_WIDTH, ROW / total)))
+        _draw(axes, panel)
+        axes.tick_params(labelleft=i % columns == 0)
+        if i % columns == 0:
+            label_axes(axes, y="log-likelihood")
+    return figure
+
+
 def _bins(count: int) -> int:
     return int(np.clip(count**0.4, 20, 60))
 
@@ -121,3 +298,71 @@ def _frame(draws: np.ndarray, mean: float, sd: float, prior: PriorShape, truth: 
         low, high = min(low, truth), max(high, truth)
     width = high - low if high - low > 1e-9 * abs(high) else abs(high) or 1.0
     return low - 0.04 * width, high + 0.04 * width
+
+
+def _length(symbol: str) -> int:
+    """Number of characters that a symbol prints, about."""
+    bare = re.sub(r"\\(mathrm|dot)|[${}_^]", "", symbol)
+    return len(re.sub(r"\\[A-Za-z]+ ?", "x", bare))
+
+
+def _levels(density: np.ndarray) -> list[float]:
+    """Heights above which the given shares of the density lie, lowest first."""
+    ordered = np.sort(density.ravel())[::-1]
+    held = np.cumsum(ordered) / ordered.sum()
+    return [float(ordered[min(int(np.searchsorted(held, share)), ordered.size - 1)]) for share in SHARES]
+
+
+def _draw(axes: "Axes", panel: Panel) -> None:
+    profile = panel.profile
+    exponent = power_of_ten(*profile.values)
+    scale = 10.0**-exponent
+    values, drop = profile.values * scale, profile.drop
+    grid, curve = _smooth(values, drop, profile.best * scale)
+    low, high = _profile_frame(grid, curve)
+    inside = grid[(curve <= DROP)]
+    colour = BLUE if profile.kind == "closed" else ORANGE
+    ends = [end * scale if np.isfinite(end) else edge for end, edge in zip(_ends(profile), (low, high), strict=True)]
+    axes.axvspan(*ends, color=colour, alpha=BAND, linewidth=0, label="95 % interval")
+    axes.axhline(-DROP, color=MUTED, linewidth=0.9, linestyle="--", label="1.92 below")
+    axes.plot(grid, -curve, color=colour, linewidth=1.6, label="profile")
+    axes.plot(values, -drop, color=colour, marker="o", markersize=2.4, linestyle="none")
+    axes.plot(profile.best * scale, 0.0, color=INK, marker="o", markersize=4, linestyle="none", label="best", zorder=4)
+    for bound in profile.bounds:
+        if low <= bound * scale <= high and inside.size:
+            axes.axvline(bound * scale, color=INK, linewidth=1.4, label="end of the prior")
+    if panel.truth is not None:
+        axes.axvline(panel.truth * scale, color=PURPLE, linewidth=1.2, linestyle=":", label="true value")
+    axes.set(xlim=(low, high), ylim=(-DEEPEST, 0.25))
+    axes.set_title(_title(profile, scale), fontsize=SMALL, color=INK, loc="left", pad=4)
+    label_axes(axes, unit_label(panel.symbol, profile.unit, exponent))
+    axes.xaxis.label.set_fontsize(FONT)
+
+
+def _ends(profile: Profile) -> tuple[float, float]:
+    return profile.lower, profile.upper
+
+
+def _smooth(values: np.ndarray, drop: np.ndarray, best: float) -> tuple[np.ndarray, np.ndarray]:
+    """The curve between its points: the signed root of the fall is nearly straight, so it is what is interpolated."""
+    grid = np.linspace(values.min(), values.max(), 301)
+    root = np.sign(values - best) * np.sqrt(2 * drop)
+    return grid, 0.5 * np.interp(grid, values, root) ** 2
+
+
+def _profile_frame(grid: np.ndarray, curve: np.ndarray) -> tuple[float, float]:
+    """Where the curve is not too deep, with some room."""
+    near = grid[curve <= DEEPEST]
+    low, high = float(near.min()), float(near.max())
+    room = 0.06 * ((high - low) or max(abs(high), 1e-12))
+    return low - room, high + room
+
+
+def _title(profile: Profile, scale: float) -> str:
+    lower, upper = (f"{end * scale:.4g}".replace("-", "−") for end in _ends(profile))
+    return {
+        "closed": f"{lower} to {upper}",
+        "open below": f"below {upper}",
+        "open above": f"above {lower}",
+        "flat": "flat: any value of the prior",
+    }[profile.kind]

@@ -1,4 +1,4 @@
-"""The trial that was run and the next one: how informative every design is, and what the chosen one looks like."""
+"""The trial that was run, what is known after it, and the next one: how informative each design is, and what it looks like."""
 
 from math import floor, log10
 from typing import Any
@@ -8,19 +8,20 @@ from markupsafe import Markup
 
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.identifiability import BY_ITSELF, Direction, Known
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.report.drawing import Drawing, draw, labels_of, signal_axis, signal_symbol, units_of
+from seatrial.report.drawing import Drawing, axes_box, draw, labels_of, signal_axis, signal_symbol, units_of
 from seatrial.report.figures.records import control_over_time, covered, raw_record
 from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
-from seatrial.report.labels import label_html
-from seatrial.report.numbers import decimals, percent, rounded, short, times_ten, unit_html
-from seatrial.report.sections import known
-from seatrial.report.svg import axes_box
+from seatrial.report.labels import label_html, sentence_html
+from seatrial.report.numbers import DASH, decimals, percent, rounded, short, times_ten, typeset, unit_html
 
+VAGUE, LITTLE, STRONG = 0.5, 0.9, 0.9
+"""Relative standard deviation, share of the prior's left and correlation beyond which a number is flagged."""
 # Where each imported record begins and ends: its raw plot with two handles, and the command that would cut it there.
 
 MOST = 500
@@ -28,38 +29,52 @@ MOST = 500
 _STEPS = 500
 
 
+def known_section(outcome: Outcome) -> dict[str, Any]:
+    """What `known.html` prints."""
+    known, labels = outcome.known, labels_of(outcome)
+    directions = known.directions if len(known.parameters) > 1 else ()
+    return {
+        "structure": known.structure,
+        "rows": rows_of(known, labels),
+        "directions": [_direction(item, labels) for item in directions],
+        "verdict": verdict_of(known, labels),
+    }
+
+
+def rows_of(known: Known, labels: dict[str, str]) -> list[dict[str, Any]]:
+    """One row for each parameter."""
+    rows = []
+    for item in known.parameters:
+        value, sd, exponent = rounded(item.value, item.sd)
+        rows.append(
+            {
+                "name": item.name,
+                "label": label_html(labels.get(item.name, item.name)),
+                "value": f"({value} ± {sd}){times_ten(exponent)}" if exponent else f"{value} ± {sd}",
+                "unit": unit_html(item.unit),
+                "known_to": typeset(item.known_to),
+                "vague": item.relative > VAGUE,
+                "left": f"{short(100 * item.left, 2)} %",
+                "little": item.left > LITTLE,
+                "correlation": decimals(item.correlation, 3) if item.partner else DASH,
+                "partner": label_html(labels.get(item.partner, item.partner)) if item.partner else "",
+                "strong": abs(item.correlation) > STRONG,
+            }
+        )
+    return rows
+
+
+def verdict_of(known: Known, labels: dict[str, str]) -> list[dict[str, Any]]:
+    """Sentences as findings of the page; one that all is well where there are none."""
+    if not known.verdict:
+        return [{"kind": "finding", "text": sentence_html(BY_ITSELF, {})}]
+    return [{"kind": "caution", "text": sentence_html(text, labels)} for text in known.verdict]
+
+
 def trimmed_records(outcome: Outcome) -> list[dict[str, Any]]:
     """What `trimming.html` prints of each record that a log was imported to as a whole."""
     records = (*outcome.trials.fit, *outcome.trials.predict)
     return [_one(index, record) for index, record in enumerate(records) if _is_whole(record)]
-
-
-def _is_whole(record: Record) -> bool:
-    options = record.provenance.options
-    return {"start", "end", "available"} <= set(options) and "piece" not in options
-
-
-def _one(index: int, record: Record) -> dict[str, Any]:
-    options = record.provenance.options
-    begin = float(options["start"])
-    time = record.time + begin
-    columns = [(signal_axis(name), _shown(record, name)) for name in (*record.measured, *record.controls)]
-    figure = raw_record(time, columns, len(record.measured), MOST)
-    left, top, right, bottom = (100 * share for share in axes_box(figure))
-    step = float(f"{(time[-1] - begin) / _STEPS:.0e}")
-    return {
-        "run": record.label,
-        "drawing": draw(figure, f"raw-{index}", f"Record {record.label} as it is, control and every channel over time"),
-        "place": f"left: {left:.2f}%; width: {right - left:.2f}%; top: {top:.2f}%; height: {bottom - top:.2f}%",
-        "first": f"{begin:.6g}",
-        "last": f"{time[-1]:.6g}",
-        "available": f"{float(options['available']):.6g}",
-        "step": f"{step:g}",
-    }
-
-
-def _shown(record: Record, name: str) -> np.ndarray:
-    return record.channel(name) * shown_unit(name)[0]
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
@@ -148,29 +163,6 @@ def best_words(designs: Designs) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
-    """The trial as it was designed, beside what the records gave."""
-    filtered = [str(name) for name in outcome.filter["coefficient"].values]
-    full = outcome.estimates[0]
-    before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
-    reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
-    promised = dict(zip(first.names, first.best.final_sd[first.best.best], strict=True))
-    return {
-        "figures": sweep_drawings(outcome, first, "first"),
-        "words": best_words(first),
-        "families": _families(first),
-        "structure": full.structure.label,
-        "rows": _sd_rows(outcome, filtered, before, [promised[name] for name in filtered], reached),
-        "promised": None if outcome.promised is None else known.rows_of(outcome.promised, labels_of(outcome)),
-        "foreseen": [] if outcome.promised is None else known.verdict_of(outcome.promised, labels_of(outcome)),
-    }
-
-
-def _families(designs: Designs) -> list[str]:
-    """The best of every family, where there is more than one."""
-    return designs.lines() if len(designs.sweeps) + len(designs.refused) > 1 else []
-
-
 def record_rows(outcome: Outcome) -> list[dict[str, Any]]:
     """One row for each record: how it was used, how long it is and what it covers."""
     fitted = {record.label for record in outcome.trials.fit}
@@ -185,6 +177,69 @@ def record_rows(outcome: Outcome) -> list[dict[str, Any]]:
         }
         for record in (*outcome.trials.fit, *outcome.trials.predict)
     ]
+
+
+def _direction(item: Direction, labels: dict[str, str]) -> Markup:
+    """The change of one standard error: symbols with what each changes by."""
+    parts = [
+        Markup('<span style="white-space: nowrap">{} {}</span>').format(
+            label_html(labels.get(name, name)),
+            typeset(f" {size}").strip(),
+        )
+        for name, size in item.parts
+    ]
+    return Markup(", ").join(parts)
+
+
+def _is_whole(record: Record) -> bool:
+    options = record.provenance.options
+    return {"start", "end", "available"} <= set(options) and "piece" not in options
+
+
+def _one(index: int, record: Record) -> dict[str, Any]:
+    options = record.provenance.options
+    begin = float(options["start"])
+    time = record.time + begin
+    columns = [(signal_axis(name), _shown(record, name)) for name in (*record.measured, *record.controls)]
+    figure = raw_record(time, columns, len(record.measured), MOST)
+    left, top, right, bottom = (100 * share for share in axes_box(figure))
+    step = float(f"{(time[-1] - begin) / _STEPS:.0e}")
+    return {
+        "run": record.label,
+        "drawing": draw(figure, f"raw-{index}", f"Record {record.label} as it is, control and every channel over time"),
+        "place": f"left: {left:.2f}%; width: {right - left:.2f}%; top: {top:.2f}%; height: {bottom - top:.2f}%",
+        "first": f"{begin:.6g}",
+        "last": f"{time[-1]:.6g}",
+        "available": f"{float(options['available']):.6g}",
+        "step": f"{step:g}",
+    }
+
+
+def _shown(record: Record, name: str) -> np.ndarray:
+    return record.channel(name) * shown_unit(name)[0]
+
+
+def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
+    """The trial as it was designed, beside what the records gave."""
+    filtered = [str(name) for name in outcome.filter["coefficient"].values]
+    full = outcome.estimates[0]
+    before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
+    reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
+    promised = dict(zip(first.names, first.best.final_sd[first.best.best], strict=True))
+    return {
+        "figures": sweep_drawings(outcome, first, "first"),
+        "words": best_words(first),
+        "families": _families(first),
+        "structure": full.structure.label,
+        "rows": _sd_rows(outcome, filtered, before, [promised[name] for name in filtered], reached),
+        "promised": None if outcome.promised is None else rows_of(outcome.promised, labels_of(outcome)),
+        "foreseen": [] if outcome.promised is None else verdict_of(outcome.promised, labels_of(outcome)),
+    }
+
+
+def _families(designs: Designs) -> list[str]:
+    """The best of every family, where there is more than one."""
+    return designs.lines() if len(designs.sweeps) + len(designs.refused) > 1 else []
 
 
 def _step(record: Record) -> str:

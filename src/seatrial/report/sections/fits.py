@@ -1,5 +1,6 @@
-"""How well every record is predicted from its inputs alone."""
+"""How well every record is predicted from its inputs alone, and how the belief about each coefficient narrows along it."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,11 @@ from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.estimation.predictive_check import NARROW, POOR
-from seatrial.report.drawing import draw, record_curves
-from seatrial.report.figures.fit import record_fit
-from seatrial.report.figures.residuals import record_residuals
-from seatrial.report.labels import sentence_html
-from seatrial.report.numbers import DASH, percent, short, unit_text
+from seatrial.report.drawing import Drawing, draw, labels_of, record_curves, truth_of, units_of
+from seatrial.report.figures.fit import record_fit, record_residuals
+from seatrial.report.figures.traces import coefficient_trace
+from seatrial.report.labels import label_html, label_mathtext, sentence_html
+from seatrial.report.numbers import DASH, percent, rounded, short, times_ten, unit_text
 
 POINTS = 7000
 """Dots worth their bytes on the whole page."""
@@ -26,7 +27,7 @@ NOUNS = {
 }
 
 
-def section(outcome: Outcome) -> dict[str, Any]:
+def fits_section(outcome: Outcome) -> dict[str, Any]:
     """What `fits.html` prints."""
     records = [*outcome.trials.fit, *outcome.trials.predict]
     held_back = {record.label for record in outcome.trials.predict}
@@ -42,6 +43,33 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensor_models),
         "structure": outcome.chosen.structure.label,
     }
+
+
+def traces_section(outcome: Outcome) -> dict[str, Any]:
+    """What `traces.html` prints."""
+    names = [str(name) for name in outcome.filter["coefficient"].values]
+    return {
+        "figures": [_trace(outcome, index, name) for index, name in enumerate(names)],
+        "filter": outcome.filter.attrs["filter"],
+        "structure": outcome.estimates[0].structure.label,
+        "records": json.loads(outcome.filter.attrs["records"]),
+        "has_truth": bool(truth_of(outcome)),
+        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensor_models),
+        "failures": int(outcome.filter.attrs["failures"]),
+    }
+
+
+def joined_time(time: np.ndarray, record: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """Lay records one after another: time that never runs back, and where each record but the first begins."""
+    joined, starts, offset = np.empty(time.size), [], 0.0
+    for index in np.unique(record):
+        rows = record == index
+        own = time[rows] - time[rows][0]
+        joined[rows] = own + offset
+        if index:
+            starts.append(offset)
+        offset += own[-1] + (own[-1] - own[-2] if own.size > 1 else 0.0)
+    return joined, starts
 
 
 def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: int) -> dict[str, Any]:
@@ -112,3 +140,34 @@ def _p_value(p: float) -> str:
 def _spark(shares: tuple[float, ...]) -> list[float]:
     """Heights of the bars of a small histogram, in units of what each should be, cut at three."""
     return [round(min(3.0, share * len(shares)), 2) for share in shares]
+
+
+def _trace(outcome: Outcome, index: int, name: str) -> Drawing:
+    data, full = outcome.filter, outcome.estimates[0]
+    label, unit = labels_of(outcome)[name], units_of(outcome)[name]
+    time, starts = joined_time(data["time"].values, data["record"].values)
+    mean, sd = data["mean"].values[:, index], data["sd"].values[:, index]
+    row = full.data.sel(parameter=name)
+    figure = coefficient_trace(
+        time,
+        mean,
+        sd,
+        label_mathtext(label),
+        unit,
+        starts=starts,
+        prior_mean=float(row["prior_mean"]),
+        posterior_mean=float(row["mean"]),
+        truth=truth_of(outcome).get(name),
+    )
+    return draw(
+        figure,
+        f"trace-{index}",
+        f"Filter's belief about {name} over time",
+        f"Final: {_both(mean[-1], sd[-1])}; sampler: {_both(float(row['mean']), float(row['sd']))}.",
+        label_html(label),
+    )
+
+
+def _both(mean: float, sd: float) -> str:
+    value, spread, exponent = rounded(mean, sd)
+    return f"({value} ± {spread}){times_ten(exponent)}" if exponent else f"{value} ± {spread}"

@@ -1,20 +1,23 @@
-"""Which terms the data support: probabilities of models and of terms, and the evidence behind them."""
+"""Which terms the data support: probabilities of models and terms, the evidence behind them, and all structures in closed form."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from seatrial.campaign.selection.runner_up import ENOUGH, undecided_words
 from seatrial.campaign.workflow.run import Outcome
+from seatrial.estimation.row_fit import SCREENING
 from seatrial.report.drawing import Drawing, draw, labels_of
 from seatrial.report.figures.structures import probability_bars
-from seatrial.report.labels import label_html, label_mathtext
+from seatrial.report.labels import label_html, label_mathtext, sentence_html
 from seatrial.report.numbers import decimals, probability
+from seatrial.report.term_figures import term_figures
 
 MOST = 12
 
 
-def section(outcome: Outcome) -> dict[str, Any]:
+def models_section(outcome: Outcome) -> dict[str, Any]:
     """What `models.html` prints."""
     selection, labels = outcome.selection, labels_of(outcome)
     order = np.argsort(-selection.probability, kind="stable")
@@ -29,6 +32,32 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "optional": [(term, label_html(labels.get(term, term))) for term in optional],
         "figures": _figures(outcome, order),
         "alone": len(selection.structures) == 1,
+    }
+
+
+def terms_section(outcome: Outcome) -> dict[str, Any]:
+    """What `terms.html` prints."""
+    screened, contenders, labels = outcome.screened, outcome.contenders, labels_of(outcome)
+    selection, said = outcome.selection, []
+    if contenders is not None:
+        told = contenders.nats > ENOUGH
+        said = [
+            {"kind": "finding", "text": sentence_html(contenders.difference_words(), labels)},
+            {"kind": "finding", "text": sentence_html(undecided_words(selection), labels)},
+            {
+                "kind": "finding" if told else "caution",
+                "text": sentence_html(contenders.trial_words(selection), labels),
+            },
+        ]
+    cautions = [] if screened is None else screened.cautions
+    return {
+        "findings": [*said, *({"kind": "caution", "text": sentence_html(text, labels)} for text in cautions)],
+        "screened": screened is not None,
+        "note": sentence_html(SCREENING, labels),
+        "figures": [
+            draw(item.figure, f"terms-{item.name}", item.heading, item.caption, item.heading)
+            for item in term_figures(outcome.campaign.units, selection, screened, contenders)
+        ],
     }
 
 

@@ -1,31 +1,47 @@
-"""Title, the answer in one sentence, the numbers at a glance, and what the data say."""
+"""Title, the answer in one sentence, the numbers at a glance, what the data say; and how it was computed."""
 
+import json
 import re
 from typing import Any, NamedTuple
 
+import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.config.campaign import FILE_NAME
+from seatrial.campaign.store.files import Store
 from seatrial.campaign.workflow.run import ENOUGH, Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.manoeuvres.shapes import SHAPES
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html
-from seatrial.report.numbers import DASH, percent, probability, rounded, times_ten, unit_html
+from seatrial.report.numbers import DASH, percent, probability, rounded, short, times_ten, unit_html
+from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 from seatrial.selection.verdict import DECIDED
 
 MOST_NAMED = 4
 MOST_SAID = 5
 _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
+LIKELIHOODS = {
+    "output-error": "free simulation (output error)",
+    "filter-error": "simulation corrected by a filter at every sample (filter error)",
+}
+SAMPLERS = {
+    "independence-metropolis": "fresh draws and a random walk, as they are accepted (independence Metropolis)",
+    "adaptive-metropolis": "adaptive Metropolis",
+    "metropolis": "Metropolis, one parameter at a time",
+    "de-metropolis": "differential evolution Metropolis",
+    "nuts": "No-U-Turn sampler",
+}
 
 
-class Finding(NamedTuple):
+class Conclusion(NamedTuple):
     """One sentence of the summary; `kind` is alarm, finding or caution."""
 
     kind: str
     text: Markup
 
 
-def section(outcome: Outcome) -> dict[str, Any]:
+def summary_section(outcome: Outcome) -> dict[str, Any]:
     """What `summary.html` prints."""
     findings = find(outcome)
     alarms = [item for item in findings if item.kind == "alarm"]
@@ -67,7 +83,7 @@ def coefficient(row: dict[str, Any]) -> Markup:
     return Markup('<span class="together">{} = {}{}</span>').format(label_html(row["label"]), number, unit)
 
 
-def find(outcome: Outcome) -> list[Finding]:
+def find(outcome: Outcome) -> list[Conclusion]:
     """Alarms, then verdicts, then cautions; what is said of the chosen structure first, and once for many parameters."""
     labels, summary = labels_of(outcome), outcome.summary
     chosen = outcome.chosen.structure.label
@@ -78,7 +94,7 @@ def find(outcome: Outcome) -> list[Finding]:
     if len(outcome.campaign.structures) == 1:
         verdicts.append("only one model was compared: whether its terms are needed was not asked")
     said = [("alarm", alarms), ("finding", verdicts), ("caution", summary["cautions"])]
-    return [Finding(kind, text) for kind, texts in said for text in _sentences(texts, labels)]
+    return [Conclusion(kind, text) for kind, texts in said for text in _sentences(texts, labels)]
 
 
 def glance(outcome: Outcome) -> list[dict[str, Any]]:
@@ -113,6 +129,37 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
         },
         _next(outcome),
     ]
+
+
+def method_section(outcome: Outcome) -> dict[str, Any]:
+    """What `method.html` prints."""
+    campaign = outcome.campaign
+    estimation, selection = campaign.estimation, campaign.selection
+    measured = outcome.filter["n_measured"].values
+    ratio = float(outcome.filter["nis"].values[measured > 0].sum() / max(measured.sum(), 1))
+    return {
+        "seed": campaign.seed,
+        "vehicle": campaign.hull.name,
+        "methods": _methods(outcome),
+        "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
+        "likelihood": LIKELIHOODS[estimation.likelihood],
+        "sampler": SAMPLERS[estimation.sampler],
+        "chains": estimation.chains,
+        "warmup": estimation.warmup,
+        "draws": estimation.draws,
+        "residuals": estimation.residuals,
+        "initial": estimation.initial,
+        "particles": selection.particles,
+        "repeats": selection.repeats,
+        "filter": outcome.filter.attrs["filter"],
+        "failures": int(outcome.filter.attrs["failures"]),
+        "nis": short(ratio),
+        "max_r_hat": MAX_R_HAT,
+        "min_ess": f"{MIN_ESS:.0f}",
+        "records": [_provenance(record) for record in (*outcome.trials.fit, *outcome.trials.predict)],
+        "files": _files(outcome),
+        "mass": campaign.hull.mass,
+    }
 
 
 def _next(outcome: Outcome) -> dict[str, Any]:
@@ -187,3 +234,83 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
             else [sentence_html(text, labels) for text in (first, *others)]
         )
     return said
+
+
+def _health(outcome: Outcome, index: int) -> dict[str, Any]:
+    estimate, evidence = outcome.estimates[index], outcome.selection.evidences[index]
+    data, found = estimate.data, evidence.diagnostics["methods"]
+    worst = int(np.argmax(np.nan_to_num(data["r_hat"].values, nan=np.inf)))
+    r_hat, ess = (
+        float(data["r_hat"].values[worst]),
+        float(min(data["ess_bulk"].values.min(), data["ess_tail"].values.min())),
+    )
+    return {
+        "label": estimate.structure.label,
+        "chosen": index == outcome.selection.chosen,
+        "r_hat": f"{r_hat:.3f}",
+        "worst": estimate.names[worst],
+        "r_hat_bad": not r_hat <= MAX_R_HAT,
+        "ess": f"{ess:.0f}",
+        "ess_bad": not ess >= MIN_ESS,
+        "geweke": f"{float(np.max(data['geweke'].values)):.2f}",
+        "acceptance": percent(float(data.attrs["acceptance"])),
+        "laplace": f"{float(data.attrs['laplace_log_evidence']):.1f}",
+        "evidences": [
+            f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := found.get(name)) else "–"
+            for name in _methods(outcome)
+        ],
+        "apart": short(max(abs(one["joint_errors"]) for one in found.values()), 2),
+        "evidence_bad": bool(evidence.status),
+    }
+
+
+def _methods(outcome: Outcome) -> list[str]:
+    """Every method that gave an evidence of some structure."""
+    tables = [evidence.diagnostics["methods"] for evidence in outcome.selection.evidences]
+    return list(dict.fromkeys(name for table in tables for name in table))
+
+
+def _provenance(record: Any) -> dict[str, Any]:
+    provenance = record.provenance
+    return {
+        "label": record.label,
+        "source": provenance.source,
+        "sha256": provenance.sha256,
+        "options": json.dumps(dict(provenance.options), indent=2, sort_keys=True, ensure_ascii=False, default=str),
+    }
+
+
+def _runs(outcome: Outcome) -> list[str]:
+    """Labels of the records as they are stored, of which trials may be pieces."""
+    trials = (*outcome.trials.fit, *outcome.trials.predict)
+    cut = [
+        record.label.rpartition(".")[0] if "piece" in record.provenance.options else record.label for record in trials
+    ]
+    return list(dict.fromkeys(cut))
+
+
+def _files(outcome: Outcome) -> list[tuple[str, str]]:
+    """Files that exist, relative to the campaign's folder, and what they hold."""
+    store = Store(outcome.campaign.folder)
+    folder = outcome.campaign.folder
+    listed = [
+        (folder / FILE_NAME, "what was known, asked and allowed"),
+        *((store.record(run), f"record {run}") for run in _runs(outcome)),
+        (store.design, "designs swept for the trial"),
+        (store.schedule(store.design), "control of the trial over time, its unit in the header"),
+        *(
+            (store.posterior(estimate.structure.label), f"draws of {estimate.structure.label}")
+            for estimate in outcome.estimates
+        ),
+        *(
+            (store.known(estimate.structure.label), f"what is known of {estimate.structure.label}, alone and together")
+            for estimate in outcome.estimates
+        ),
+        (store.selection, "evidences, probabilities and verdicts"),
+        (store.filter, "filter traces"),
+        (store.predictions, "fitted and predicted records"),
+        (store.next_design, "designs swept for the next trial"),
+        (store.schedule(store.next_design), "control of the next trial over time, its unit in the header"),
+        (store.summary, "everything above in numbers, SI"),
+    ]
+    return [(path.relative_to(folder).as_posix(), words) for path, words in listed if path.is_file()]

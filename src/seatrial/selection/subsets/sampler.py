@@ -39,7 +39,7 @@ from seatrial.selection.subsets.structure_chains import (
     some_starts,
 )
 
-MAX_R_HAT = 1.05
+MAX_PRESENCE_R_HAT = 1.05
 """Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more."""
 HELD, BEST = 0.99, 4096
 """Probability that these best structures must hold together for averages over them to stand for all."""
@@ -386,10 +386,10 @@ def _status(
 ) -> str:
     """What is wrong, in words."""
     said = []
-    apart = errors["r_hat"] > MAX_R_HAT
+    apart = errors["r_hat"] > MAX_PRESENCE_R_HAT
     if apart.any():
         said.append(
-            f"the chains disagree about {_listed(names, apart)} (R-hat {errors['r_hat'].max():.2f}, at most {MAX_R_HAT}): "
+            f"the chains disagree about {_listed(names, apart)} (R-hat {errors['r_hat'].max():.2f}, at most {MAX_PRESENCE_R_HAT}): "
             "let them make more moves; if they still disagree, terms stand in for one another in ways that single moves miss"
         )
     # what was not evaluated may change the renormalised probabilities by its own probability

@@ -1,22 +1,64 @@
-"""Physical sides of coefficients, and priors cut to them: damping dissipates, and mass plus added mass is positive.
+"""What every prior of a scalar parameter offers, and priors cut to the physical side of a coefficient.
 
-A force c phi(s) along the vehicle's own velocity s takes power -c s phi(s) out of the motion. Where phi is odd in s, as s,
-s|s| and s^3 are, s phi(s) >= 0, so the term dissipates if and only if c < 0. An even phi (s^2), a change from trim
-(`X_du3`) or another signal has no sign of its own. The inertia m - X_udot is positive if and only if X_udot < m.
+Damping dissipates, and mass plus added mass is positive. A force c phi(s) along the vehicle's own velocity s takes power
+-c s phi(s) out of the motion. Where phi is odd in s, as s, s|s| and s^3 are, s phi(s) >= 0, so the term dissipates if and only
+if c < 0. An even phi (s^2), a change from trim (`X_du3`) or another signal has no sign of its own. The inertia m - X_udot is
+positive if and only if X_udot < m.
 """
 
 from math import inf
+from typing import Any, Protocol
+
+import jax
 
 from seatrial.core.coefficients import AXES, CoefficientName, Factor
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.estimation.priors.box import LogUniform, Uniform
 from seatrial.estimation.priors.normal import Normal
-from seatrial.estimation.priors.protocol import Prior
 from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_normal
 
 _VELOCITY = dict(zip(AXES, RATES, strict=False))
 """Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order."""
+
+
+class Prior(Protocol):
+    """What every prior offers; implementations are frozen dataclasses of plain numbers, registered as pytrees."""
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Support in the parameter's own unit."""
+        ...
+
+    @property
+    def mean(self) -> float:
+        """Prior mean."""
+        ...
+
+    @property
+    def sd(self) -> float:
+        """Prior standard deviation."""
+        ...
+
+    def constrain(self, z: Any) -> Any:
+        """Parameter value of an unconstrained z, elementwise."""
+        ...
+
+    def unconstrain(self, value: Any) -> Any:
+        """The z of a parameter value inside the support, elementwise."""
+        ...
+
+    def log_density(self, z: Any) -> Any:
+        """Log density of z, elementwise."""
+        ...
+
+    def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """Draws of the parameter's value."""
+        ...
+
+    def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+        """Draws of z."""
+        ...
 
 
 def physical_support(term: CoefficientName, inertia: float) -> tuple[float, float] | None:
