@@ -16,6 +16,7 @@ from seatrial.campaign.config.settings import (
     Goal,
     Imports,
     Power,
+    Residuals,
     SelectionSettings,
     SensorSettings,
     StructureSettings,
@@ -174,11 +175,7 @@ class Campaign:
     @cached_property
     def sensor_models(self) -> tuple[Sensor, ...]:
         """Measured channels with what is unknown about them."""
-        shared = self.estimation.residuals
-        return tuple(
-            Sensor(channel, one.residuals or shared, one.bias != "none", one.lag, one.over == "ground")
-            for channel, one in self.sensors.items()
-        )
+        return sensor_models(self.sensors, self.estimation.residuals)
 
     @cached_property
     def own(self) -> tuple[str, ...]:
@@ -209,6 +206,10 @@ class Campaign:
             unused = [other for other in self.priors if other not in self.units]
             raise no_prior(self.where(f"prior.{name}"), name, self.units.get(name, "s"), unused)
         return self.priors[name]
+
+    def coefficient_priors(self, model: VehicleModel) -> tuple[Prior, ...]:
+        """Prior of every coefficient of a model, SI; errors as `prior`."""
+        return tuple(self.prior(term.text) for term in model.coefficients)
 
     def nuisances(self, model: VehicleModel) -> list[tuple[Nuisance, Prior]]:
         """Unknowns of a model beside coefficients and initial states, each with its prior.
@@ -284,6 +285,14 @@ class Campaign:
         with located(self.where("design.prediction.of")):
             start = self.state_trim(model)
             return prediction(model, stated.of, start, controls, stated.after, family.sample_time)
+
+
+def sensor_models(sensors: Mapping[str, SensorSettings], residuals: Residuals) -> tuple[Sensor, ...]:
+    """Return what is unknown about some sensors; `residuals` are of those that state no others."""
+    return tuple(
+        Sensor(channel, one.residuals or residuals, one.bias != "none", one.lag, one.over == "ground")
+        for channel, one in sensors.items()
+    )
 
 
 def no_prior(where: str, name: str, unit: str, unused: Sequence[str]) -> InputError:

@@ -1,16 +1,16 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
 from math import inf
 from pathlib import Path
 
-from seatrial.campaign.config.campaign import FILE_NAME, Campaign, actuator_lag
+from seatrial.campaign.config.campaign import FILE_NAME, Campaign, actuator_lag, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed, with_known
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
+from seatrial.campaign.config.nuisance_parameters import nuisances
 from seatrial.campaign.config.priors import read_priors
 from seatrial.campaign.config.schema import (
     CampaignFile,
@@ -19,6 +19,7 @@ from seatrial.campaign.config.schema import (
     FilterTable,
     GoalTable,
     SensorTable,
+    StructureTable,
 )
 from seatrial.campaign.config.settings import (
     ComputeSettings,
@@ -78,10 +79,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     """Everything in SI, so that mistakes are found before any work is done."""
     folder, known_from = keys.path.parent, tuple(file.vehicle.known_from)
     found = found_before(folder, known_from, keys)
-    table = file.structure
-    structure = StructureSettings(
-        tuple(table.always), tuple(table.optional), tuple(table.rules), table.shortlist, table.g
-    )
+    structure = _structure(file.structure)
     with located(keys.where("structure")):
         rules = structure.compiled()
     terms = rules.always + rules.optional
@@ -90,50 +88,51 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     tables = with_known(file.prior, found, vehicle.published, file.vehicle.published_to, keys, terms)
     with located(keys.where("vehicle")):
         model = vehicle.model(Structure("full", terms))
-    sensors = _sensors(file.sensors, keys, model)
+    units = {term.text: model.unit_of(term) for term in model.coefficients}
+    sensors, estimation = _sensors(file.sensors, keys, model), _estimation(file.estimation, keys, units, model)
+    noise = {channel: sensor.noise for channel, sensor in sensors.items()}
+    unknown = nuisances(
+        estimation, sensor_models(sensors, estimation.residuals), noise, model, has_delay="delay" in tables
+    )
+    inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
+    priors = read_priors(tables, keys, units, tuple(unknown), rules.never, inertia)
+    process_noise = _process_noise(file.filter, keys, units, model)
     design = read_design(file.design, keys, model, vehicle.hull.trim, tuple(sensors))
+    check_utility(design, keys, is_one_structure=not rules.optional)
     limits, motion_limits = read_limits(file.limits, keys, file.design.control, model.states)
     is_powered = file.power is not None or design.per == "joule"
+    _check_one_source(file, keys)
+    recorded = (*model.controls, *model.channel_units())
     campaign = Campaign(
         name=file.campaign.name,
         seed=file.campaign.seed,
         vehicle=vehicle,
         structure=structure,
-        priors={},
+        priors=priors,
         sensors=sensors,
         design=design,
         limits=limits,
         motion_limits=motion_limits,
         power=read_power(file.power, keys, file.design.control) if is_powered else None,
+        goal=None if file.goal is None else _goal(file.goal, keys, units),
         truth=file.truth,
-        process_noise=_process_noise(file.filter, keys, model),
-        estimation=_estimation(file.estimation, keys, model),
+        imports=None if file.imported is None else read_imports(file.imported, keys, recorded),
+        process_noise=process_noise,
+        estimation=estimation,
         selection=SelectionSettings(file.selection.particles, file.selection.repeats),
         compute=_compute(file.compute),
         known_from=known_from,
         folder=folder,
         text=keys.text,
     )
-    campaign = replace(
-        campaign,
-        priors=read_priors(tables, keys, campaign),
-        goal=None if file.goal is None else _goal(file.goal, keys, campaign.units),
-    )
-    _ = campaign.families, campaign.prediction(model)
-    check_utility(design, keys, not rules.optional)
-    if file.truth and file.imported is not None:
-        raise InputError(
-            str(keys.path),
-            found="both [truth] and [import]",
-            expected="one of them: a simulated vehicle or a real log",
-            remedy="remove one of the two; without both a trial is designed before there are any data",
-        )
-    if file.imported is not None:
-        recorded = (*model.controls, *model.channel_units())
-        campaign = replace(campaign, imports=read_imports(file.imported, keys, recorded))
+    _ = campaign.full, campaign.families, campaign.prediction(model)
     _check_truth(campaign)
     _check_start(campaign, is_trim_stated=file.design.trim is not None)
     return campaign
+
+
+def _structure(table: StructureTable) -> StructureSettings:
+    return StructureSettings(tuple(table.always), tuple(table.optional), tuple(table.rules), table.shortlist, table.g)
 
 
 def _sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: VehicleModel) -> dict[str, SensorSettings]:
@@ -166,11 +165,11 @@ def _sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: VehicleMo
     return found
 
 
-def _process_noise(table: FilterTable, keys: FileKeys, model: VehicleModel) -> dict[str, float]:
-    """Standard deviation that states and coefficients gain in one second, SI, of those that are named."""
-    units = {state: signal_unit(state) for state in model.states}
-    units |= {term.text: model.unit_of(term) for term in model.coefficients}
-    found = {}
+def _process_noise(
+    table: FilterTable, keys: FileKeys, coefficients: Mapping[str, str], model: VehicleModel
+) -> dict[str, float]:
+    """Standard deviation that states and coefficients, by their units, gain in one second, SI, of those that are named."""
+    units, found = {**{state: signal_unit(state) for state in model.states}, **coefficients}, {}
     for name, written in table.process_noise.items():
         key = f"filter.process_noise.{name}"
         if name not in units:
@@ -188,8 +187,10 @@ def _process_noise(table: FilterTable, keys: FileKeys, model: VehicleModel) -> d
     return found
 
 
-def _estimation(table: EstimationTable, keys: FileKeys, model: VehicleModel) -> EstimationSettings:
-    known = [term.text for term in model.coefficients]
+def _estimation(
+    table: EstimationTable, keys: FileKeys, known: Collection[str], model: VehicleModel
+) -> EstimationSettings:
+    """Read how coefficients, which are `known`, are estimated."""
     for name in table.varying:
         if name not in known:
             raise InputError(
@@ -246,10 +247,21 @@ def _compute(table: ComputeTable) -> ComputeSettings:
     return ComputeSettings(table.workers, None if table.slurm is None else SlurmJobs(**table.slurm.model_dump()))
 
 
+def _check_one_source(file: CampaignFile, keys: FileKeys) -> None:
+    """Check that trials are simulated, or imported, or neither."""
+    if file.truth and file.imported is not None:
+        raise InputError(
+            str(keys.path),
+            found="both [truth] and [import]",
+            expected="one of them: a simulated vehicle or a real log",
+            remedy="remove one of the two; without both a trial is designed before there are any data",
+        )
+
+
 def _check_truth(campaign: Campaign) -> None:
     """Check the names of a simulated truth: coefficients, and what no structure has."""
     lag = actuator_lag(campaign.family.control)
-    names = {*campaign.units, lag, CURRENT}
+    names = (*campaign.units, CURRENT, lag)
     for name in campaign.truth:
         if name not in names:
             raise InputError(

@@ -1,11 +1,11 @@
 """From `[prior.NAME]` tables to priors in SI."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import inf, isfinite
 
-from seatrial.campaign.config.campaign import Campaign, no_prior
+from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.nuisance_parameters import nuisances
+from seatrial.campaign.config.nuisance_parameters import Nuisance
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, located, nearest
@@ -21,7 +21,7 @@ from seatrial.estimation.priors import (
     restricted,
     truncated_normal,
 )
-from seatrial.estimation.sensors import correlation_name
+from seatrial.estimation.sensors import correlation_name, noise_name
 
 _BOUNDS = ("lower", "upper")
 _NUMBERS = (*_BOUNDS, "mean", "sd", "scale", "median", "factor")
@@ -40,25 +40,31 @@ _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
 """Distribution to the numbers it needs, how many bounds it may have beside them (one at least), and what makes it."""
 
 
-def read_priors(tables: Mapping[str, PriorTable], keys: FileKeys, campaign: Campaign) -> dict[str, Prior]:
+def read_priors(
+    tables: Mapping[str, PriorTable],
+    keys: FileKeys,
+    units: Mapping[str, str],
+    unknown: Sequence[Nuisance],
+    never: Sequence[str],
+    inertia: float,
+) -> dict[str, Prior]:
     """Read every prior that something uses.
 
     Args:
         tables: as written, with those of what is known from elsewhere.
         keys: of the file.
-        campaign: of which all but the priors is known.
+        units: SI unit of every coefficient.
+        unknown: what is estimated beside them.
+        never: terms that the rules leave out; their priors are not read.
+        inertia: see `read_prior`.
 
     Raises:
         InputError: a prior that is missing, that nothing uses, or that is none; a support below 0 of what has no sign.
     """
-    found, units, model = {}, campaign.units, campaign.model(campaign.full)
-    inertia = 1.0 if campaign.hull.mass is None else campaign.hull.mass
-    unknown = tuple(
-        nuisances(campaign.estimation, campaign.sensor_models, campaign.noise, model, has_delay="delay" in tables)
-    )
+    found = {}
     for name, unit in units.items():
         if name not in tables:
-            unused = [other for other in tables if other not in campaign.full.terms]
+            unused = [other for other in tables if other not in units]
             raise no_prior(keys.where(f"prior.{name}"), name, unit, unused)
         found[name] = read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
     for one in unknown:
@@ -67,17 +73,7 @@ def read_priors(tables: Mapping[str, PriorTable], keys: FileKeys, campaign: Camp
             found[one.name] = read_prior(tables[one.name], one.unit, where, name=one.name, inertia=inertia)
         elif one.default is None:
             raise one.no_prior(where)
-    allowed = {*units, *campaign.rules.never, "delay", *(one.name for one in unknown)}
-    for name in tables:
-        if name not in allowed:
-            raise InputError(
-                keys.where(f"prior.{name}"),
-                found=f'"{name}", which nothing uses',
-                expected="one of " + ", ".join(sorted(allowed)),
-                remedy="remove it: white residuals have no correlation time"
-                if name in map(correlation_name, campaign.channels)
-                else nearest(name, allowed),
-            )
+    _check_used(tables, keys, (*units, *never), [one.name for one in unknown])
     if "delay" in found and not isinstance(found["delay"], Uniform):
         raise InputError(
             keys.where("prior.delay"),
@@ -94,6 +90,22 @@ def read_priors(tables: Mapping[str, PriorTable], keys: FileKeys, campaign: Camp
                 remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
             )
     return found
+
+
+def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequence[str], unknown: Sequence[str]) -> None:
+    """Check that something uses every prior: a term, the delay, or what else is unknown."""
+    allowed = tuple(dict.fromkeys((*terms, "delay", *unknown)))
+    channels = [one.removeprefix(noise_name("")) for one in unknown if one.startswith(noise_name(""))]
+    for name in tables:
+        if name not in allowed:
+            raise InputError(
+                keys.where(f"prior.{name}"),
+                found=f'"{name}", which nothing uses',
+                expected="one of " + ", ".join(sorted(allowed)),
+                remedy="remove it: white residuals have no correlation time"
+                if name in map(correlation_name, channels)
+                else nearest(name, allowed),
+            )
 
 
 def read_prior(table: PriorTable, unit: str, where: str, *, name: str = "", inertia: float = 1.0) -> Prior:

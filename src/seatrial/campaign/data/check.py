@@ -9,7 +9,6 @@ from jaxtyping import Array
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
-from seatrial.campaign.design.prior_state_space import coefficient_priors
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.record import Record
 from seatrial.design.prior_belief import draw_values
@@ -69,7 +68,7 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
 
 def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     model = campaign.model(campaign.full)
-    priors = coefficient_priors(campaign, model)
+    priors = campaign.coefficient_priors(model)
     mean = np.array([float(prior.mean) for prior in priors])
     step = np.append(np.diff(record.time), 0.0)
     control = np.column_stack([record.channel(name) for name in model.controls])

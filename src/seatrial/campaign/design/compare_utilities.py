@@ -12,7 +12,6 @@ import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
-from seatrial.campaign.design.prior_state_space import coefficient_priors
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
@@ -79,7 +78,7 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
 
 def _compute(campaign: Campaign, count: int, reporter: Reporter) -> xr.Dataset:
     designs, model = design_first(campaign, reporter), campaign.model(campaign.full)
-    priors = coefficient_priors(campaign, model)
+    priors = campaign.coefficient_priors(model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
     names, controls, entropy = [], [], []
     for sweep, row, column in _spread(designs.sweeps, count):

@@ -15,7 +15,7 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
 from seatrial.core.errors import InputError
 from seatrial.design.cost import PropellerPower, expected_cost, gain_per_cost, in_joules
-from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.robust import utility_table
@@ -60,7 +60,7 @@ def weigh(
     if not limits and design.utility == "entropy" and design.per == "trial":
         return sweep
     if design.per == "second":
-        sweep = _by_the_second(campaign, plan, sweep, draws, scales)
+        sweep = _by_the_second(criterion_of(campaign, plan, draws), design, plan, sweep, draws, scales)
     rows, columns, controls = sweep.inside()
     if limits:
         samples = None if sweep.length is None else _samples(sweep, sweep.length[rows, columns])
@@ -74,7 +74,7 @@ def weigh(
         return sweep
     utility = sweep.gain[rows, columns]
     if design.utility != "entropy":
-        utility = _utility(campaign, plan, controls, draws)
+        utility = _utility(criterion_of(campaign, plan, draws), design, plan, controls, draws)
     if design.per == "joule":
         if power is None:
             raise InputError(
@@ -84,10 +84,9 @@ def weigh(
                 remedy='state them, or count by the "trial"',
             )
         cost = in_joules(power.hotel, PropellerPower(power.propulsion, power.at, sweep.family.control))
-        utility = gain_per_cost(
-            utility - _of_no_trial(campaign, plan, draws),
-            expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean,
-        )
+        if design.utility != "entropy":
+            utility = utility - _of_no_trial(criterion_of(campaign, plan, draws), design, draws)
+        utility = gain_per_cost(utility, expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean)
     found = np.full(sweep.gain.shape, np.nan)
     found[rows, columns] = utility
     return replace(sweep, utility=found)
@@ -148,27 +147,37 @@ def utility_unit(design: DesignSettings) -> str:
     return unit + {"joule": "/J", "second": "/s", "trial": ""}[design.per]
 
 
-def _of_no_trial(campaign: Campaign, plan: TrialPlan, draws: np.ndarray) -> float:
+def _of_no_trial(criterion: Criterion | Discrimination, design: DesignSettings, draws: np.ndarray) -> float:
     """Utility without information: what is counted for a joule is the gain beyond it."""
-    if campaign.design.utility == "entropy":
-        return 0.0
-    few, k = utility_draws(campaign.design, draws), draws.shape[1]
-    return float(np.mean(np.asarray(criterion_of(campaign, plan, draws)(np.zeros((len(few), k, k))))))
+    few, k = utility_draws(design, draws), draws.shape[1]
+    return float(np.mean(np.asarray(criterion(np.zeros((len(few), k, k))))))
 
 
-def _utility(campaign: Campaign, plan: TrialPlan, controls: np.ndarray, draws: np.ndarray) -> np.ndarray:
-    found = utility_table(plan, controls, utility_draws(campaign.design, draws), criterion_of(campaign, plan, draws))
-    return found.worst() if campaign.design.over == "worst" else found.mean
+def _utility(
+    criterion: Criterion | Discrimination,
+    design: DesignSettings,
+    plan: TrialPlan,
+    controls: np.ndarray,
+    draws: np.ndarray,
+) -> np.ndarray:
+    found = utility_table(plan, controls, utility_draws(design, draws), criterion)
+    return found.worst() if design.over == "worst" else found.mean
 
 
-def _by_the_second(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: np.ndarray, scales: np.ndarray) -> Sweep:
+def _by_the_second(
+    criterion: Criterion | Discrimination,
+    design: DesignSettings,
+    plan: TrialPlan,
+    sweep: Sweep,
+    draws: np.ndarray,
+    scales: np.ndarray,
+) -> Sweep:
     """Each design ended when that is worth most for the time it takes; its gain is the D criterion of what is measured by then."""
     rows, columns, controls = sweep.inside()
-    shape, turnaround = sweep.gain.shape, campaign.design.turnaround
-    few, cov = utility_draws(campaign.design, draws), np.atleast_2d(np.cov(draws, rowvar=False))
-    stops = best_stops(plan, controls, few, criterion_of(campaign, plan, draws), turnaround)
+    few, cov = utility_draws(design, draws), np.atleast_2d(np.cov(draws, rowvar=False))
+    stops = best_stops(plan, controls, few, criterion, design.turnaround)
     left = np.linalg.inv(stops.information + np.linalg.inv(cov))
-    utility, length, gain, peak = (np.full(shape, np.nan) for _ in range(4))
+    utility, length, gain, peak = (np.full(sweep.gain.shape, np.nan) for _ in range(4))
     final_sd = np.full_like(sweep.final_sd, np.nan)
     utility[rows, columns], length[rows, columns] = stops.rate, stops.length
     gain[rows, columns] = np.asarray(find_criterion("fisher-d", cov)(stops.information)).mean(-1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
-from seatrial.campaign.design.prior_state_space import HALF, coefficient_priors
+from seatrial.campaign.design.prior_state_space import HALF
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
@@ -117,7 +117,7 @@ def check_free_trial(campaign: Campaign) -> None:
 
 def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
     model, form = campaign.model(campaign.full), _form(campaign.family, levels)
-    priors = coefficient_priors(campaign, model)
+    priors = campaign.coefficient_priors(model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
     draws = draw_values(priors, random_key(campaign.seed, "draws of the free form"), 2 * HALF)
     best = design_first(campaign, reporter).best

@@ -17,14 +17,9 @@ HALF = 400
 """Draws of the priors behind each probability of staying inside the limits."""
 
 
-def coefficient_priors(campaign: Campaign, model: VehicleModel) -> tuple[Prior, ...]:
-    """Prior of every coefficient of a model, SI."""
-    return tuple(campaign.prior(term.text) for term in model.coefficients)
-
-
 def prior_draws(campaign: Campaign, model: VehicleModel) -> Float[np.ndarray, "S k"]:
     """Coefficients drawn from the priors, SI: the first half chooses designs, the second judges the one that is chosen."""
-    return draw_values(coefficient_priors(campaign, model), random_key(campaign.seed, "draws of the design"), 2 * HALF)
+    return draw_values(campaign.coefficient_priors(model), random_key(campaign.seed, "draws of the design"), 2 * HALF)
 
 
 def believed(priors: Sequence[Prior]) -> Gaussian:

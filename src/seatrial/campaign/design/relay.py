@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import RelaySettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
-from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, coefficient_priors
+from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
@@ -82,7 +82,7 @@ def relay_loop(campaign: Campaign) -> RelayLoop:
     """
     relay, model = check_relay(campaign), campaign.model(campaign.full)
     shared, plan, rate = campaign.family, plan_of(campaign, model), campaign.limits.rate
-    priors, trim = coefficient_priors(campaign, model), campaign.control_trim(model)
+    priors, trim = campaign.coefficient_priors(model), campaign.control_trim(model)
     space, scales = belief_space(campaign, model, believed(priors))
     trimmed = dict(zip(model.states, campaign.state_trim(model), strict=True)).get(relay.output, 0.0)
     family = RelayFamily(
@@ -257,7 +257,7 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
 
 
 def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTrial:
-    priors = coefficient_priors(campaign, campaign.model(campaign.full))
+    priors = campaign.coefficient_priors(campaign.model(campaign.full))
     draws = draw_values(priors, random_key(campaign.seed, "draws of the self-oscillation"), 2 * HALF)
     noise = sensor_noise(campaign, loop.family.output, len(draws))
     amplitudes = campaign.design.grid()[0]

@@ -13,7 +13,7 @@ from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
-from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, coefficient_priors, prior_draws
+from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
@@ -134,7 +134,8 @@ class _Prepared(NamedTuple):
 def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     model = campaign.model(believed.structure)
     space, scales = belief_space(campaign, model, believed.belief)
-    method, trim = design_filter(campaign, len(space.states)), campaign.control_trim(model)
+    method = design_filter(campaign.design.filter, len(space.states), campaign.where("design.filter"))
+    trim = campaign.control_trim(model)
     mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
@@ -223,7 +224,7 @@ def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
     if is_current(store.design, key):
         return read_designs(campaign, store.design)
     model = campaign.model(campaign.full)
-    belief, draws = believed(coefficient_priors(campaign, model)), prior_draws(campaign, model)
+    belief, draws = believed(campaign.coefficient_priors(model)), prior_draws(campaign, model)
     return _sweep(campaign, campaign.full, belief, draws, store.design, key, "the priors", reporter)
 
 

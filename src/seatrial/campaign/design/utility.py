@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import DesignSettings
+from seatrial.campaign.config.settings import DesignFilter, DesignSettings
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion
@@ -19,18 +19,17 @@ UTILITY_DRAWS = 32
 """Draws over which a utility is averaged, the same for all designs."""
 
 
-def design_filter(campaign: Campaign, n_states: int) -> Filter:
-    """The filter whose entropy reduction is predicted, for so many states.
+def design_filter(name: DesignFilter, n_states: int, where: str) -> Filter:
+    """The filter whose entropy reduction is predicted, for so many states; `where` names the setting, for errors.
 
     Raises:
         InputError: a filter that does not do for as many.
     """
-    name = campaign.design.filter
     if name == "square-root-unscented":
         return unscented_filter(n_states)
     if n_states > 2 * MOST_UNROLLED:
         raise InputError(
-            campaign.where("design.filter"),
+            where,
             found=f'"{name}" for {n_states} states and coefficients',
             expected=f"at most {2 * MOST_UNROLLED}: it is compiled number by number",
             remedy='set filter = "square-root-unscented"',

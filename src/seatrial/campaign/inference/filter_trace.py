@@ -1,6 +1,7 @@
 """Filter traces: how the square-root UKF's belief about the coefficients narrows along the fitted records."""
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
@@ -15,11 +16,11 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.design.prior_belief import STATE_SD
+from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation import delay_control
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise
-from seatrial.vehicles.model import VehicleModel
 
 
 def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
@@ -56,9 +57,8 @@ def filter_complaints(dataset: xr.Dataset) -> list[str]:
     return said
 
 
-def prior_belief(campaign: Campaign, model: VehicleModel) -> tuple[Gaussian, np.ndarray]:
-    """Belief about the coefficients before the first record, in units of their prior standard deviations, and these, SI."""
-    priors = [campaign.prior(term.text) for term in model.coefficients]
+def prior_belief(priors: Sequence[Prior]) -> tuple[Gaussian, np.ndarray]:
+    """Belief about coefficients before the first record, in units of their prior standard deviations, and these, SI."""
     scales = np.array([prior.sd for prior in priors])
     return Gaussian(np.array([prior.mean for prior in priors]) / scales, np.eye(scales.size)), scales
 
@@ -95,7 +95,7 @@ def filter_record(
 def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
     model = campaign.model(estimate.structure)
     names, d = [term.text for term in model.coefficients], len(model.states)
-    belief, scales = prior_belief(campaign, model)
+    belief, scales = prior_belief(campaign.coefficient_priors(model))
     pieces, failures = [], 0
     for index, record in enumerate(trials.fit):
         _, trace = filter_record(campaign, estimate, record, belief, scales)

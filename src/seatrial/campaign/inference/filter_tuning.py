@@ -82,7 +82,7 @@ def check_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> list
         InputError: too short a record to check.
     """
     model = campaign.model(estimate.structure)
-    belief, scales = prior_belief(campaign, model)
+    belief, scales = prior_belief(campaign.coefficient_priors(model))
     checks = []
     for record in trials.fit:
         space, trace = filter_record(campaign, estimate, record, belief, scales)
