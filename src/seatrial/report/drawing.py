@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.data.simulate import true_coefficients
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.core.signals import SIGNALS
@@ -85,8 +86,8 @@ def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.nd
 
 
 def truth_of(outcome: "Outcome") -> Mapping[str, float]:
-    """True coefficients of a simulated campaign; those the truth does not name are zero. Empty for real logs."""
-    source = outcome.campaign.source
-    if source.imported is not None or not source.truth:
+    """True coefficients of a simulated campaign. Empty for real logs."""
+    campaign = outcome.campaign
+    if campaign.source.imported is not None or not campaign.is_simulated:
         return {}
-    return {term: source.truth.get(term, 0.0) for term in outcome.campaign.full.terms}
+    return true_coefficients(campaign, campaign.model(campaign.full))

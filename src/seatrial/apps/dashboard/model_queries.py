@@ -17,7 +17,7 @@ from seatrial.campaign.config.limits import TRACKS
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.templates import TEMPLATES, template_text
 from seatrial.campaign.data.import_logs import read_untrimmed
-from seatrial.campaign.data.simulate import chosen_of
+from seatrial.campaign.data.simulate import chosen_of, true_coefficients
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
@@ -66,7 +66,7 @@ def asked(folder: str) -> Asked:
         unit = "m" if name in TRACKS else shown_unit(name)[1]
         written = [str(getattr(table, part) or "") for part in ("lower", "upper", "rate")]
         limits.append(Limit(name, unit, *written, has_rate=name == control))
-    table, shown = source.imported, {term: source.truth.get(term, 0.0) for term in campaign.full.terms}
+    table, shown = source.imported, true_coefficients(campaign, campaign.model(campaign.full))
     return Asked(
         source.campaign.name,
         table is not None,

@@ -11,7 +11,7 @@ from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.data.import_logs import check_import
-from seatrial.campaign.data.simulate import actuator_lag, beyond_structures
+from seatrial.campaign.data.simulate import beyond_structures, check_truth
 from seatrial.campaign.design.utility import check_utility
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
@@ -260,14 +260,7 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
                 if name in campaign.rules.never
                 else nearest(name, names),
             )
-    lag = actuator_lag(source.design.control)
-    if source.truth.get(lag, 0.0) < 0:
-        raise InputError(
-            campaign.where(f"truth.{lag}"),
-            found=f"{source.truth[lag]:g} s",
-            expected="0 s or more",
-            remedy="give the time constant of the actuator; 0 s is none",
-        )
+    check_truth(campaign)
     _check_start(campaign)
 
 
