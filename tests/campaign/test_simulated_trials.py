@@ -17,14 +17,19 @@ from seatrial.campaign.data.simulate import (
     later_trials,
     record_keys,
     run_trial,
-    true_coefficients,
 )
+from seatrial.campaign.data.true_vehicle import true_coefficients
+from seatrial.campaign.design.batch import plan_together
+from seatrial.campaign.design.free_form import design_free_trial
+from seatrial.campaign.design.global_search import search_design
+from seatrial.campaign.design.relay import design_relay_trial
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.relay import RelayFamily
 from seatrial.manoeuvres.schedule import Schedule
 from tests.campaign.small import write_small
+from tests.campaign.test_other_axes import YAW
 from tests.cases import MASS
 from tests.estimation_cases import naive_speed
 
@@ -236,3 +241,43 @@ def test_the_command_line_runs_a_schedule(tmp_path):
     assert said.exit_code == 0, said.output
     assert "record before: 300 samples" in said.output
     assert "record mine: 300 samples" in said.output
+
+
+@pytest.mark.parametrize("relay", [{}, {"family": {"trim": 3}}, {"family": {"gain": 1.0, "trim": []}}, 7])
+def test_a_damaged_law_of_a_self_oscillation_is_told(tmp_path, relay):
+    made, store = campaign(tmp_path), Store(tmp_path)
+    path = store.schedule(store.relay_design)
+    write_schedule(path, made.family.manoeuvre(15.0, 6.0), made.family.sample_time, about={"relay": relay})
+    with pytest.raises(InputError, match=r"self_oscillation_schedule\.json"):
+        ask_for(made, "self_oscillation", None)
+
+
+@pytest.mark.thorough
+def test_every_design_is_run_as_it_was_found(tmp_path):
+    made = campaign(tmp_path)
+    free, _ = design_free_trial(made, 6)
+    found, family, _ = search_design(made, 48)
+    plan_together(made, 2)
+    for name in ("free_form", "searched", "batch"):
+        ask_for(made, name, None, alone=name == "free_form")
+    records = {record.label: record for record in get_trials(made).fit}
+    assert list(records) == ["free_form", "searched", "batch_1", "batch_2"]
+    rpm = records["free_form"].channel("n")[10 + np.arange(6) * 200 // 6 + 10]
+    np.testing.assert_allclose(rpm, free.levels, rtol=1e-8)
+    wanted = family.manoeuvre(found.amplitude, found.period).sample(STEP)[1]
+    np.testing.assert_allclose(records["searched"].channel("n"), wanted, rtol=1e-8)
+
+
+@pytest.mark.thorough
+def test_a_designed_self_oscillation_closes_its_loop_on_the_true_vehicle(tmp_path):
+    """Its control differs from the one that was foreseen, and turns round only where the measured rate allows it."""
+    (tmp_path / "campaign.toml").write_text(YAW)
+    made = load_campaign(tmp_path)
+    test, _ = design_relay_trial(made)
+    ask_for(made, "self_oscillation", None, alone=True)
+    (record,) = get_trials(made).fit
+    rudder, rate = record.channel("delta_r"), record.channel("r")
+    at = np.flatnonzero(np.diff(np.sign(rudder[np.abs(rudder) > 0])))
+    assert at.size >= 2
+    assert np.abs(rudder).max() == pytest.approx(test.amplitude)
+    assert np.nanmax(np.abs(rate)) > test.threshold

@@ -17,7 +17,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
-from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
 MOST_SAMPLES = 200_000
 """Samples of one trial."""
@@ -127,6 +127,12 @@ class Rows(NamedTuple):
                 if name != "rate"
                 else "lead to the next value in more time, or widen the limit if the vehicle allows it",
             )
+
+
+def schedule_of(manoeuvre: Manoeuvre, sample_time: float) -> Schedule:
+    """Return the schedule of a manoeuvre, which drives one control."""
+    time, control = manoeuvre.sample(sample_time)
+    return Schedule(time, {manoeuvre.control: control})
 
 
 def table_text(time: Sequence[float], controls: Mapping[str, Sequence[float]]) -> str:

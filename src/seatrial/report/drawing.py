@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.data.simulate import true_coefficients
+from seatrial.campaign.data.true_vehicle import true_coefficients
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.core.signals import SIGNALS
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.fit import Driven, Predicted
+from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import unit_label
 from seatrial.report.labels import label_mathtext
 from seatrial.report.svg import inline_svg
@@ -83,6 +86,14 @@ def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.nd
         channels.append(Predicted(signal_axis(name), *columns))
     controls = [Driven(signal_axis(name), record.channel(name) * shown_unit(name)[0]) for name in record.controls]
     return data["time"].values[rows], channels, controls
+
+
+def schedule_figure(schedule: Schedule, limits: Limits) -> "Figure":
+    """Draw the one control of a schedule, as `control_over_time`, in the unit in which it is shown."""
+    ((name, values),) = schedule.controls.items()
+    factor, _ = shown_unit(name)
+    low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
+    return control_over_time(schedule.time, values * factor, signal_axis(name), (low, high))
 
 
 def truth_of(outcome: "Outcome") -> Mapping[str, float]:

@@ -17,7 +17,8 @@ from seatrial.campaign.config.limits import TRACKS
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.templates import TEMPLATES, template_text
 from seatrial.campaign.data.import_logs import read_untrimmed
-from seatrial.campaign.data.simulate import chosen_of, true_coefficients
+from seatrial.campaign.data.simulate import chosen_of
+from seatrial.campaign.data.true_vehicle import true_coefficients
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
@@ -31,8 +32,8 @@ from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
-from seatrial.report.drawing import signal_axis
-from seatrial.report.figures.records import control_over_time
+from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.report.drawing import schedule_figure
 from seatrial.report.figures.style import own_settings
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
@@ -138,16 +139,15 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
         raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
     chosen = chosen_of(sweep, (row, column))
     manoeuvre = chosen.manoeuvre(campaign)
-    time, values = manoeuvre.sample(sweep.family.sample_time)
-    factor, _ = shown_unit(manoeuvre.control)
-    limits = campaign.limits()
-    low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
+    planned = schedule_of(manoeuvre, sweep.family.sample_time)
     with own_settings():
-        figure = control_over_time(time, values * factor, signal_axis(manoeuvre.control), (low, high))
-        plot = as_plot(figure, "control", "Control of the design over time")
+        plot = as_plot(schedule_figure(planned, campaign.limits()), "control", "Control of the design over time")
     with tempfile.TemporaryDirectory() as place:
         schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
-    margins = (*_of_control(campaign, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
+    margins = (
+        *_of_control(campaign, sweep, planned.controls[manoeuvre.control]),
+        *_of_motion(campaign, which, sweep, (row, column)),
+    )
     return Clicked(design_words(sweep.family, chosen.amplitude, chosen.period), plot, margins, schedule)
 
 

@@ -11,7 +11,7 @@ from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.data.import_logs import check_import
-from seatrial.campaign.data.simulate import beyond_structures, check_truth
+from seatrial.campaign.data.true_vehicle import beyond_structures, check_truth
 from seatrial.campaign.design.utility import check_utility
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest

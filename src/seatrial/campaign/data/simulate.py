@@ -1,24 +1,16 @@
-"""Trials run on a simulated vehicle: the first by design, later ones as they were decided, and any schedule that is given.
-
-What is simulated is what is fitted: [truth] holds a value of each coefficient, and may hold what an estimate knows beside them, by the same
-names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
-"""
+"""Trials run on a simulated vehicle: the first by design, later ones as they were decided, and any schedule that is given."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.design.schedule import find_schedules, read_about, sample_schedule
+from seatrial.campaign.data.true_vehicle import FIRST, show_trial
+from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.design.sweep import design_first, design_key
-from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
@@ -27,14 +19,10 @@ from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_re
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.replicate import draw_noise
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
-from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
-from seatrial.estimation.trial_data import channel_data
+from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
-from seatrial.manoeuvres.schedule import Schedule, read_rows
-from seatrial.vehicles.model import VehicleModel
+from seatrial.manoeuvres.relay import read_relay_family
+from seatrial.manoeuvres.schedule import Schedule, read_rows, schedule_of
 
 # What to write into a campaign file that says nothing of its trials, once one has been run or is to be simulated.
 
@@ -74,10 +62,6 @@ def _indented(text: str) -> str:
     return "\n".join(f"    {line}".rstrip() for line in text.splitlines())
 
 
-FIRST = "trial"
-"""Label of the first trial; those decided later are `trial-2`, `trial-3` and so on."""
-DELAY = "delay"
-"""Name of the delay between command and action, s."""
 LONGEST = 80
 """Characters of a label."""
 
@@ -143,72 +127,6 @@ def _read_later(plain: Mapping[str, Any]) -> Later:
     return Scheduled(
         plain["label"], plain["source"], Schedule(np.array(plain["time"], float), controls), plain["relay"]
     )
-
-
-# What is true of the simulated vehicle.
-
-
-def actuator_lag(control: str) -> str:
-    """Name of the lag of a control's actuator in `[truth]`, s."""
-    return lag_name(control)
-
-
-def beyond_structures(campaign: Campaign) -> set[str]:
-    """Names that `[truth]` may hold beside coefficients."""
-    of_channel = (noise_name, correlation_name, dof_name, bias_name, lag_name)
-    return (
-        {actuator_lag(control) for control in campaign.model(campaign.full).controls}
-        | {CURRENT, DELAY}
-        | {name(channel) for channel in campaign.channels for name in of_channel}
-    )
-
-
-def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
-    """Return the true coefficients of a simulated campaign, SI: as named, else as published of a whole vehicle, else 0."""
-    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
-    truth = campaign.source.truth
-    return {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
-
-
-def check_truth(campaign: Campaign) -> None:
-    """Check that every term that is always in the model has a true value, and that times and spreads are possible.
-
-    Raises:
-        InputError: the first that has none, or cannot be.
-    """
-    truth = campaign.source.truth
-    if not truth:
-        return
-    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
-    for term in campaign.rules.always:
-        if term not in truth and term not in published:
-            raise InputError(
-                campaign.where("truth"),
-                found=f"no {term}, which is in every structure",
-                expected="a true value of every term of `always`; one of `optional` may be left out, and is then 0",
-                remedy=f"add a value, SI; {term} = 0.0 says that the true vehicle has none",
-            )
-    for channel in campaign.channels:
-        if {correlation_name(channel), dof_name(channel)} <= set(truth):
-            raise InputError(
-                campaign.where(f"truth.{dof_name(channel)}"),
-                found=f"{correlation_name(channel)} as well",
-                expected="noise of one kind: correlated, or of heavy tails",
-                remedy="leave out one of the two",
-            )
-    spreads = {name(channel) for channel in campaign.channels for name in (noise_name, correlation_name, dof_name)}
-    lags = {lag_name(name) for name in (*campaign.model(campaign.full).controls, *campaign.channels)}
-    for name, value in truth.items():
-        if (name in lags | {DELAY} and value < 0) or (name in spreads and value <= 0):
-            unit = " s" if name not in spreads else ""
-            raise InputError(
-                campaign.where(f"truth.{name}"),
-                found=f"{value:g}{unit}",
-                expected="more than 0" if name in spreads else "0 s or more",
-                remedy="leave it out for the noise that [sensors] says"
-                if name in spreads
-                else "0 s is none: give the time by which it is late",
-            )
 
 
 # The trials, and their records.
@@ -374,7 +292,8 @@ def designed_trials(
         InputError: no such schedule, a damaged one, or one that breaks today's limits.
     """
     found = find_schedules(campaign.folder)
-    names = [name] if name in found else [one for one in found if one.startswith(f"{name}_") and name == "batch"]
+    together = [one for one in found if one.startswith("batch_")] if name == "batch" else []
+    names = [name] if name in found else together
     remedy = f"run `seatrial design {campaign.folder}` with the option that makes it, such as --free-form 24"
     if not names:
         raise InputError(
@@ -397,7 +316,12 @@ def designed_trials(
         about = read_about(found[one], remedy)
         if about.get("design", design_key(campaign)) != design_key(campaign):
             reporter.say(f"caution: {found[one].name} was designed before the campaign was changed; it is run as it is")
-        trials.append(_scheduled(campaign, found[one], label or one, about.get("relay"), reporter))
+        try:
+            family = read_relay_family(about["relay"]["family"]) if "relay" in about else None
+        except (KeyError, TypeError, ValueError) as cause:
+            raise damaged_about(found[one], cause, remedy) from cause
+        step = campaign.family.sample_time if family is None else family.sample_time
+        trials.append(_scheduled(campaign, found[one], label or one, step, reporter, about.get("relay")))
     return tuple(trials)
 
 
@@ -407,21 +331,21 @@ def own_trial(campaign: Campaign, path: Path, label: str | None, reporter: Repor
     Raises:
         InputError: a table that is none of this vehicle, that breaks the limits of the control, or a label that cannot be.
     """
-    return _scheduled(campaign, path, path.stem if label is None else label, None, reporter)
+    return _scheduled(campaign, path, path.stem if label is None else label, campaign.family.sample_time, reporter)
 
 
 def _scheduled(
-    campaign: Campaign, path: Path, label: str, relay: Mapping[str, Any] | None, reporter: Reporter
+    campaign: Campaign, path: Path, label: str, step: float, reporter: Reporter, relay: Mapping[str, Any] | None = None
 ) -> Scheduled:
     _check_label(label)
     trim = campaign.control_trim(campaign.model(campaign.full))
     rows = read_rows(path, [name for name, _ in trim])
-    schedule = rows.schedule(campaign.family.sample_time if relay is None else relay["family"]["sample_time"])
+    schedule = rows.schedule(step)
     rows.check_limits(campaign.family.control, campaign.limits(), schedule)
     if lost := rows.skipped(schedule):
         reporter.say(
-            f"caution: {path}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of "
-            f"{campaign.family.sample_time:g} s: what bends there is not simulated; lower `sample_time` of [design]"
+            f"caution: {path}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of {step:g} s: "
+            "what bends there is not simulated; lower `sample_time` of [design]"
         )
     if still := [name for name, _ in trim if name not in rows.controls]:
         reporter.say(f"{path.name}: {', '.join(still)} held at trim")
@@ -457,127 +381,13 @@ def run_trial(campaign: Campaign, trial: Later, label: str, key: str) -> Record:
     """
     if isinstance(trial, Chosen):
         manoeuvre = trial.manoeuvre(campaign)
-        schedule = sample_schedule(manoeuvre, campaign.family.sample_time)
+        schedule = schedule_of(manoeuvre, campaign.family.sample_time)
         told = {"manoeuvre": manoeuvre.name, **{name: float(value) for name, value in manoeuvre.parameters.items()}}
     else:
         schedule, told = trial.schedule, {"manoeuvre": f"schedule {trial.source}", "relay": trial.relay is not None}
-    columns = _simulated(campaign, schedule, label, None if isinstance(trial, Chosen) else trial.relay)
+    columns = show_trial(campaign, schedule, label, None if isinstance(trial, Chosen) else trial.relay)
     told |= {"truth": campaign.source.truth, "seed": campaign.source.campaign.seed}
     channels = tuple(
         Channel(name, signal_unit(name), "measurement" if name in campaign.channels else "control") for name in columns
     )
     return make_record(schedule.time, columns, channels, Provenance(SIMULATED, key, told), label)
-
-
-def _simulated(
-    campaign: Campaign, schedule: Schedule, label: str, relay: Mapping[str, Any] | None
-) -> dict[str, Float[np.ndarray, " n"]]:
-    """Return every control and what every sensor shows of the true vehicle, NaN where it does not measure."""
-    model = campaign.model(campaign.full)
-    columns = schedule.columns(campaign.control_trim(model))
-    if unknown := [name for name in schedule.controls if name not in columns]:
-        raise InputError(
-            f'record "{label}", schedule',
-            found=f"a control {unknown[0]}, which the vehicle no longer has",
-            expected="controls of the vehicle: " + ", ".join(columns),
-            remedy=f"leave it with `seatrial simulate {campaign.folder} --design design --alone`, or change the vehicle back",
-        )
-    simulator, values = _truth(campaign, model)
-    mask = campaign.measured_mask(schedule.time) > 0
-    there = np.where(mask, 0.0, np.nan)
-    noise = [
-        np.asarray(
-            draw_noise(sensor, values, channel_data(schedule.time, there[:, i]), _noise_key(campaign, sensor, label))
-        )
-        for i, sensor in enumerate(simulator.sensors)
-    ]
-    # Schedules are sampled evenly from 0.
-    start, step = jnp.asarray(campaign.state_trim(model), float), jnp.full(schedule.time.size, schedule.time[1])
-    if relay is None:
-        shown, end = _follow(simulator, values, start, tuple(map(jnp.asarray, columns.values())), step)
-    else:
-        at = _fed_back(simulator, relay, label)
-        feedback = _relay_feedback(relay, schedule.time, noise[at] + there[:, at])
-        followed = simulator.follow(values, start, feedback, step)
-        shown, end = jnp.stack(followed.kept, -1), jnp.stack(followed.end)
-        columns = dict(zip(columns, map(np.asarray, followed.command), strict=True))
-    if not (np.isfinite(shown).all() and np.isfinite(end).all()):
-        raise InputError(
-            campaign.where("truth"),
-            found="a simulated vehicle that diverges",
-            expected="damping that dissipates",
-            remedy="check signs: negative damping coefficients dissipate",
-        )
-    exact = np.asarray(shown)
-    return columns | {
-        sensor.channel: np.where(mask[:, i], exact[:, i] + noise[i], np.nan)
-        for i, sensor in enumerate(simulator.sensors)
-    }
-
-
-def _truth(campaign: Campaign, model: VehicleModel) -> tuple[Simulator, dict[str, float]]:
-    """Return the true vehicle with its true sensors and actuators, and its values by name."""
-    truth = campaign.source.truth
-    noise = {noise_name(channel): campaign.noise(channel) for channel in campaign.channels}
-    values = {**noise, **truth, **true_coefficients(campaign, model)}
-    sensors = tuple(
-        Sensor(
-            one.channel,
-            "coloured"
-            if correlation_name(one.channel) in truth
-            else "heavy"
-            if dof_name(one.channel) in truth
-            else "white",
-            bias_name(one.channel) in truth,
-            truth.get(lag_name(one.channel), 0.0) > 0,
-            one.over_ground,
-        )
-        for one in campaign.sensors
-    )
-    late = tuple(name for name in model.controls if truth.get(actuator_lag(name), 0.0) > 0)
-    return Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth, late), values
-
-
-def _noise_key(campaign: Campaign, sensor: Sensor, label: str) -> Array:
-    purpose = f"noise {sensor.channel}"
-    return random_key(campaign, purpose if label == FIRST else f"{purpose} {label}")
-
-
-@partial(jax.jit, static_argnums=0)
-def _follow(
-    simulator: Simulator, values: Mapping[str, Any], start: Array, control: tuple, step: Array
-) -> tuple[Array, Array]:
-    followed = simulator.follow(values, start, control, step)
-    return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
-
-
-def _fed_back(simulator: Simulator, relay: Mapping[str, Any], label: str) -> int:
-    """Place of the sensor that is fed back."""
-    channels, output = [sensor.channel for sensor in simulator.sensors], relay["family"]["output"]
-    if output not in channels:
-        raise InputError(
-            f'record "{label}", self-oscillation',
-            found=f"no sensor of {output}, which is fed back",
-            expected="one of " + ", ".join(channels),
-            remedy="design the test anew, or add the sensor again",
-        )
-    return channels.index(output)
-
-
-def _relay_feedback(
-    relay: Mapping[str, Any], time: Float[np.ndarray, " n"], error: Float[np.ndarray, " n"]
-) -> Feedback:
-    """Return the law of a self-oscillating test."""
-    family = read_relay_family(relay["family"])
-
-    def decide(memory: Any, now: Any, seen: Any) -> Any:
-        return relay_control(family, relay["amplitude"], relay["threshold"], now, seen - family.output_trim, memory)
-
-    return Feedback(
-        family.output,
-        BEGIN,
-        lambda memory: family.command(memory.applied),
-        decide,
-        jnp.asarray(time),
-        jnp.asarray(error),
-    )

@@ -11,7 +11,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import write_json, write_text
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.schedule import Schedule, table_text
+from seatrial.manoeuvres.schedule import schedule_of, table_text
 
 # Designs in words, in the units of the boundary.
 
@@ -25,12 +25,6 @@ def design_words(family: Family, amplitude: float, period: float) -> str:
     )
 
 
-def sample_schedule(manoeuvre: Manoeuvre, sample_time: float) -> Schedule:
-    """Return a manoeuvre as the schedule of its control."""
-    time, control = manoeuvre.sample(sample_time)
-    return Schedule(time, {manoeuvre.control: control})
-
-
 def write_schedule(
     path: Path, manoeuvre: Manoeuvre, sample_time: float, rule: str = "", about: Mapping[str, Any] | None = None
 ) -> Path:
@@ -40,7 +34,7 @@ def write_schedule(
     which its schedule only foresees; `about` is kept beside it.
     """
     control = manoeuvre.control
-    rows = sample_schedule(manoeuvre, sample_time).bends()
+    rows = schedule_of(manoeuvre, sample_time).bends()
     back = _way_back(manoeuvre, sample_time, float(rows.controls[control][-1]))
     time = [*map(float, rows.time), *(t for t, _ in back)]
     text = table_text(time, {control: [*map(float, rows.controls[control]), *(value for _, value in back)]})

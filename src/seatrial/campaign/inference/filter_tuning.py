@@ -6,7 +6,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.data.simulate import true_coefficients
+from seatrial.campaign.data.true_vehicle import true_coefficients
 from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.filter_trace import filter_record, prior_belief
 from seatrial.campaign.inference.posterior import initial_state

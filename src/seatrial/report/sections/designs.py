@@ -12,8 +12,9 @@ from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.report.drawing import Drawing, draw, labels_of, signal_axis, signal_symbol, units_of
-from seatrial.report.figures.records import control_over_time, covered, raw_record
+from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.report.drawing import Drawing, draw, labels_of, schedule_figure, signal_axis, signal_symbol, units_of
+from seatrial.report.figures.records import covered, raw_record
 from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html
@@ -118,10 +119,8 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
         sweep.best,
         (unit_label(sweep.family.shape.period_is, "s"), unit_label(f"amplitude of {signal_symbol(control)}", unit)),
     )
-    time, values = sweep.best_manoeuvre().sample(sweep.family.sample_time)
-    limits = outcome.campaign.limits()
-    bounds = tuple(None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
-    chosen = control_over_time(time, values * factor, signal_axis(control), (bounds[0], bounds[1]))
+    schedule = schedule_of(sweep.best_manoeuvre(), sweep.family.sample_time)
+    chosen = schedule_figure(schedule, outcome.campaign.limits())
     return [
         draw(
             surface,

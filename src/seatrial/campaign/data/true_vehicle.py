@@ -1,0 +1,217 @@
+"""The simulated vehicle of a campaign: what is true of it, and what its sensors show in a trial.
+
+What is simulated is what is fitted: [truth] holds a value of each coefficient, and may hold what an estimate knows beside them, by the same
+names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.core.errors import InputError
+from seatrial.estimation.replicate import draw_noise
+from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
+from seatrial.estimation.trial_data import channel_data
+from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
+from seatrial.manoeuvres.schedule import Schedule
+from seatrial.vehicles.model import VehicleModel
+
+FIRST = "trial"
+"""Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on."""
+DELAY = "delay"
+"""Name of the delay between command and action, s."""
+
+
+def actuator_lag(control: str) -> str:
+    """Name of the lag of a control's actuator in `[truth]`, s."""
+    return lag_name(control)
+
+
+def beyond_structures(campaign: Campaign) -> set[str]:
+    """Names that `[truth]` may hold beside coefficients."""
+    of_channel = (noise_name, correlation_name, dof_name, bias_name, lag_name)
+    return (
+        {actuator_lag(control) for control in campaign.model(campaign.full).controls}
+        | {CURRENT, DELAY}
+        | {name(channel) for channel in campaign.channels for name in of_channel}
+    )
+
+
+def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
+    """Return the true coefficients of a simulated campaign, SI: as named, else as published of a whole vehicle, else 0."""
+    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    truth = campaign.source.truth
+    return {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
+
+
+def check_truth(campaign: Campaign) -> None:
+    """Check that every term that is always in the model has a true value, and that times and spreads are possible.
+
+    Raises:
+        InputError: the first that has none, or cannot be.
+    """
+    truth = campaign.source.truth
+    if not truth:
+        return
+    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    for term in campaign.rules.always:
+        if term not in truth and term not in published:
+            raise InputError(
+                campaign.where("truth"),
+                found=f"no {term}, which is in every structure",
+                expected="a true value of every term of `always`; one of `optional` may be left out, and is then 0",
+                remedy=f"add a value, SI; {term} = 0.0 says that the true vehicle has none",
+            )
+    for channel in campaign.channels:
+        if {correlation_name(channel), dof_name(channel)} <= set(truth):
+            raise InputError(
+                campaign.where(f"truth.{dof_name(channel)}"),
+                found=f"{correlation_name(channel)} as well",
+                expected="noise of one kind: correlated, or of heavy tails",
+                remedy="leave out one of the two",
+            )
+    spreads = {name(channel) for channel in campaign.channels for name in (noise_name, correlation_name, dof_name)}
+    lags = {lag_name(name) for name in (*campaign.model(campaign.full).controls, *campaign.channels)}
+    for name, value in truth.items():
+        if (name in lags | {DELAY} and value < 0) or (name in spreads and value <= 0):
+            unit = " s" if name not in spreads else ""
+            raise InputError(
+                campaign.where(f"truth.{name}"),
+                found=f"{value:g}{unit}",
+                expected="more than 0" if name in spreads else "0 s or more",
+                remedy="leave it out for the noise that [sensors] says"
+                if name in spreads
+                else "0 s is none: give the time by which it is late",
+            )
+
+
+def show_trial(
+    campaign: Campaign, schedule: Schedule, label: str, relay: Mapping[str, Any] | None
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return every control, and what every sensor shows of the true vehicle, SI, NaN where it does not measure.
+
+    Args:
+        campaign: configuration.
+        schedule: controls over time; those that it leaves alone are held at trim.
+        label: of the record; its noise is drawn by it.
+        relay: the self-oscillating test that makes its control itself, for as long as the schedule is; None where the schedule is run.
+
+    Raises:
+        InputError: a true vehicle that runs away, or a schedule or test that is not of this vehicle.
+    """
+    model = campaign.model(campaign.full)
+    columns = schedule.columns(campaign.control_trim(model))
+    if unknown := [name for name in schedule.controls if name not in columns]:
+        raise InputError(
+            f'record "{label}", schedule',
+            found=f"a control {unknown[0]}, which the vehicle no longer has",
+            expected="controls of the vehicle: " + ", ".join(columns),
+            remedy=f"leave it with `seatrial simulate {campaign.folder} --design design --alone`, or change the vehicle back",
+        )
+    simulator, values = _truth(campaign, model)
+    mask = campaign.measured_mask(schedule.time) > 0
+    there = np.where(mask, 0.0, np.nan)
+    noise = [
+        np.asarray(
+            draw_noise(sensor, values, channel_data(schedule.time, there[:, i]), _noise_key(campaign, sensor, label))
+        )
+        for i, sensor in enumerate(simulator.sensors)
+    ]
+    # Schedules are sampled evenly from 0.
+    start, step = jnp.asarray(campaign.state_trim(model), float), jnp.full(schedule.time.size, schedule.time[1])
+    if relay is None:
+        shown, end = _follow(simulator, values, start, tuple(map(jnp.asarray, columns.values())), step)
+    else:
+        at = _fed_back(simulator, relay, label)
+        feedback = _relay_feedback(relay, schedule.time, noise[at] + there[:, at])
+        followed = simulator.follow(values, start, feedback, step)
+        shown, end = jnp.stack(followed.kept, -1), jnp.stack(followed.end)
+        columns = dict(zip(columns, map(np.asarray, followed.command), strict=True))
+    if not (np.isfinite(shown).all() and np.isfinite(end).all()):
+        raise InputError(
+            campaign.where("truth"),
+            found="a simulated vehicle that diverges",
+            expected="damping that dissipates",
+            remedy="check signs: negative damping coefficients dissipate",
+        )
+    exact = np.asarray(shown)
+    return columns | {
+        sensor.channel: np.where(mask[:, i], exact[:, i] + noise[i], np.nan)
+        for i, sensor in enumerate(simulator.sensors)
+    }
+
+
+def _truth(campaign: Campaign, model: VehicleModel) -> tuple[Simulator, dict[str, float]]:
+    """Return the true vehicle with its true sensors and actuators, and its values by name."""
+    truth = campaign.source.truth
+    noise = {noise_name(channel): campaign.noise(channel) for channel in campaign.channels}
+    values = {**noise, **truth, **true_coefficients(campaign, model)}
+    sensors = tuple(
+        Sensor(
+            one.channel,
+            "coloured"
+            if correlation_name(one.channel) in truth
+            else "heavy"
+            if dof_name(one.channel) in truth
+            else "white",
+            bias_name(one.channel) in truth,
+            truth.get(lag_name(one.channel), 0.0) > 0,
+            one.over_ground,
+        )
+        for one in campaign.sensors
+    )
+    late = tuple(name for name in model.controls if truth.get(actuator_lag(name), 0.0) > 0)
+    return Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth, late), values
+
+
+def _noise_key(campaign: Campaign, sensor: Sensor, label: str) -> Array:
+    purpose = f"noise {sensor.channel}"
+    return random_key(campaign, purpose if label == FIRST else f"{purpose} {label}")
+
+
+@partial(jax.jit, static_argnums=0)
+def _follow(
+    simulator: Simulator, values: Mapping[str, Any], start: Array, control: tuple, step: Array
+) -> tuple[Array, Array]:
+    followed = simulator.follow(values, start, control, step)
+    return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
+
+
+def _fed_back(simulator: Simulator, relay: Mapping[str, Any], label: str) -> int:
+    """Place of the sensor that is fed back."""
+    channels, output = [sensor.channel for sensor in simulator.sensors], relay["family"]["output"]
+    if output not in channels:
+        raise InputError(
+            f'record "{label}", self-oscillation',
+            found=f"no sensor of {output}, which is fed back",
+            expected="one of " + ", ".join(channels),
+            remedy="design the test anew, or add the sensor again",
+        )
+    return channels.index(output)
+
+
+def _relay_feedback(
+    relay: Mapping[str, Any], time: Float[np.ndarray, " n"], error: Float[np.ndarray, " n"]
+) -> Feedback:
+    """Return the law of a self-oscillating test."""
+    family = read_relay_family(relay["family"])
+
+    def decide(memory: Any, now: Any, seen: Any) -> Any:
+        return relay_control(family, relay["amplitude"], relay["threshold"], now, seen - family.output_trim, memory)
+
+    return Feedback(
+        family.output,
+        BEGIN,
+        lambda memory: family.command(memory.applied),
+        decide,
+        jnp.asarray(time),
+        jnp.asarray(error),
+    )
