@@ -100,7 +100,9 @@ def test_limits_name_the_row_that_breaks_them(tmp_path, limits, row, found):
     with pytest.raises(InputError, match=found) as caught:
         table.check_limits("n", limits, table.schedule(STEP))
     assert caught.value.where.endswith(f"mine.csv:{row}")
-    table.check_limits("n", Limits(lower=0.0, upper=1500 * RPM, rate=701 * RPM), table.schedule(STEP))
+    table.check_limits(
+        "n", Limits(800 * RPM * (1 + 1e-8), 1500 * RPM * (1 - 1e-8), 700 * RPM * (1 - 1e-8)), table.schedule(STEP)
+    )
 
 
 def test_rows_between_samples_are_told(tmp_path):

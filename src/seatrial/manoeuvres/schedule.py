@@ -26,6 +26,8 @@ _BEND = 1e-9
 """Change of slope, as a share of the largest value, below which a line is straight."""
 _JUMP = 1e-9
 """Time that a jump takes, s."""
+_ROUNDING = 1e-6
+"""Share of a limit by which the digits of a table may lie beyond it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +110,7 @@ class Rows(NamedTuple):
             return
         values, step = schedule.controls[control], float(schedule.time[1])
         factor, unit = shown_unit(control)
-        broken = limits.excess(values, step)
+        broken = _widened(limits).excess(values, step)
         for name, found, ends in (
             ("lower", values, unit),
             ("upper", values, unit),
@@ -172,6 +174,15 @@ def read_rows(path: Path, controls: Sequence[str]) -> Rows:
     rows = Rows(str(path), tuple(i for i, _ in lines[1:]), values.pop("time"), values)
     _check_times(rows)
     return rows
+
+
+def _widened(limits: Limits) -> Limits:
+    lower, upper, rate = limits.lower, limits.upper, limits.rate
+    return Limits(
+        None if lower is None else lower - _ROUNDING * max(1.0, abs(lower)),
+        None if upper is None else upper + _ROUNDING * max(1.0, abs(upper)),
+        None if rate is None else rate * (1.0 + _ROUNDING),
+    )
 
 
 def _text(path: Path) -> str:

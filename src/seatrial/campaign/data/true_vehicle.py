@@ -126,13 +126,13 @@ def show_trial(
         for i, sensor in enumerate(simulator.sensors)
     ]
     # Schedules are sampled evenly from 0.
-    start, step = jnp.asarray(campaign.state_trim(model), float), jnp.full(schedule.time.size, schedule.time[1])
+    start, step = np.array(campaign.state_trim(model), float), np.full(schedule.time.size, schedule.time[1])
     if relay is None:
-        shown, end = _follow(simulator, values, start, tuple(map(jnp.asarray, columns.values())), step)
+        shown, end = _follow(simulator, values, start, tuple(columns.values()), step)
     else:
-        at = _fed_back(simulator, relay, label)
+        at = _fed_back(simulator, relay, label, tuple(columns))
         feedback = _relay_feedback(relay, schedule.time, noise[at] + there[:, at])
-        followed = simulator.follow(values, start, feedback, step)
+        followed = simulator.follow(values, jnp.asarray(start), feedback, jnp.asarray(step))
         shown, end = jnp.stack(followed.kept, -1), jnp.stack(followed.end)
         columns = dict(zip(columns, map(np.asarray, followed.command), strict=True))
     if not (np.isfinite(shown).all() and np.isfinite(end).all()):
@@ -179,21 +179,22 @@ def _noise_key(campaign: Campaign, sensor: Sensor, label: str) -> Array:
 
 @partial(jax.jit, static_argnums=0)
 def _follow(
-    simulator: Simulator, values: Mapping[str, Any], start: Array, control: tuple, step: Array
+    simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
 ) -> tuple[Array, Array]:
     followed = simulator.follow(values, start, control, step)
     return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
 
 
-def _fed_back(simulator: Simulator, relay: Mapping[str, Any], label: str) -> int:
+def _fed_back(simulator: Simulator, relay: Mapping[str, Any], label: str, controls: tuple[str, ...]) -> int:
     """Place of the sensor that is fed back."""
     channels, output = [sensor.channel for sensor in simulator.sensors], relay["family"]["output"]
-    if output not in channels:
+    family = read_relay_family(relay["family"])
+    if output not in channels or tuple(name for name, _ in family.trim) != controls:
         raise InputError(
             f'record "{label}", self-oscillation',
-            found=f"no sensor of {output}, which is fed back",
-            expected="one of " + ", ".join(channels),
-            remedy="design the test anew, or add the sensor again",
+            found=f"a test that feeds {output} back and holds {', '.join(name for name, _ in family.trim)}",
+            expected=f"sensors {', '.join(channels)} and controls {', '.join(controls)}, which the campaign now has",
+            remedy="design the test anew, or change the campaign back",
         )
     return channels.index(output)
 
