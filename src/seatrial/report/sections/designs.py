@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.data.true_vehicle import FIRST
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.workflow.next_trial import propose
@@ -69,6 +70,7 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
     imported = outcome.campaign.source.imported is not None
     return {
         "imported": imported,
+        "was_run": any(record.label == FIRST for record in outcome.trials.fit),
         "records": record_rows(outcome),
         "design": None if first is None else _designed(outcome, first),
         "coverage": _coverage(outcome) if imported else [],
