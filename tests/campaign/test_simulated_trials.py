@@ -208,6 +208,11 @@ def test_true_noise_may_be_correlated_or_have_heavy_tails(tmp_path):
     assert abs(np.mean(np.abs(heavy) > 0.2) - 0.5) < 4 * 0.5 / np.sqrt(N)
 
 
+def test_a_true_vehicle_that_runs_away_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"key truth[^$]*a simulated vehicle that diverges"):
+        shown(campaign(tmp_path, ("X_uabsu = -2.93", "X_uabsu = 200.0")))
+
+
 def test_a_record_is_drawn_by_its_label(tmp_path):
     made = campaign(tmp_path)
     assert not np.array_equal(shown(made)[0], shown(made, "other")[0])

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.true_vehicle import FIRST, show_trial
+from seatrial.campaign.data.true_vehicle import FIRST, true_vehicle
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
@@ -385,7 +386,12 @@ def run_trial(campaign: Campaign, trial: Later, label: str, key: str) -> Record:
         told = {"manoeuvre": manoeuvre.name, **{name: float(value) for name, value in manoeuvre.parameters.items()}}
     else:
         schedule, told = trial.schedule, {"manoeuvre": f"schedule {trial.source}", "relay": trial.relay is not None}
-    columns = show_trial(campaign, schedule, label, None if isinstance(trial, Chosen) else trial.relay)
+    purposes = [f"noise {channel}" if label == FIRST else f"noise {channel} {label}" for channel in campaign.channels]
+    keys, measured = [random_key(campaign, purpose) for purpose in purposes], campaign.measured_mask(schedule.time) > 0
+    with located(f'record "{label}"'):
+        columns = true_vehicle(campaign).show(
+            schedule, measured, keys, None if isinstance(trial, Chosen) else trial.relay
+        )
     told |= {"truth": campaign.source.truth, "seed": campaign.source.campaign.seed}
     channels = tuple(
         Channel(name, signal_unit(name), "measurement" if name in campaign.channels else "control") for name in columns
