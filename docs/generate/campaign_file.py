@@ -35,8 +35,9 @@ INTRODUCTION = """# campaign.toml
 
 A campaign is a folder with this file in it. A quantity with a dimension is a string with a unit, such as `"200 rpm"`; plain numbers are SI
 in the coefficient's own unit. Unknown keys, and keys without effect, are refused. `[truth]` holds the coefficients of the simulated
-vehicle by name (SI), and may hold `lag_n` (s) or `current` (m/s), which no structure has. Without `[truth]` and `[import]` a campaign
-designs, before there are any data. A key without a default must be given.
+vehicle by name (SI), every term of `always` among them; it may hold `delay`, `current`, and of each sensor `bias_u`, `lag_u`, `sigma_u`,
+`tau_u` or `dof_u`, as an estimate knows them, and `lag_n`, the lag of an actuator (s), which no structure has. Without `[truth]` and
+`[import]` a campaign designs, before there are any data. A key without a default must be given.
 """
 
 

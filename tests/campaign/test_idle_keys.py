@@ -6,7 +6,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
-from tests.campaign.test_whole_vehicle import BY_HAND, pitch
+from tests.campaign.test_whole_vehicle import BY_HAND, OF_ALL, pitch
 from tests.campaign.yaw_campaign import write_yaw
 
 CATALOGUE, STRUCTURE = 'catalogue = "remus100_surge"', 'always = ["X_uabsu", "T_nabsn"]'
@@ -79,7 +79,7 @@ def test_an_axis_that_nothing_is_sought_on(tmp_path):
     ("key", "changes"),
     {
         "vehicle.wake": [(WHOLE, f"{WHOLE}wake = 0.2\n")],
-        "vehicle.actuators": [(WHOLE, BY_HAND.replace("moves", 'actuators = "published"\nmoves'))],
+        "vehicle.actuators": [(WHOLE, BY_HAND.replace("moves", 'actuators = "published"\nmoves')), OF_ALL],
     }.items(),
 )
 def test_keys_of_a_whole_vehicle(tmp_path, key, changes):

@@ -10,7 +10,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.settings import Goal, Imports
 from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.data.simulate import Chosen, _lagged, add_trial, later_trials
+from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
 from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.workflow import next_trial as sequence
 from seatrial.campaign.workflow.next_trial import Proposal, propose, run_sequence, settling
@@ -88,21 +88,6 @@ def test_real_logs_cannot_be_run(tmp_path):
     real = replace(campaign, imports=Imports(("1",), (), ()), truth={})
     with pytest.raises(InputError, match="to simulate"):
         add_trial(real, Chosen("step", 1.0, 1.0))
-
-
-def test_a_lagged_control_follows_its_equation():
-    """Against Euler steps of a hundredth of the sample time, of a first-order lag of a held random command."""
-    command, lag, step = np.random.default_rng(1).normal(size=30), 0.7, 0.1
-    acting, mean = _lagged(command, lag, step)
-    x, found = command[0], []
-    for held in command:
-        inner = []
-        for _ in range(1000):
-            inner.append(x)
-            x += 1e-3 * step / lag * (held - x)
-        found.append((inner[0], np.mean(inner)))
-    np.testing.assert_allclose(np.column_stack([acting, mean]), found, atol=2e-4)
-    assert all(np.array_equal(one, command) for one in _lagged(command, 0.0, step))
 
 
 @pytest.mark.parametrize("nats", [0.5, 3.0, 8.0])

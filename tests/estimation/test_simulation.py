@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from seatrial.estimation.sensors import Sensor
-from seatrial.estimation.simulation import Simulator, delay_control
+from seatrial.estimation.simulation import Feedback, Simulator, delay_control
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import naive_speed
 
@@ -42,3 +43,51 @@ def test_delayed_control_is_the_mean_over_each_step(samples):
 def test_delayed_control_is_continuous_in_the_delay():
     below, above = (np.asarray(delay_control(jnp.asarray(REV), jnp.asarray(s))) for s in (2 - 1e-9, 2 + 1e-9))
     assert np.allclose(below, above, atol=1e-7)
+
+
+FORCED = surge_vehicle(SurgeHull("forced", 2.0, fixed={"X_tau_X": 1.0}), ["X_u"])
+FREE = {"X_u": 0.0}
+"""Without drag the speed is the integral of the force, so that it shows the mean of what acts over each step, and its rate what acts at
+each sample."""
+
+
+def test_an_actuator_that_is_late_follows_its_equation():
+    """Against Euler steps of a thousandth of the sample time, of a first-order lag of a held random command."""
+    command, lag, step = RNG.normal(size=30), 0.7, 0.1
+    simulator = Simulator(FORCED, (Sensor("udot"), Sensor("u")), lagging=("tau_X",))
+    shown = simulator.outputs({**FREE, "lag_tau_X": lag}, jnp.zeros(1), (jnp.asarray(command),), jnp.full(30, step))
+    x, found = command[0], []
+    for held in command:
+        inner = []
+        for _ in range(1000):
+            inner.append(x)
+            x += 1e-3 * step / lag * (held - x)
+        found.append((inner[0], np.mean(inner)))
+    acting, mean = 2.0 * shown[:, 0], 2.0 * np.diff(shown[:, 1]) / step
+    np.testing.assert_allclose(acting, [one for one, _ in found], atol=2e-4)
+    np.testing.assert_allclose(mean, [one for _, one in found][:-1], atol=2e-4)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.2, 0.35])
+def test_a_feedback_sees_what_its_sensor_shows(delay):
+    """By a plain loop: a force that turns round where the biased, noisy, sometimes missing speed has gone far enough."""
+    n, h, bias = 60, 0.1, 0.03
+    error = np.where(np.arange(n) % 4 == 1, np.nan, RNG.normal(size=n) * 0.01)
+
+    def decide(side, time, seen):
+        return jnp.where(seen >= 0.1, -1.0, jnp.where(seen <= -0.1, 1.0, side))
+
+    feedback = Feedback("u", 1.0, lambda side: (side * 0.7,), decide, jnp.arange(n) * h, jnp.asarray(error))
+    simulator = Simulator(FORCED, (Sensor("u", bias=True), Sensor("udot")), delay=delay > 0)
+    found = simulator.follow({**FREE, "bias_u": bias, "delay": delay}, jnp.zeros(1), feedback, jnp.full(n, h))
+    u, side, forces, speed = 0.0, 1.0, [0.7] * 10, []
+    for k in range(n):
+        seen = u + bias + error[k]
+        side = -1.0 if seen >= 0.1 else 1.0 if seen <= -0.1 else side
+        forces.append(0.7 * side)
+        speed.append(u)
+        whole, share = int(delay / h), delay / h - int(delay / h)
+        u += h / 2.0 * ((1 - share) * forces[-1 - whole] + share * forces[-2 - whole])
+    np.testing.assert_array_equal(found.command[0], forces[10:])
+    np.testing.assert_allclose(found.kept[0], np.array(speed) + bias, atol=1e-12)
+    assert len(set(forces[10:])) == 2

@@ -9,12 +9,12 @@ import pytest
 import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.files import Store, write_dataset
 from seatrial.core.errors import InputError
 from seatrial.export.trials import bag
-from seatrial.export.trials.trial import read_trial, schedules, value_at
+from seatrial.export.trials.trial import read_trial, value_at
 from seatrial.export.trials.write import FORMATS, write_trial
 from tests.campaign.small import write_small
 
@@ -43,7 +43,7 @@ def test_the_trial_is_the_schedule_with_its_limits(folder):
 def test_the_proposed_trial_comes_first(folder):
     store = Store(folder)
     write_schedule(store.proposed, load_campaign(folder).family.manoeuvre(10.0, 4.0), 0.1)
-    assert list(schedules(folder)) == ["proposed", "design"]
+    assert list(find_schedules(folder)) == ["proposed", "design"]
     assert read_trial(folder).source == "proposed_schedule.csv"
     assert read_trial(folder, "design").source == "design_schedule.csv"
     with pytest.raises(InputError, match='did you mean "design"'):

@@ -34,7 +34,7 @@ def replicate(
     def of_trial(apart: dict[str, Array], trial: TrialData, shown: Array, keys: Array) -> TrialData:
         here = {**values, **apart}
         channels = tuple(
-            channel._replace(measured=channel.present * (x + _noise(sensor, here, channel, keys[i])))
+            channel._replace(measured=channel.present * (x + draw_noise(sensor, here, channel, keys[i])))
             for i, (sensor, channel, x) in enumerate(
                 zip(output.simulator.sensors, trial.channels, shown.T, strict=True)
             )
@@ -60,8 +60,8 @@ def motions(
     return jax.vmap(of_trial)(output.apart(values), data, output.starts(dict(values), data), keys)
 
 
-def _noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array) -> Float[Array, " n"]:
-    """Residuals of one channel at every sample."""
+def draw_noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array) -> Float[Array, " n"]:
+    """Draw the noise of one channel at every sample, SI; arguments as `replicate`."""
     sd, shape = values[noise_name(sensor.channel)], channel.measured.shape
     if sensor.noise == "heavy":
         return sd * jax.random.t(key, values[dof_name(sensor.channel)], shape)

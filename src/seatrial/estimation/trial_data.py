@@ -74,14 +74,14 @@ def stack_trials(
 def _trial(record: Record, model: VehicleModel, channels: Sequence[str], initial: Sequence[float]) -> TrialData:
     return TrialData(
         control=tuple(np.asarray(record.channel(name)) for name in model.controls),
-        channels=tuple(_channel(record.time, np.asarray(record.channel(name))) for name in channels),
+        channels=tuple(channel_data(record.time, np.asarray(record.channel(name))) for name in channels),
         step=np.asarray(record.step),
         initial=np.asarray(initial, float),
     )
 
 
-def _channel(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:
-    """Arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
+def channel_data(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:
+    """Return the arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
     present = np.isfinite(column)
     between = np.concatenate([[FOREVER], np.diff(time[present])])[: present.sum()]
     _, which, counts = np.unique(np.round(between, 9), return_inverse=True, return_counts=True)

@@ -5,7 +5,8 @@
 It is the relay with hysteresis of Åström and Hägglund (Automatica 20, 1984) and, with heading as output, the zigzag of ships.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from functools import partial
 from math import inf
 from typing import Any, NamedTuple
@@ -57,6 +58,23 @@ class RelayFamily:
     def time(self) -> Float[np.ndarray, " n"]:
         """Sample times, s."""
         return np.arange(round(self.duration / self.sample_time)) * self.sample_time
+
+    def command(self, applied: Any) -> tuple:
+        """Every control, SI, where a change from trim is applied to the one that is switched."""
+        return tuple(
+            value + applied if name == self.control else jnp.asarray(value, float) for name, value in self.trim
+        )
+
+    def as_plain(self) -> dict[str, Any]:
+        """Return the family for a file, None where a number is infinite."""
+        plain = {name: None if value == inf else value for name, value in asdict(self).items()}
+        return {**plain, "trim": [list(pair) for pair in self.trim]}
+
+
+def read_relay_family(plain: Mapping[str, Any]) -> RelayFamily:
+    """Return a family that was written by `as_plain`."""
+    values = {name: inf if value is None else value for name, value in plain.items()}
+    return RelayFamily(**{**values, "trim": tuple((str(name), float(value)) for name, value in plain["trim"])})
 
 
 class RelayMemory(NamedTuple):
@@ -196,17 +214,16 @@ def _run(space: StateSpace, family: RelayFamily, amplitude: Array, threshold: Ar
     d, fed_back = space.n_dynamic, space.outputs.index(family.output)
     fixed = tuple(start[d:])
 
-    def controls(applied: Any) -> tuple:
-        return tuple(value + applied if name == family.control else jnp.asarray(value) for name, value in family.trim)
-
     def decide(state: tuple, memory: tuple, sample: tuple) -> tuple[tuple, tuple]:
         before, switches, reached = memory
         time, error = sample
-        deviation = space.observe((*state, *fixed), controls(before.applied))[fed_back] + error - family.output_trim
+        deviation = (
+            space.observe((*state, *fixed), family.command(before.applied))[fed_back] + error - family.output_trim
+        )
         decided = relay_control(family, amplitude, threshold, time, deviation, before)
         acts = jnp.isfinite(deviation) & (time < family.start + family.active)
         reached = jnp.maximum(reached, jnp.where(acts, jnp.abs(deviation), 0.0))
-        return controls(decided.applied), (decided, switches + (decided.side != before.side), reached)
+        return family.command(decided.applied), (decided, switches + (decided.side != before.side), reached)
 
     def look(state: tuple, memory: tuple, held: tuple, _: tuple) -> tuple[tuple, tuple]:
         return memory, (held, state, space.observe((*state, *fixed), held))

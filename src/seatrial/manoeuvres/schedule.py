@@ -1,10 +1,33 @@
-"""A trial as it is commanded: controls over time, each value held from sample to sample."""
+"""A trial as it is commanded: controls over time, each value held from sample to sample, and the table in which people read and write it.
+
+The table has a row where a control bends. Between two rows it is a straight line, of which every sample takes its value; two rows of one
+time are a jump. The header names each column and its unit: `time_s,n_rpm,delta_r_deg`. Lines that begin with # are remarks.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+
+from seatrial.core.display_units import shown_unit
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import signal_unit
+from seatrial.core.units import to_si
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
+
+MOST_SAMPLES = 200_000
+"""Samples of one trial."""
+MOST_BYTES = 1 << 26
+_BEND = 1e-9
+"""Change of slope, as a share of the largest value, below which a line is straight."""
+_JUMP = 1e-9
+"""Time that a jump takes, s."""
+_ROUNDING = 1e-6
+"""Share of a limit by which the digits of a table may lie beyond it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,3 +45,253 @@ class Schedule:
     def columns(self, trim: Sequence[tuple[str, float]]) -> dict[str, Float[np.ndarray, " n"]]:
         """Return every control of a vehicle, SI, in its order; those that the schedule leaves alone are held at trim."""
         return {name: self.controls.get(name, np.full(self.time.size, value)) for name, value in trim}
+
+    def bends(self) -> "Rows":
+        """Return the rows between which every control is a straight line through its samples."""
+        bent = np.zeros(max(self.time.size - 2, 0), bool)
+        for values in self.controls.values():
+            bent |= np.abs(np.diff(values, n=2)) > _BEND * max(1.0, float(np.abs(values).max()))
+        at = np.flatnonzero(np.concatenate([[True], bent, [True]]))
+        return Rows("", tuple(map(int, at)), self.time[at], {name: x[at] for name, x in self.controls.items()})
+
+
+class Rows(NamedTuple):
+    """A schedule as its table has it.
+
+    Attributes:
+        source: name of the file, for errors.
+        line: of each row in it, from 1.
+        time: s, shape (r,).
+        controls: SI, each of shape (r,).
+    """
+
+    source: str
+    line: tuple[int, ...]
+    time: Float[np.ndarray, " r"]
+    controls: Mapping[str, Float[np.ndarray, " r"]]
+
+    def schedule(self, sample_time: float) -> Schedule:
+        """Return the controls at every sample from the first row to the last.
+
+        Raises:
+            InputError: fewer than three samples, or too many.
+        """
+        last = float(self.time[-1])
+        if not 2 <= last / sample_time + 1e-6 < MOST_SAMPLES:
+            raise InputError(
+                f"{self.source}:{self.line[-1]}",
+                found=f"a schedule that ends after {last:g} s",
+                expected=f"3 to {MOST_SAMPLES} samples of {sample_time:g} s",
+                remedy="correct the times, or `sample_time` of [design]",
+            )
+        time = np.arange(int(last / sample_time + 1e-6) + 1) * sample_time
+        # The second of two rows of one time holds from that time on.
+        knots = np.where(np.append(np.diff(self.time) == 0, False), self.time - _JUMP, self.time)
+        knots[1:] -= 0.5 * _JUMP * (np.diff(self.time) == 0)
+        return Schedule(time, {name: np.interp(time, knots, x) for name, x in self.controls.items()})
+
+    def skipped(self, schedule: Schedule) -> tuple[int, ...]:
+        """Return the lines of the rows that lie between the samples of a schedule and are not what these make of them."""
+        jumps = np.diff(self.time) == 0
+        beside = np.append(jumps, False) | np.append(False, jumps)
+        lost = np.zeros(self.time.size, bool)
+        for name, values in self.controls.items():
+            taken = np.interp(self.time, schedule.time, schedule.controls[name])
+            lost |= np.abs(taken - values) > 1e-6 * max(1.0, float(np.abs(values).max()))
+        return tuple(line for line, out in zip(self.line, lost & ~beside, strict=True) if out)
+
+    def check_limits(self, control: str, limits: Limits, schedule: Schedule) -> None:
+        """Check one control of a schedule of these rows against its limits, at every sample.
+
+        Raises:
+            InputError: the first row that leads beyond one.
+        """
+        if control not in self.controls:
+            return
+        values, step = schedule.controls[control], float(schedule.time[1])
+        factor, unit = shown_unit(control)
+        broken = _widened(limits).excess(values, step)
+        for name, found, ends in (
+            ("lower", values, unit),
+            ("upper", values, unit),
+            ("rate", np.abs(np.diff(values)) / step, f"{unit}/s"),
+        ):
+            if name not in broken:
+                continue
+            reached, bound = broken[name]
+            at = int(np.argmax(np.isclose(found, reached, rtol=1e-9, atol=0.0)))
+            row = int(np.searchsorted(self.time, schedule.time[at] + 1e-9, side="right")) - 1
+            raise InputError(
+                f"{self.source}:{self.line[row]}",
+                found=f"{control} that reaches {reached * factor:.6g} {ends} at {schedule.time[at]:.6g} s",
+                expected=f"within the {name} limit of {bound * factor:.6g} {ends}, [limits.{control}]",
+                remedy="correct the schedule, or widen the limit if the vehicle allows it"
+                if name != "rate"
+                else "lead to the next value in more time, or widen the limit if the vehicle allows it",
+            )
+
+
+def schedule_of(manoeuvre: Manoeuvre, sample_time: float) -> Schedule:
+    """Return the schedule of a manoeuvre, which drives one control."""
+    time, control = manoeuvre.sample(sample_time)
+    return Schedule(time, {manoeuvre.control: control})
+
+
+def table_text(time: Sequence[float], controls: Mapping[str, Sequence[float]]) -> str:
+    """Return a table by its rows, controls in SI, in the units in which people read them."""
+    shown = [(name, *shown_unit(name), values) for name, values in controls.items()]
+    head = ",".join(["time_s", *(f"{name}_{unit}" for name, _, unit, _ in shown)])
+    rows = (
+        ",".join([f"{t:.10g}", *(f"{values[i] * factor:.10g}" for _, factor, _, values in shown)])
+        for i, t in enumerate(time)
+    )
+    return "\n".join([head, *rows]) + "\n"
+
+
+def read_rows(path: Path, controls: Sequence[str]) -> Rows:
+    """Read a table.
+
+    Args:
+        path: CSV file.
+        controls: those of the vehicle; the table has one of them at least.
+
+    Raises:
+        InputError: no such file, a header without the time or a control, a unit of another kind, a row without a number in each column,
+            or times that do not rise from 0.
+    """
+    lines = [(i, text.strip()) for i, text in enumerate(_text(path).splitlines(), 1)]
+    lines = [(i, text) for i, text in lines if text and not text.startswith("#")]
+    if len(lines) < 3:
+        raise InputError(
+            str(path),
+            found=f"{max(len(lines) - 1, 0)} row{'s' * (len(lines) != 2)} below a header",
+            expected="a header and two rows at least",
+            remedy=f"begin with {_example(controls)}, then a row for each time at which a control bends",
+        )
+    columns = _header(f"{path}:{lines[0][0]}", [cell.strip() for cell in lines[0][1].split(",")], controls)
+    cells = np.array([_row(f"{path}:{i}", text.split(","), len(columns)) for i, text in lines[1:]])
+    values = {name: cells[:, at] * factor for at, (name, factor) in enumerate(columns.items())}
+    rows = Rows(str(path), tuple(i for i, _ in lines[1:]), values.pop("time"), values)
+    _check_times(rows)
+    return rows
+
+
+def _widened(limits: Limits) -> Limits:
+    lower, upper, rate = limits.lower, limits.upper, limits.rate
+    return Limits(
+        None if lower is None else lower - _ROUNDING * max(1.0, abs(lower)),
+        None if upper is None else upper + _ROUNDING * max(1.0, abs(upper)),
+        None if rate is None else rate * (1.0 + _ROUNDING),
+    )
+
+
+def _text(path: Path) -> str:
+    if not path.is_file():
+        raise InputError(
+            str(path),
+            found="a folder" if path.is_dir() else "no such file",
+            expected="a schedule as CSV",
+            remedy="check the path",
+        )
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise InputError(
+            str(path),
+            found=f"{size / 2**20:.0f} MB",
+            expected=f"a schedule of at most {MOST_BYTES >> 20} MB",
+            remedy="check the path: a row is needed only where a control bends",
+        )
+    content = path.read_bytes()
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise InputError(
+            f"{path}:{content[: cause.start].count(10) + 1}",
+            found=f"the byte 0x{content[cause.start]:02x}, which is not UTF-8",
+            expected="text",
+            remedy="save the schedule as CSV in UTF-8",
+        ) from cause
+
+
+def _example(controls: Sequence[str]) -> str:
+    return ",".join(["time_s", *(f"{name}_{shown_unit(name)[1]}" for name in controls)])
+
+
+def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[str, float]:
+    """Name of each column, and the factor of its unit to SI."""
+    if len(cells) == 1 and set(cells[0]) & set(";\t"):
+        raise InputError(
+            where,
+            found=f'"{cells[0][:80]}"',
+            expected=_example(controls),
+            remedy="part the columns by commas, and give decimals a point",
+        )
+    found: dict[str, float] = {}
+    known = {"time": "s"} | {name: signal_unit(name) for name in controls}
+    for cell in cells:
+        # Of tau_X_N and n_1_rpm the longest name that is known is meant.
+        name = max((one for one in known if cell == one or cell.startswith(f"{one}_")), key=len, default="")
+        if not name or name in found:
+            raise InputError(
+                where,
+                found=f'column "{cell[:80]}"' + (f", a second one of {name}" if name else ""),
+                expected=f"the time and controls of the vehicle, each with its unit: {_example(controls)}",
+                remedy=f"leave it out: {nearest(cell.rpartition('_')[0] or cell, known)}",
+            )
+        if not (unit := cell[len(name) + 1 :]):
+            raise InputError(
+                where,
+                found=f'column "{cell}" without a unit',
+                expected=f"for example {name}_{'s' if name == 'time' else shown_unit(name)[1]}",
+                remedy="write the unit behind the name",
+            )
+        found[name] = to_si(1.0, unit, known[name], f'{where}, column "{cell}"')
+    if "time" not in found or len(found) == 1:
+        raise InputError(
+            where,
+            found="no time" if "time" not in found else "no control",
+            expected=_example(controls),
+            remedy="name the columns in the first line" if "time" not in found else "add a control of the vehicle",
+        )
+    return found
+
+
+def _row(where: str, cells: Sequence[str], columns: int) -> list[float]:
+    if len(cells) != columns:
+        raise InputError(
+            where,
+            found=f"{len(cells)} cell{'s' * (len(cells) != 1)}",
+            expected=f"{columns}, one for each column of the header",
+            remedy="give every control in every row",
+        )
+    values = []
+    for cell in cells:
+        try:
+            value = float(cell)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise InputError(
+                where,
+                found=f'"{cell.strip()[:80]}"',
+                expected="a finite number in every cell",
+                remedy="give every control in every row, with a decimal point",
+            )
+        values.append(value)
+    return values
+
+
+def _check_times(rows: Rows) -> None:
+    time, steps = rows.time, np.diff(rows.time)
+    late = np.flatnonzero((steps < 0) | (np.append(1.0, steps[:-1]) == 0) & (steps == 0))
+    if time[0] != 0 or late.size:
+        at = int(late[0]) + 1 if time[0] == 0 else 0
+        raise InputError(
+            f"{rows.source}:{rows.line[at]}",
+            found=f"the time {time[at]:.10g} s" + (f" after {time[at - 1]:.10g} s" if at else " in the first row"),
+            expected="times that rise, of which two may be the same where a control jumps"
+            if at
+            else "a first row at 0 s",
+            remedy="sort the rows, and leave out those that stand twice"
+            if at
+            else "count the times from the begin of the trial",
+        )

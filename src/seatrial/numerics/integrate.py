@@ -99,8 +99,8 @@ def time_loop(
         (state, memory), (held, h, now, pushed) = carry, sample
         if law is not None:
             held, memory = law(state, memory, now)
-        memory, kept = look(state, memory, held, now)
         moved = move(state, held, h)
+        memory, kept = look(state, memory, held, now)
         if pushed is not None:
             moved = tuple(x + by for x, by in zip(moved, pushed, strict=True))
         return (moved, memory), kept

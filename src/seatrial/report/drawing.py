@@ -23,10 +23,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seatrial.campaign.config.truth import true_coefficients
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.core.signals import SIGNALS
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.fit import Driven, Predicted
+from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import unit_label
 from seatrial.report.labels import label_mathtext
 
@@ -171,12 +175,18 @@ def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.nd
     return data["time"].values[rows], channels, controls
 
 
+def schedule_figure(schedule: Schedule, limits: Limits) -> "Figure":
+    """Draw the one control of a schedule, as `control_over_time`, in the unit in which it is shown."""
+    ((name, values),) = schedule.controls.items()
+    factor, _ = shown_unit(name)
+    low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
+    return control_over_time(schedule.time, values * factor, signal_axis(name), (low, high))
+
+
 def truth_of(outcome: "Outcome") -> Mapping[str, float]:
-    """True coefficients of a simulated campaign; those the truth does not name are zero. Empty for real logs."""
+    """Return the true coefficients of a simulated campaign; none for real logs."""
     campaign = outcome.campaign
-    if not campaign.is_simulated:
-        return {}
-    return {term: campaign.truth.get(term, 0.0) for term in outcome.campaign.full.terms}
+    return true_coefficients(campaign, campaign.model(campaign.full)) if campaign.is_simulated else {}
 
 
 def _own_ids(body: str, name: str) -> str:

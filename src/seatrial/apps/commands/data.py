@@ -1,5 +1,6 @@
 """The trial's records: simulated, or read from logs."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -7,12 +8,40 @@ import typer
 from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
 
 
-def simulate(folder: Folder, quiet: Quiet = False) -> None:
-    """Run the trials that were decided on the simulated vehicle, the designed one first."""
+def simulate(
+    folder: Folder,
+    design: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Also run another design: next, free_form, self_oscillation, searched, batch, or batch_2 alone.",
+        ),
+    ] = None,
+    schedule: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CSV",
+            help="Also run your own sequence: a table with time_s and a column for each control, as n_rpm.",
+        ),
+    ] = None,
+    label: Annotated[
+        str | None, typer.Option(help="Name of its record; that of the design or of the file if not given.")
+    ] = None,
+    alone: Annotated[
+        bool, typer.Option("--alone", help="Run it instead of the trials so far, not after them.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the trials that were decided on the simulated vehicle: the best design first, then what was added.
+
+    A trial that is added stays: later commands estimate from its record too.
+    """
 
     def work(campaign: Any, reporter: Any) -> Exit:
         from seatrial.campaign.data.import_logs import simulate_trials
+        from seatrial.campaign.data.simulate import ask_for
 
+        ask_for(campaign, design, schedule, label, alone, reporter)
         return _say_trials(simulate_trials(campaign, reporter))
 
     with_campaign(folder, quiet, work)

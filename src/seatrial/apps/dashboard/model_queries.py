@@ -17,6 +17,7 @@ from seatrial.campaign.config.design_table import TRACKS
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.templates import TEMPLATES, template_text
 from seatrial.campaign.config.toml import toml_content
+from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
@@ -33,8 +34,8 @@ from seatrial.core.units import quantity
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.report.drawing import signal_axis
-from seatrial.report.figures.records import control_over_time
+from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.report.drawing import schedule_figure
 from seatrial.report.figures.style import own_settings
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
@@ -68,7 +69,7 @@ def asked(folder: str) -> Asked:
         unit = "m" if name in TRACKS else shown_unit(name)[1]
         written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
         limits.append(Limit(name, unit, *written, has_rate=name == control))
-    shown = {term: campaign.truth.get(term, 0.0) for term in campaign.full.terms}
+    shown = true_coefficients(campaign, campaign.model(campaign.full))
     return Asked(
         campaign.name,
         imports is not None,
@@ -140,16 +141,15 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
         raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
     chosen = chosen_of(sweep, (row, column))
     manoeuvre = chosen.manoeuvre(campaign.families)
-    time, values = manoeuvre.sample(sweep.family.sample_time)
-    factor, _ = shown_unit(manoeuvre.control)
-    limits = campaign.limits
-    low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
+    planned = schedule_of(manoeuvre, sweep.family.sample_time)
     with own_settings():
-        figure = control_over_time(time, values * factor, signal_axis(manoeuvre.control), (low, high))
-        plot = as_plot(figure, "control", "Control of the design over time")
+        plot = as_plot(schedule_figure(planned, campaign.limits), "control", "Control of the design over time")
     with tempfile.TemporaryDirectory() as place:
         schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
-    margins = (*_of_control(campaign.limits, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
+    margins = (
+        *_of_control(campaign.limits, sweep, planned.controls[manoeuvre.control]),
+        *_of_motion(campaign, which, sweep, (row, column)),
+    )
     return Clicked(design_words(sweep.family, chosen.amplitude, chosen.period), plot, margins, schedule)
 
 

@@ -304,8 +304,3 @@ def no_prior(where: str, name: str, unit: str, unused: Sequence[str]) -> InputEr
         expected=f"a prior of {name}, SI unit {unit}",
         remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper{meant}',
     )
-
-
-def actuator_lag(control: str) -> str:
-    """Name of the lag of a control's actuator in the truth of a simulated vehicle, s."""
-    return f"lag_{control}"

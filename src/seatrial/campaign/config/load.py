@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from math import inf
 from pathlib import Path
 
-from seatrial.campaign.config.campaign import FILE_NAME, Campaign, actuator_lag, sensor_models
+from seatrial.campaign.config.campaign import FILE_NAME, Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed, with_known
 from seatrial.campaign.config.file_keys import FileKeys
@@ -32,10 +32,10 @@ from seatrial.campaign.config.settings import (
 )
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
+from seatrial.campaign.config.truth import check_truth
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
-from seatrial.estimation.simulation import CURRENT
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -126,7 +126,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         text=keys.text,
     )
     _ = campaign.full, campaign.families, campaign.prediction(model)
-    _check_truth(campaign)
+    check_truth(campaign)
     _check_start(campaign, is_trim_stated=file.design.trim is not None)
     return campaign
 
@@ -255,29 +255,6 @@ def _check_one_source(file: CampaignFile, keys: FileKeys) -> None:
             found="both [truth] and [import]",
             expected="one of them: a simulated vehicle or a real log",
             remedy="remove one of the two; without both a trial is designed before there are any data",
-        )
-
-
-def _check_truth(campaign: Campaign) -> None:
-    """Check the names of a simulated truth: coefficients, and what no structure has."""
-    lag = actuator_lag(campaign.family.control)
-    names = (*campaign.units, CURRENT, lag)
-    for name in campaign.truth:
-        if name not in names:
-            raise InputError(
-                campaign.where(f"truth.{name}"),
-                found=f'"{name}"',
-                expected="one of " + ", ".join(sorted(names)),
-                remedy="the rules of [structure] leave it out of every structure: drop it here, or the rule that does"
-                if name in campaign.rules.never
-                else nearest(name, names),
-            )
-    if campaign.truth.get(lag, 0.0) < 0:
-        raise InputError(
-            campaign.where(f"truth.{lag}"),
-            found=f"{campaign.truth[lag]:g} s",
-            expected="0 s or more",
-            remedy="give the time constant of the actuator; 0 s is none",
         )
 
 

@@ -1,23 +1,20 @@
-"""Trials run on a simulated vehicle: the first by design, each later one as it was decided after those before it.
-
-The truth may hold what no structure has: a lag of the actuator, dn/dt = (command - n) / lag, and a steady current along the course,
-which the speed over ground shows and the speed through the water does not.
-"""
+"""Trials run on a simulated vehicle: the first by design, later ones as they were decided, and any schedule that is given."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import exp
+from pathlib import Path
+from typing import Any
 
-import jax
 import numpy as np
-from jaxtyping import Float
 
-from seatrial.campaign.config.campaign import Campaign, actuator_lag
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.true_vehicle import FIRST, true_vehicle
+from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
@@ -26,7 +23,8 @@ from seatrial.design.sweep import Sweep
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.vehicles.simulate import simulate
+from seatrial.manoeuvres.relay import read_relay_family
+from seatrial.manoeuvres.schedule import Schedule, read_rows, schedule_of
 
 # What to write into a campaign file that says nothing of its trials, once one has been run or is to be simulated.
 
@@ -66,8 +64,8 @@ def _indented(text: str) -> str:
     return "\n".join(f"    {line}".rstrip() for line in text.splitlines())
 
 
-FIRST = "trial"
-"""Label of the first trial; later ones are `trial-2`, `trial-3` and so on."""
+LONGEST = 80
+"""Characters of a label."""
 
 
 @dataclass(frozen=True)
@@ -92,59 +90,137 @@ def chosen_of(sweep: Sweep, at: tuple[int, int]) -> Chosen:
     return Chosen(sweep.family.kind, float(sweep.amplitude[at[0]]), float(sweep.period[at[1]]), length)
 
 
+@dataclass(frozen=True, eq=False)
+class Scheduled:
+    """A trial that was asked for by its schedule.
+
+    Attributes:
+        label: of its record.
+        source: name of the schedule's file.
+        schedule: controls; what a closed loop is foreseen to give.
+        relay: family, amplitude and threshold of a self-oscillating test, which makes its control itself; None for all others.
+    """
+
+    label: str
+    source: str
+    schedule: Schedule
+    relay: Mapping[str, Any] | None = None
+
+    def as_plain(self) -> dict[str, Any]:
+        """Return what a file keeps of it, and its key is made of."""
+        controls = {name: values.tolist() for name, values in self.schedule.controls.items()}
+        return {
+            "label": self.label,
+            "source": self.source,
+            "time": self.schedule.time.tolist(),
+            "controls": controls,
+            "relay": self.relay,
+        }
+
+
+Later = Chosen | Scheduled
+"""A trial beyond the first."""
+
+
+def _read_later(plain: Mapping[str, Any]) -> Later:
+    if "label" not in plain:
+        return Chosen(**plain)
+    controls = {name: np.array(values, float) for name, values in plain["controls"].items()}
+    return Scheduled(
+        plain["label"], plain["source"], Schedule(np.array(plain["time"], float), controls), plain["relay"]
+    )
+
+
+# The trials, and their records.
+
+
 def simulated_records(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[tuple[Record, ...], str]:
     """Run every trial that is not current; returns the records and the key of them all.
 
     Raises:
-        InputError: a true vehicle that runs away.
+        InputError: a true vehicle that runs away, or a schedule that is not of this vehicle.
     """
     current, ahead = abs(campaign.truth.get(CURRENT, 0.0)), campaign.hull.trim.get("u")
     if ahead is not None and current > abs(ahead):
         reporter.say(f"caution: the current of {current:g} m/s is faster than the vehicle at trim, {ahead:g} m/s")
     keys, records = record_keys(campaign), []
-    for (label, key), chosen in zip(keys.items(), (None, *later_trials(campaign)), strict=True):
+    for (label, key), trial in zip(keys.items(), _all_trials(campaign), strict=True):
         path = Store(campaign.folder).record(label)
         if not is_current(path, key):
-            if chosen is None:
+            if trial is None:
                 sweep = design_first(campaign, reporter).best
-                chosen = chosen_of(sweep, sweep.best)
-            _run(campaign, chosen, label, key)
+                trial = chosen_of(sweep, sweep.best)
+            write_dataset(path, record_dataset(run_trial(campaign, trial, label, key)), key)
         records.append(read_record(path))
     return tuple(records), list(keys.values())[-1]
 
 
 def record_keys(campaign: Campaign) -> dict[str, str]:
     """Key of every trial's record by its label, in their order; each depends on those before it, so the last is that of them all."""
-    key = key_of("simulate", _begun(campaign))
-    keys = {FIRST: key}
-    for number, chosen in enumerate(later_trials(campaign), 2):
-        key = key_of("simulate", key, number, asdict(chosen))
-        keys[f"{FIRST}-{number}"] = key
+    key, keys = key_of("simulate", _begun(campaign)), {}
+    for number, trial in enumerate(_all_trials(campaign), 1):
+        if isinstance(trial, Scheduled):
+            plain = {name: value for name, value in trial.as_plain().items() if name != "source"}
+            key = key_of("simulate", key, plain)
+            keys[trial.label] = key
+        else:
+            key = key if trial is None else key_of("simulate", key, number, asdict(trial))
+            keys[FIRST if trial is None else f"{FIRST}-{number}"] = key
     return keys
 
 
-def later_trials(campaign: Campaign) -> tuple[Chosen, ...]:
-    """Trials decided so far beyond the first; none where the campaign was changed so that the first is another."""
+def later_trials(campaign: Campaign) -> tuple[Later, ...]:
+    """Trials beyond the first.
+
+    Where the campaign was changed, so that the first is another, those that were decided on what was found are gone; schedules stay.
+    """
+    return _sequence(campaign)[0]
+
+
+def _all_trials(campaign: Campaign) -> tuple[Later | None, ...]:
+    """Every trial in its order; None stands for the best design."""
+    return (*((None,) * (not _sequence(campaign)[1])), *later_trials(campaign))
+
+
+def _sequence(campaign: Campaign) -> tuple[tuple[Later, ...], bool]:
+    """Trials beyond the first, and whether there is no first."""
     path = Store(campaign.folder).sequence
     if not path.exists():
-        return ()
+        return (), False
     content = read_json(path, f"seatrial next {campaign.folder} --run")
-    return (
-        tuple(Chosen(**item) for item in content["trials"])
-        if content["key"] == key_of("sequence", _begun(campaign))
-        else ()
-    )
+    fresh = content["key"] == key_of("sequence", _begun(campaign))
+    trials = tuple(_read_later(item) for item in content["trials"] if fresh or "label" in item)
+    return trials, bool(content.get("alone", False) and trials)
 
 
-def add_trial(campaign: Campaign, chosen: Chosen) -> None:
-    """Decide on one trial more; it is run when records are asked for.
+def add_trial(campaign: Campaign, trial: Later, alone: bool = False) -> None:
+    """Decide on one trial more; it is run when records are asked for. A schedule takes the place of an earlier one of its label.
+
+    Args:
+        campaign: configuration.
+        trial: what is to be run.
+        alone: whether it takes the place of all trials so far.
 
     Raises:
         InputError: as `check_simulated`.
     """
     check_simulated(campaign)
-    trials = [asdict(one) for one in (*later_trials(campaign), chosen)]
-    write_stamped_json(Store(campaign.folder).sequence, {"trials": trials}, key_of("sequence", _begun(campaign)))
+    trials, without_first = _sequence(campaign)
+    if alone:
+        trials, without_first = (), True
+    labels = [one.label if isinstance(one, Scheduled) else None for one in trials]
+    if isinstance(trial, Scheduled) and trial.label in labels:
+        at = labels.index(trial.label)
+        trials = (*trials[:at], trial, *trials[at + 1 :])
+    else:
+        trials = (*trials, trial)
+    _write_sequence(campaign, trials, without_first)
+
+
+def _write_sequence(campaign: Campaign, trials: tuple[Later, ...], alone: bool) -> None:
+    plain = [asdict(one) if isinstance(one, Chosen) else one.as_plain() for one in trials]
+    content = {"trials": plain, **({"alone": True} if alone else {})}
+    write_stamped_json(Store(campaign.folder).sequence, content, key_of("sequence", _begun(campaign)))
 
 
 def check_simulated(campaign: Campaign) -> None:
@@ -165,64 +241,162 @@ def _begun(campaign: Campaign) -> str:
     return key_of("begun", design_key(campaign), campaign.truth, campaign.seed)
 
 
-def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
-    family, manoeuvre = campaign.family, chosen.manoeuvre(campaign.families)
-    time, command = manoeuvre.sample(family.sample_time)
-    trim = campaign.control_trim(campaign.model(campaign.full))
-    columns = {name: command if name == family.control else np.full(command.size, value) for name, value in trim}
-    mask = campaign.measured_mask(time)
-    for index, (channel, exact) in enumerate(_shown(campaign, command, family.sample_time).items()):
-        purpose = f"noise {channel}" if label == FIRST else f"noise {channel} {label}"
-        noise = campaign.noise[channel] * np.asarray(jax.random.normal(random_key(campaign.seed, purpose), exact.shape))
-        columns[channel] = np.where(mask[:, index] > 0, exact + noise, np.nan)
-    settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
-    told = {
-        "manoeuvre": manoeuvre.name,
-        **settings,
-        "truth": campaign.truth,
-        "seed": campaign.seed,
-    }
-    channels = tuple(
-        Channel(name, signal_unit(name), "control" if name in dict(trim) else "measurement") for name in columns
-    )
-    record = make_record(time, columns, channels, Provenance(SIMULATED, key, told), label)
-    write_dataset(Store(campaign.folder).record(label), record_dataset(record), key)
+def ask_for(
+    campaign: Campaign,
+    design: str | None,
+    schedule: Path | None,
+    label: str | None = None,
+    alone: bool = False,
+    reporter: Reporter = SILENT,
+) -> None:
+    """Add the trials of a design or of a schedule to those of the campaign; they are run when records are asked for.
 
+    Args:
+        campaign: configuration.
+        design: name of a schedule among the results; `batch` stands for all that were planned together, `design` for the first trial.
+        schedule: CSV of somebody's own.
+        label: of the record; the name of the design or of the file where none is given.
+        alone: whether they take the place of all trials so far.
+        reporter: who is told.
 
-def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) -> Mapping[str, Float[np.ndarray, " n"]]:
-    """What each sensor would show of the true vehicle without noise."""
-    model, truth = campaign.model(campaign.full), campaign.truth
-    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
-    params = {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
-    start = np.array(campaign.state_trim(model))
-    acting, held = _lagged(command, truth.get(actuator_lag(campaign.family.control), 0.0), step)
-    trim, driven = campaign.control_trim(model), campaign.family.control
-    columns = [held if name == driven else np.full(command.size, value) for name, value in trim]
-    shown_control = tuple(acting if name == driven else np.full(command.size, value) for name, value in trim)
-    states = np.asarray(simulate(model, params, np.column_stack(columns), np.full(command.size, step), start))
-    if not np.isfinite(states).all():
+    Raises:
+        InputError: both, or neither with a label or `alone`; or as `check_simulated`, `designed_trials` and `own_trial`.
+    """
+    check_simulated(campaign)
+    if (design is None) == (schedule is None) and (design is not None or label is not None or alone):
         raise InputError(
-            campaign.where("truth"),
-            found="a simulated vehicle that diverges",
-            expected="damping that dissipates",
-            remedy="check signs: negative damping coefficients dissipate",
+            "--design, --schedule",
+            found="both" if design is not None else "neither, with --label or --alone",
+            expected="one of the two",
+            remedy="name the trial that is to be run",
         )
-    shown = {}
-    for sensor in campaign.sensor_models:
-        drift = truth.get(CURRENT, 0.0) if sensor.channel == "u" and sensor.over_ground else 0.0
-        shown[sensor.channel] = drift + np.asarray(model.output(sensor.channel, params, tuple(states.T), shown_control))
-    return shown
+    before = len(_all_trials(campaign))
+    if design == "design" and label is None:
+        _write_sequence(campaign, () if alone else later_trials(campaign), False)
+    else:
+        asked = () if design is None else designed_trials(campaign, design, label, reporter)
+        asked += () if schedule is None else (own_trial(campaign, schedule, label, reporter),)
+        for number, trial in enumerate(asked):
+            add_trial(campaign, trial, alone and number == 0)
+    if alone and before > 1:
+        reporter.say(
+            f"{before} trials so far are left out; their records stay in {Store(campaign.folder).results / 'records'}"
+        )
 
 
-def _lagged(
-    command: Float[np.ndarray, " n"], lag: float, step: float
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Control that acts at each sample, and its mean until the next one, behind a first-order lag; exact for held commands."""
-    if lag == 0.0:
-        return command, command
-    left = exp(-step / lag)
-    acting = np.empty_like(command)
-    acting[0] = command[0]
-    for k in range(1, command.size):
-        acting[k] = command[k - 1] + left * (acting[k - 1] - command[k - 1])
-    return acting, command + (acting - command) * (1.0 - left) * lag / step
+def designed_trials(
+    campaign: Campaign, name: str, label: str | None = None, reporter: Reporter = SILENT
+) -> tuple[Scheduled, ...]:
+    """Return the trials of a design among the results, by the name of its schedule; of `batch` all that were planned together.
+
+    Raises:
+        InputError: no such schedule, a damaged one, or one that breaks today's limits.
+    """
+    found = find_schedules(campaign.folder)
+    together = [one for one in found if one.startswith("batch_")] if name == "batch" else []
+    names = [name] if name in found else together
+    remedy = f"run `seatrial design {campaign.folder}` with the option that makes it, such as --free-form 24"
+    if not names:
+        raise InputError(
+            f"--design {name}",
+            found="no such schedule" if found else "no schedule",
+            expected="one of " + ", ".join(found)
+            if found
+            else f"a designed trial under {Store(campaign.folder).results}",
+            remedy=nearest(name, found) if nearest(name, found).startswith("did") else remedy,
+        )
+    if label is not None and len(names) > 1:
+        raise InputError(
+            "--label",
+            found=f"one label for {len(names)} trials",
+            expected="a label with one trial, such as --design batch_1",
+            remedy="leave it out: their records are " + ", ".join(names),
+        )
+    trials = []
+    for one in sorted(names, key=lambda one: (len(one), one)):
+        about = read_about(found[one], remedy)
+        if about.get("design", design_key(campaign)) != design_key(campaign):
+            reporter.say(f"caution: {found[one].name} was designed before the campaign was changed; it is run as it is")
+        try:
+            family = read_relay_family(about["relay"]["family"]) if "relay" in about else None
+        except (KeyError, TypeError, ValueError) as cause:
+            raise damaged_about(found[one], cause, remedy) from cause
+        step = campaign.family.sample_time if family is None else family.sample_time
+        trials.append(_scheduled(campaign, found[one], label or one, step, reporter, about.get("relay")))
+    return tuple(trials)
+
+
+def own_trial(campaign: Campaign, path: Path, label: str | None, reporter: Reporter = SILENT) -> Scheduled:
+    """Return the trial of a schedule that somebody wrote.
+
+    Raises:
+        InputError: a table that is none of this vehicle, that breaks the limits of the control, or a label that cannot be.
+    """
+    return _scheduled(campaign, path, path.stem if label is None else label, campaign.family.sample_time, reporter)
+
+
+def _scheduled(
+    campaign: Campaign, path: Path, label: str, step: float, reporter: Reporter, relay: Mapping[str, Any] | None = None
+) -> Scheduled:
+    _check_label(label)
+    trim = campaign.control_trim(campaign.model(campaign.full))
+    rows = read_rows(path, [name for name, _ in trim])
+    schedule = rows.schedule(step)
+    rows.check_limits(campaign.family.control, campaign.limits, schedule)
+    if lost := rows.skipped(schedule):
+        reporter.say(
+            f"caution: {path}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of {step:g} s: "
+            "what bends there is not simulated; lower `sample_time` of [design]"
+        )
+    if still := [name for name, _ in trim if name not in rows.controls]:
+        reporter.say(f"{path.name}: {', '.join(still)} held at trim")
+    return Scheduled(label, path.name, schedule, relay)
+
+
+def _check_label(label: str) -> None:
+    plain = 0 < len(label) <= LONGEST and label.isprintable() and not set(label) & set("/\\") and label[0] != "."
+    taken = label == FIRST or (label.startswith(f"{FIRST}-") and label.removeprefix(f"{FIRST}-").isdigit())
+    if not plain or taken:
+        raise InputError(
+            f"--label {label[: 2 * LONGEST]}",
+            found="a name that decided trials have" if taken else "a name that is no file's",
+            expected=f"a plain name of at most {LONGEST} characters",
+            remedy="name the record otherwise, for example --label sea-1",
+        )
+
+
+# The simulation.
+
+
+def run_trial(campaign: Campaign, trial: Later, label: str, key: str) -> Record:
+    """Simulate one trial.
+
+    Args:
+        campaign: configuration.
+        trial: what is run.
+        label: of the record; its noise is drawn by it.
+        key: of the record.
+
+    Raises:
+        InputError: a true vehicle that runs away, or a schedule that is not of this vehicle.
+    """
+    if isinstance(trial, Chosen):
+        manoeuvre = trial.manoeuvre(campaign.families)
+        schedule = schedule_of(manoeuvre, campaign.family.sample_time)
+        told = {"manoeuvre": manoeuvre.name, **{name: float(value) for name, value in manoeuvre.parameters.items()}}
+    else:
+        schedule, told = trial.schedule, {"manoeuvre": f"schedule {trial.source}", "relay": trial.relay is not None}
+    purposes = [f"noise {channel}" if label == FIRST else f"noise {channel} {label}" for channel in campaign.channels]
+    keys, measured = (
+        [random_key(campaign.seed, purpose) for purpose in purposes],
+        campaign.measured_mask(schedule.time) > 0,
+    )
+    with located(f'record "{label}"'):
+        columns = true_vehicle(campaign).show(
+            schedule, measured, keys, None if isinstance(trial, Chosen) else trial.relay
+        )
+    told |= {"truth": campaign.truth, "seed": campaign.seed}
+    channels = tuple(
+        Channel(name, signal_unit(name), "measurement" if name in campaign.channels else "control") for name in columns
+    )
+    return make_record(schedule.time, columns, channels, Provenance(SIMULATED, key, told), label)

@@ -9,7 +9,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
-from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.files import Store
 from seatrial.core.progress import SILENT, Reporter
@@ -85,5 +85,6 @@ def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) 
         amplitude, period = float(sweep.amplitude[i]), float(sweep.period[j])
         words.append(design_words(sweep.family, amplitude, period))
         path = Store(campaign.folder).batch_schedule(number)
-        schedules.append(write_schedule(path, sweep.family.manoeuvre(amplitude, period), sweep.family.sample_time))
+        manoeuvre, about = sweep.family.manoeuvre(amplitude, period), {"design": design_key(campaign)}
+        schedules.append(write_schedule(path, manoeuvre, sweep.family.sample_time, about=about))
     return PlannedBatch(tuple(words), found, tuple(schedules), utility_unit(campaign.design).split("/")[0])

@@ -93,7 +93,8 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
     fields = {name: content[name] for name in FreeTrial.__dataclass_fields__}
     found = FreeTrial(**{name: _tuples(value) for name, value in fields.items()})
     manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
-    return found, write_schedule(store.schedule(store.free_design), manoeuvre, campaign.family.sample_time)
+    about = {"design": design_key(campaign)}
+    return found, write_schedule(store.schedule(store.free_design), manoeuvre, campaign.family.sample_time, about=about)
 
 
 def check_free_trial(campaign: Campaign) -> None:

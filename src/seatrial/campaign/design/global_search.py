@@ -100,7 +100,12 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
     found = Searched(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
     family = next(one for one in campaign.families if one.kind == found.kind)
     manoeuvre = family.manoeuvre(found.amplitude, found.period)
-    return found, family, write_schedule(store.schedule(store.searched), manoeuvre, family.sample_time)
+    about = {"design": design_key(campaign)}
+    return (
+        found,
+        family,
+        write_schedule(store.schedule(store.searched), manoeuvre, family.sample_time, about=about),
+    )
 
 
 def check_search(campaign: Campaign, budget: int) -> None:

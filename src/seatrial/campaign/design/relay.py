@@ -251,9 +251,10 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
     fields = {name: content[name] for name in RelayTrial.__dataclass_fields__}
     found = RelayTrial(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
     path = store.schedule(store.relay_design)
-    return found, write_schedule(
-        path, loop.foreseen(found.amplitude, found.threshold)[0], campaign.family.sample_time, found.rule
-    )
+    foreseen, _ = loop.foreseen(found.amplitude, found.threshold)
+    law = {"family": loop.family.as_plain(), "amplitude": found.amplitude, "threshold": found.threshold}
+    about = {"relay": law, "design": design_key(campaign)}
+    return found, write_schedule(path, foreseen, campaign.family.sample_time, found.rule, about)
 
 
 def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTrial:

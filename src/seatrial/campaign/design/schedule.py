@@ -1,13 +1,17 @@
-"""A trial as the operator runs it: time and control where the control bends, in the units of the trade, as CSV and as JSON."""
+"""A design as the operator runs it: its schedule as CSV, and as JSON with what else is to be said of it; and those that a campaign has."""
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
+from seatrial.campaign.store.files import Store
 from seatrial.core.display_units import shown_unit
+from seatrial.core.errors import InputError
 from seatrial.core.files import write_json, write_text
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.manoeuvres.schedule import schedule_of, table_text
 
 # Designs in words, in the units of the boundary.
 
@@ -21,38 +25,78 @@ def design_words(family: Family, amplitude: float, period: float) -> str:
     )
 
 
-def write_schedule(path: Path, manoeuvre: Manoeuvre, sample_time: float, rule: str = "") -> Path:
+def write_schedule(
+    path: Path, manoeuvre: Manoeuvre, sample_time: float, rule: str = "", about: Mapping[str, Any] | None = None
+) -> Path:
     """Write a schedule as CSV and beside it as JSON, where they are missing or not the same; returns the CSV file.
 
-    Between its rows the control is a straight line. A trial that is ended away from trim goes back to it, as fast as its edges are, or
-    in one sample. A closed-loop trial has a `rule`, which its schedule only foresees.
+    A trial that is ended away from trim goes back to it, as fast as its edges are, or in one sample. A closed-loop trial has a `rule`,
+    which its schedule only foresees; `about` is kept beside it.
     """
-    factor, unit = shown_unit(manoeuvre.control)
-    time, control = manoeuvre.sample(sample_time)
-    bend = np.abs(np.diff(control, n=2)) > 1e-9 * max(1.0, float(np.abs(control).max()))
-    corner = np.flatnonzero(np.concatenate([[True], bend, [True]]))
-    rows = [(f"{time[i]:.6g}", f"{control[i] * factor:.10g}") for i in corner]
-    rows += [(f"{at:.6g}", f"{value * factor:.10g}") for at, value in _way_back(manoeuvre, sample_time, control)]
-    text = f"time_s,{manoeuvre.control}_{unit}\n" + "".join(f"{t},{value}\n" for t, value in rows)
+    control = manoeuvre.control
+    rows = schedule_of(manoeuvre, sample_time).bends()
+    back = _way_back(manoeuvre, sample_time, float(rows.controls[control][-1]))
+    time = [*map(float, rows.time), *(t for t, _ in back)]
+    text = table_text(time, {control: [*map(float, rows.controls[control]), *(value for _, value in back)]})
     if not path.is_file() or path.read_bytes() != text.encode():
         write_text(path, text)
+    written = [line.split(",") for line in text.splitlines()[1:]]
     content = {
         "manoeuvre": manoeuvre.name,
-        "control": manoeuvre.control,
-        "unit": unit,
+        "control": control,
+        "unit": shown_unit(control)[1],
         "settings_si": {name: float(value) for name, value in manoeuvre.parameters.items()},
         **({"rule": rule} if rule else {}),
-        "time_s": [float(t) for t, _ in rows],
-        "value": [float(value) for _, value in rows],
+        **(about or {}),
+        "time_s": [float(t) for t, _ in written],
+        "value": [float(value) for _, value in written],
     }
     write_json(path.with_suffix(".json"), content)
     return path
 
 
-def _way_back(manoeuvre: Manoeuvre, sample_time: float, control: np.ndarray) -> list[tuple[float, float]]:
+def _way_back(manoeuvre: Manoeuvre, sample_time: float, last: float) -> list[tuple[float, float]]:
     """Rows that hold the last value to the end and lead back to trim; none where the trial ends there."""
-    trim, last = manoeuvre.parameters.get("trim"), float(control[-1])
+    trim = manoeuvre.parameters.get("trim")
     if trim is None or abs(last - trim) <= 1e-9 * max(1.0, abs(trim)):
         return []
-    end, edge = control.size * sample_time, manoeuvre.parameters.get("ramp", 0.0)
+    end, edge = round(manoeuvre.duration / sample_time) * sample_time, manoeuvre.parameters.get("ramp", 0.0)
     return [(end, last), (end + edge, trim)] if edge > 0 else [(end, trim)]
+
+
+def find_schedules(folder: Path) -> dict[str, Path]:
+    """Return the schedules of a campaign's results by name, the one to run next first."""
+    store = Store(folder)
+    known = {
+        "proposed": store.proposed,
+        "next": store.schedule(store.next_design),
+        "design": store.schedule(store.design),
+        "free_form": store.schedule(store.free_design),
+    }
+    others = {path.stem.removesuffix("_schedule"): path for path in sorted(store.results.glob("*_schedule.csv"))}
+    return {name: path for name, path in {**known, **others}.items() if path.is_file()}
+
+
+def read_about(path: Path, remedy: str) -> dict[str, Any]:
+    """Read the JSON beside a schedule.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    try:
+        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        if not isinstance(content, dict):
+            raise TypeError("no table")
+        return content
+    except (OSError, ValueError, TypeError, RecursionError) as cause:
+        raise damaged_about(path, cause, remedy) from cause
+
+
+def damaged_about(path: Path, cause: Exception, remedy: str) -> InputError:
+    """Return the error of a damaged JSON beside a schedule."""
+    return InputError(
+        str(path.with_suffix(".json")),
+        found=f"no schedule ({type(cause).__name__}: {cause})",
+        expected="a schedule as `seatrial design` writes it, beside its CSV",
+        remedy=remedy,
+    )

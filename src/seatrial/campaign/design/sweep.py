@@ -274,7 +274,8 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
         tuple(json.loads(data.attrs["prediction"])),
     )
     sample_time = campaign.family.sample_time
-    write_schedule(Store(campaign.folder).schedule(path), found.best.best_manoeuvre(), sample_time)
+    schedule, about = Store(campaign.folder).schedule(path), {"design": design_key(campaign)}
+    write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about)
     return found
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.filter_trace import filter_record, prior_belief
@@ -96,7 +97,7 @@ def _true_state(campaign: Campaign, model: VehicleModel, record: Record, scales:
     """State at the last sample of a simulated record, coefficients in units of `scales`; None for a real one."""
     if campaign.imports is not None:
         return None
-    truth = {term.text: campaign.truth.get(term.text, 0.0) for term in model.coefficients}
+    truth = true_coefficients(campaign, model)
     control = np.column_stack([record.channel(name) for name in model.controls])
     start = np.array(initial_state(campaign, model, record))
     states = np.asarray(simulate(model, truth, control, record.step, start))

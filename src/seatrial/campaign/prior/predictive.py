@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.data.simulate import FIRST
+from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.store.files import Store
@@ -180,7 +180,8 @@ def prior_trial(campaign: Campaign, reporter: Reporter = SILENT) -> PriorTrial:
 
 def _record(campaign: Campaign, reporter: Reporter) -> Record | None:
     """First fitted record: logs are read, but nothing is designed or simulated for the sake of it."""
-    is_run = is_designed(campaign) and Store(campaign.folder).record(FIRST).is_file()
+    first = next(iter(record_keys(campaign)), FIRST) if campaign.is_simulated else FIRST
+    is_run = (first != FIRST or is_designed(campaign)) and Store(campaign.folder).record(first).is_file()
     if not campaign.has_records or (campaign.is_simulated and not is_run):
         return None
     return get_trials(campaign, reporter).fit[0]

@@ -1,6 +1,5 @@
 """A trial on its way out: one control over time, in SI and in the operator's unit, with the limits of its campaign; neutral at its end."""
 
-import json
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -12,14 +11,15 @@ from jaxtyping import Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import level_start
+from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.files import Store
 from seatrial.campaign.workflow.status import Step, standing
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.export.from_campaign import stored_estimate
+from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
 
 # Which stick stands for a control, and which way it is moved for a positive one: that in which the vehicle's own
@@ -238,19 +238,6 @@ class Trial(NamedTuple):
         )
 
 
-def schedules(folder: Path | str) -> dict[str, Path]:
-    """Schedules of a campaign by name, the one to run next first."""
-    store = Store(Path(folder))
-    known = {
-        "proposed": store.proposed,
-        "next": store.schedule(store.next_design),
-        "design": store.schedule(store.design),
-        "free_form": store.schedule(store.free_design),
-    }
-    others = {path.stem.removesuffix("_schedule"): path for path in sorted(store.results.glob("*_schedule.csv"))}
-    return {name: path for name, path in {**known, **others}.items() if path.is_file()}
-
-
 def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
     """Read a schedule of a campaign, the one to run next if none is named.
 
@@ -258,7 +245,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
         InputError: no schedule, none of that name, a damaged one, one that was changed, or one that breaks today's limits.
     """
     campaign = load_campaign(folder)
-    found = schedules(campaign.folder)
+    found = find_schedules(campaign.folder)
     if not found or (schedule is not None and schedule not in found):
         raise InputError(
             f"{campaign.folder}, schedule {schedule or ''}".rstrip(),
@@ -268,17 +255,11 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
         )
     name = schedule or next(iter(found))
     path = found[name]
-    beside = path.with_suffix(".json")
+    content = read_about(path, _again(campaign))
     try:
-        content = json.loads(beside.read_text(encoding="utf-8"))
         trial = _trial(campaign, path, content)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
-        raise InputError(
-            str(beside),
-            found=f"no schedule ({type(cause).__name__}: {cause})",
-            expected="a schedule as `seatrial design` writes it, beside its CSV",
-            remedy=_again(campaign.folder),
-        ) from cause
+    except (ValueError, KeyError, TypeError, AttributeError) as cause:
+        raise damaged_about(path, cause, _again(campaign.folder)) from cause
     _check(trial, path)
     _check_table(trial, path, _again(campaign.folder))
     is_stale = Step(name, "stale", name) in standing(campaign.folder)
@@ -324,20 +305,19 @@ def _again(folder: Path) -> str:
 
 def _check_table(trial: Trial, path: Path, remedy: str) -> None:
     """Compare the CSV that people read with the JSON that is exported."""
-    factor, _ = trial.shown
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()[1:]
-        rows = np.array([[float(cell) for cell in line.split(",")] for line in lines])
-    except ValueError:  # cells that are no numbers, or rows of several lengths
-        rows = np.empty((0, 2))
-    wanted = np.column_stack([trial.time, trial.value * factor])
-    if rows.shape != wanted.shape or not np.allclose(rows, wanted, rtol=_ROUNDING, atol=_ROUNDING):
+        rows, cause = read_rows(path, (trial.control,)), None
+        read = np.stack([rows.time, rows.controls[trial.control] * trial.shown[0]])
+    except InputError as error:
+        read, cause = np.empty((2, 0)), error
+    wanted = np.stack([trial.time, trial.value * trial.shown[0]])
+    if read.shape != wanted.shape or not np.allclose(read, wanted, rtol=_ROUNDING, atol=_ROUNDING):
         raise InputError(
             str(path),
             found=f"other rows than in {path.with_suffix('.json').name}, which is exported",
             expected="both as they were written",
             remedy=f"{remedy}; a trial of your own needs no export",
-        )
+        ) from cause
 
 
 def _check(trial: Trial, path: Path) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.data.true_vehicle import FIRST
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.identifiability import BY_ITSELF, Direction, Known
@@ -13,8 +14,18 @@ from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.report.drawing import Drawing, axes_box, draw, labels_of, signal_axis, signal_symbol, units_of
-from seatrial.report.figures.records import control_over_time, covered, raw_record
+from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.report.drawing import (
+    Drawing,
+    axes_box,
+    draw,
+    labels_of,
+    schedule_figure,
+    signal_axis,
+    signal_symbol,
+    units_of,
+)
+from seatrial.report.figures.records import covered, raw_record
 from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html, sentence_html
@@ -83,6 +94,7 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
     imported = outcome.campaign.imports is not None
     return {
         "imported": imported,
+        "was_run": any(record.label == FIRST for record in outcome.trials.fit),
         "records": record_rows(outcome),
         "design": None if first is None else _designed(outcome, first),
         "coverage": _coverage(outcome) if imported else [],
@@ -133,10 +145,8 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
         sweep.best,
         (unit_label(sweep.family.shape.period_is, "s"), unit_label(f"amplitude of {signal_symbol(control)}", unit)),
     )
-    time, values = sweep.best_manoeuvre().sample(sweep.family.sample_time)
-    limits = outcome.campaign.limits
-    bounds = tuple(None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
-    chosen = control_over_time(time, values * factor, signal_axis(control), (bounds[0], bounds[1]))
+    schedule = schedule_of(sweep.best_manoeuvre(), sweep.family.sample_time)
+    chosen = schedule_figure(schedule, outcome.campaign.limits)
     return [
         draw(
             surface,

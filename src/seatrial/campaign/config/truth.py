@@ -1,0 +1,88 @@
+"""What is true of a simulated vehicle: `[truth]` holds a value of each coefficient, and what sensors and actuators add to it.
+
+What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
+`tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
+"""
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.core.errors import InputError, nearest
+from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.simulation import CURRENT
+from seatrial.vehicles.model import VehicleModel
+
+DELAY = "delay"
+"""Name of the delay between command and action, s."""
+
+
+def actuator_lag(control: str) -> str:
+    """Name of the lag of a control's actuator in `[truth]`, s."""
+    return lag_name(control)
+
+
+def beyond_structures(campaign: Campaign) -> set[str]:
+    """Names that `[truth]` may hold beside coefficients."""
+    of_channel = (noise_name, correlation_name, dof_name, bias_name, lag_name)
+    return (
+        {actuator_lag(control) for control in campaign.model(campaign.full).controls}
+        | {CURRENT, DELAY}
+        | {name(channel) for channel in campaign.channels for name in of_channel}
+    )
+
+
+def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
+    """Return the true coefficients of a simulated campaign, SI: as named, else as published of a whole vehicle, else 0."""
+    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    truth = campaign.truth
+    return {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
+
+
+def check_truth(campaign: Campaign) -> None:
+    """Check names of a simulated truth, that every term that is always in the model has a value, and that times and spreads are possible.
+
+    Raises:
+        InputError: the first name that is none, or value that is missing or cannot be.
+    """
+    truth = campaign.truth
+    names = {*campaign.units, *beyond_structures(campaign)}
+    for name in campaign.truth:
+        if name not in names:
+            raise InputError(
+                campaign.where(f"truth.{name}"),
+                found=f'"{name}"',
+                expected="one of " + ", ".join(sorted(names)),
+                remedy="the rules of [structure] leave it out of every structure: drop it here, or the rule that does"
+                if name in campaign.rules.never
+                else nearest(name, names),
+            )
+    if not truth:
+        return
+    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    for term in campaign.rules.always:
+        if term not in truth and term not in published:
+            raise InputError(
+                campaign.where("truth"),
+                found=f"no {term}, which is in every structure",
+                expected="a true value of every term of `always`; one of `optional` may be left out, and is then 0",
+                remedy=f"add a value, SI; {term} = 0.0 says that the true vehicle has none",
+            )
+    for channel in campaign.channels:
+        if {correlation_name(channel), dof_name(channel)} <= set(truth):
+            raise InputError(
+                campaign.where(f"truth.{dof_name(channel)}"),
+                found=f"{correlation_name(channel)} as well",
+                expected="noise of one kind: correlated, or of heavy tails",
+                remedy="leave out one of the two",
+            )
+    spreads = {name(channel) for channel in campaign.channels for name in (noise_name, correlation_name, dof_name)}
+    lags = {lag_name(name) for name in (*campaign.model(campaign.full).controls, *campaign.channels)}
+    for name, value in truth.items():
+        if (name in lags | {DELAY} and value < 0) or (name in spreads and value <= 0):
+            unit = " s" if name not in spreads else ""
+            raise InputError(
+                campaign.where(f"truth.{name}"),
+                found=f"{value:g}{unit}",
+                expected="more than 0" if name in spreads else "0 s or more",
+                remedy="leave it out for the noise that [sensors] says"
+                if name in spreads
+                else "0 s is none: give the time by which it is late",
+            )

@@ -1,0 +1,170 @@
+"""The simulated vehicle of a campaign: what is true of it, and what its sensors show in a trial.
+
+What is simulated is what is fitted: [truth] holds a value of each coefficient, and may hold what an estimate knows beside them, by the same
+names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.truth import DELAY, actuator_lag, true_coefficients
+from seatrial.core.errors import InputError
+from seatrial.estimation.replicate import draw_noise
+from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
+from seatrial.estimation.trial_data import channel_data
+from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
+from seatrial.manoeuvres.schedule import Schedule
+
+FIRST = "trial"
+"""Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrueVehicle:
+    """The true vehicle with its true sensors and actuators.
+
+    Attributes:
+        simulator: of the vehicle; what is true of its sensors are parameters.
+        values: parameters by name, SI.
+        start: state at the first sample, SI.
+        trim: every control with the value at which it is held where a schedule leaves it alone.
+        where: what says so, for errors.
+    """
+
+    simulator: Simulator
+    values: Mapping[str, float]
+    start: tuple[float, ...]
+    trim: tuple[tuple[str, float], ...]
+    where: str
+
+    def show(
+        self,
+        schedule: Schedule,
+        measured: Bool[np.ndarray, "n m"],
+        keys: Sequence[Array],
+        relay: Mapping[str, Any] | None = None,
+    ) -> dict[str, Float[np.ndarray, " n"]]:
+        """Return every control, and what every sensor shows of a trial, SI, NaN where it does not measure.
+
+        Args:
+            schedule: controls over time, sampled evenly from 0.
+            measured: whether each sensor gives a sample.
+            keys: random key of each sensor's noise.
+            relay: the self-oscillating test that makes its control itself, for as long as the schedule is; None where that is run.
+
+        Raises:
+            InputError: a true vehicle that runs away, or a schedule or test that is not of this vehicle.
+        """
+        columns = schedule.columns(self.trim)
+        _check_controls(tuple(schedule.controls), tuple(columns))
+        there = np.where(measured, 0.0, np.nan)
+        noise = [
+            np.asarray(draw_noise(sensor, self.values, channel_data(schedule.time, there[:, i]), keys[i]))
+            for i, sensor in enumerate(self.simulator.sensors)
+        ]
+        start, step = np.array(self.start, float), np.full(schedule.time.size, schedule.time[1])
+        if relay is None:
+            shown, end = _follow(self.simulator, self.values, start, tuple(columns.values()), step)
+        else:
+            at = _fed_back(self.simulator, relay, tuple(columns))
+            feedback = _relay_feedback(relay, schedule.time, noise[at] + there[:, at])
+            followed = self.simulator.follow(self.values, jnp.asarray(start), feedback, jnp.asarray(step))
+            shown, end = jnp.stack(followed.kept, -1), jnp.stack(followed.end)
+            columns = dict(zip(columns, map(np.asarray, followed.command), strict=True))
+        if not (np.isfinite(shown).all() and np.isfinite(end).all()):
+            raise InputError(
+                self.where,
+                found="a simulated vehicle that diverges",
+                expected="damping that dissipates",
+                remedy="check signs: negative damping coefficients dissipate",
+            )
+        exact = np.asarray(shown)
+        return columns | {
+            sensor.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan)
+            for i, sensor in enumerate(self.simulator.sensors)
+        }
+
+
+def true_vehicle(campaign: Campaign) -> TrueVehicle:
+    """Return the vehicle of `[truth]`."""
+    truth, model = campaign.truth, campaign.model(campaign.full)
+    noise = {noise_name(channel): sd for channel, sd in campaign.noise.items()}
+    late = tuple(name for name in model.controls if truth.get(actuator_lag(name), 0.0) > 0)
+    sensors = tuple(_true_sensor(sensor, truth) for sensor in campaign.sensor_models)
+    return TrueVehicle(
+        Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth, late),
+        {**noise, **truth, **true_coefficients(campaign, model)},
+        campaign.state_trim(model),
+        campaign.control_trim(model),
+        campaign.where("truth"),
+    )
+
+
+def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
+    """A sensor as it truly is, which an estimate may know otherwise."""
+    channel = sensor.channel
+    kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy"}
+    noise = next((kind for name, kind in kinds.items() if name in truth), "white")
+    return Sensor(
+        channel, noise, bias_name(channel) in truth, truth.get(lag_name(channel), 0.0) > 0, sensor.over_ground
+    )
+
+
+def _check_controls(given: tuple[str, ...], known: tuple[str, ...]) -> None:
+    if unknown := [name for name in given if name not in known]:
+        raise InputError(
+            "schedule",
+            found=f"a control {unknown[0]}, which the vehicle does not have",
+            expected="controls of the vehicle: " + ", ".join(known),
+            remedy="leave the trial out with `seatrial simulate DIR --design design --alone`, or change the vehicle back",
+        )
+
+
+@partial(jax.jit, static_argnums=0)
+def _follow(
+    simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
+) -> tuple[Array, Array]:
+    followed = simulator.follow(values, start, control, step)
+    return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
+
+
+def _fed_back(simulator: Simulator, relay: Mapping[str, Any], controls: tuple[str, ...]) -> int:
+    """Place of the sensor that is fed back."""
+    channels, output = [sensor.channel for sensor in simulator.sensors], relay["family"]["output"]
+    family = read_relay_family(relay["family"])
+    if output not in channels or tuple(name for name, _ in family.trim) != controls:
+        raise InputError(
+            "self-oscillation",
+            found=f"a test that feeds {output} back and holds {', '.join(name for name, _ in family.trim)}",
+            expected=f"sensors {', '.join(channels)} and controls {', '.join(controls)}, which the campaign now has",
+            remedy="design the test anew, or change the campaign back",
+        )
+    return channels.index(output)
+
+
+def _relay_feedback(
+    relay: Mapping[str, Any], time: Float[np.ndarray, " n"], error: Float[np.ndarray, " n"]
+) -> Feedback:
+    """Return the law of a self-oscillating test."""
+    family = read_relay_family(relay["family"])
+
+    def decide(memory: Any, now: Any, seen: Any) -> Any:
+        return relay_control(family, relay["amplitude"], relay["threshold"], now, seen - family.output_trim, memory)
+
+    return Feedback(
+        family.output,
+        BEGIN,
+        lambda memory: family.command(memory.applied),
+        decide,
+        jnp.asarray(time),
+        jnp.asarray(error),
+    )
