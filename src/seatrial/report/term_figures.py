@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.selection.runner_up import Contenders
-from seatrial.campaign.selection.screening import Screened
+from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
 from seatrial.report.figures.structures import Gap, inclusion_bars, model_space, speed_gaps

@@ -11,7 +11,8 @@ from pathlib import Path
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.schema import PriorTable
-from seatrial.campaign.store.files import Store, read_json
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 
@@ -66,9 +67,8 @@ def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
             )
         if store.summary.exists():  # a link may lead outside
             find(campaign.folder, str(Path(item) / store.summary.relative_to(folder)), where)
-        summary = read_json(store.summary, f"seatrial run {folder}")
-        terms = set(summary["terms"])
-        found |= {row["name"]: (row["mean"], row["sd"]) for row in summary["coefficients"] if row["name"] in terms}
+        summary = read_summary(store.summary, f"seatrial run {folder}")
+        found |= {row.name: (row.mean, row.sd) for row in summary.coefficients if row.name in summary.terms}
     return found
 
 

@@ -14,7 +14,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import level_start
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.files import Store
-from seatrial.campaign.workflow.status import Step, standing
+from seatrial.campaign.workflow.status import StepState, standing
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
@@ -282,7 +282,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
         ) from cause
     _check(trial, path)
     _check_table(trial, path, _again(campaign))
-    is_stale = Step(name, "stale", name) in standing(campaign.folder)
+    is_stale = StepState(name, "stale", name) in standing(campaign.folder)
     return (
         trial._replace(caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign)}")
         if is_stale

@@ -4,7 +4,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from seatrial.campaign.inference.identifiability import BY_ITSELF, Direction, Known
+from seatrial.campaign.store.estimates import BY_ITSELF, Direction, Known
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html

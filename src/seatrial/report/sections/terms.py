@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from seatrial.campaign.selection.runner_up import ENOUGH, undecided_words
+from seatrial.campaign.store.structures import ENOUGH, undecided_words
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.report.drawing import draw, labels_of

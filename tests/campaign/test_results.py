@@ -1,0 +1,95 @@
+"""Stored results read by those who have only the folder: typed, without JAX, and each decoded in one place."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.store.files import Store, stamp_of, write_stamped_json
+from seatrial.campaign.store.results import Results
+from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.steps import LOOP, STEPS, Workflow
+from seatrial.core.errors import InputError
+from tests.campaign.small import write_small, write_summary
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = write_small(tmp_path_factory.mktemp("results") / "small")
+    return folder, run_loop(load_campaign(folder))
+
+
+def test_reading_imports_no_jax(finished):
+    folder, _ = finished
+    script = (
+        "import sys; from pathlib import Path; from seatrial.campaign.store.results import Results\n"
+        f"found = Results(Path({str(folder)!r}))\n"
+        "label = found.summary().chosen\n"
+        "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"
+        "found.posterior(label).own_values, found.known(label), found.known_of_design(), found.left_out(label)\n"
+        "found.predictions(), found.selection()\n"
+        "print('jax' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_what_is_read_is_what_was_found(finished):
+    folder, outcome = finished
+    results = Results(folder)
+    summary, selection, posterior = (
+        results.summary(),
+        results.selection(),
+        results.posterior(outcome.chosen.structure.label),
+    )
+    assert [row.mean for row in summary.coefficients] == [row["mean"] for row in outcome.summary["coefficients"]]
+    assert summary.known == outcome.known
+    assert summary.fits == outcome.fits == results.predictions().fits
+    assert summary.structures == selection.structures
+    assert [one.log_evidence for one in selection.structures] == [one.log_value for one in outcome.selection.evidences]
+    assert set(posterior.structure.terms) == set(outcome.chosen.structure.terms)
+    np.testing.assert_array_equal(posterior.draws(), outcome.chosen.draws())
+    swept, best = results.next_design(), outcome.next.best
+    np.testing.assert_array_equal(swept.gain[swept.families.index(best.family.kind)], best.gain)
+    assert swept.trim == best.trim
+
+
+def test_a_result_of_other_fields_says_so(tmp_path):
+    write_summary(tmp_path)
+    content = json.loads(Store(tmp_path).summary.read_text())
+    del content["chosen"], content["sha256_of_content"]
+    write_stamped_json(Store(tmp_path).summary, content, "key")
+    with pytest.raises(InputError, match=r"(?s)other fields \(KeyError: 'chosen'\).*run `seatrial run"):
+        Results(tmp_path).summary()
+
+
+def test_every_step_of_the_loop_is_current_after_it(finished):
+    folder, _ = finished
+    flow = Workflow(load_campaign(folder))
+    assert {step.name: flow.state(step.name) for step in LOOP} == {step.name: "current" for step in LOOP}
+    for step in LOOP:
+        for one in flow.stored(step.name):
+            assert stamp_of(one.path) == one.key
+            assert one.path in set(Store(folder).results.glob(step.files))
+
+
+def test_steps_need_only_steps_before_them_and_settings():
+    known = {"campaign", "reporter"}
+    settings = {
+        "levels",
+        "budget",
+        "designs",
+        "together",
+        "vehicles",
+        "parameters",
+        "from_time",
+        "block",
+        "replicates",
+        "method",
+    }
+    for step in STEPS.values():
+        assert set(step.needs) <= known | settings, step.name
+        known.add(step.name)
