@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,6 +75,33 @@ def test_every_step_of_the_loop_is_current_after_it(finished):
         for one in flow.stored(step.name):
             assert stamp_of(one.path) == one.key
             assert one.path in set(Store(folder).results.glob(step.files))
+
+
+def test_a_key_holds_the_keys_of_all_that_the_step_needs(finished):
+    """With records or posteriors of another key, every result that needs them has another key."""
+    folder, _ = finished
+
+    def keys(**others):
+        flow = Workflow(load_campaign(folder), method="mh", replicates=20, parameters=[], from_time=None, block=None)
+        flow.seen("candidates"), flow.seen("selection")  # which are not current once the key of the records is another
+        for name, change in others.items():
+            flow._seen[name] = change(flow.seen(name))
+        names = [name for name, step in STEPS.items() if others.keys() & {*step.needs} and step.stored is not None]
+        return {(name, one.path.name): one.key for name in names for one in flow.stored(name)}
+
+    def other(one):
+        return replace(one, key=one.key + "'")
+
+    changes = {
+        "trials": other,
+        "chosen": other,
+        "full": other,
+        "estimates": lambda found: [other(one) for one in found],
+    }
+    for name, change in changes.items():
+        same, changed = keys(**{name: lambda one: one}), keys(**{name: change})
+        assert same.keys() == changed.keys() != set()
+        assert [place for place in same if same[place] == changed[place]] == []
 
 
 def test_steps_need_only_steps_before_them_and_settings():

@@ -19,7 +19,7 @@ import xarray as xr
 
 from seatrial import __version__
 from seatrial.core import dataset_file
-from seatrial.core.dataset_file import SEAL, stored
+from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, set_aside, sha256_of_json, write_json
 
@@ -329,7 +329,8 @@ def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
 def _stamp(path: Path) -> str | None:
     """Return the key that a result was written with; None where there is none.
 
-    The bytes of a dataset are compared with the hash behind them, and its attributes read; its variables are not.
+    The bytes of a dataset are compared with the hash behind them, and its attributes read; its variables are read only where another
+    tool has written it again, without that hash.
 
     Raises:
         InputError: a damaged one.
@@ -338,6 +339,8 @@ def _stamp(path: Path) -> str | None:
         return None
     if path.suffix == ".json":
         return read_json(path, "seatrial run").get("key")
+    if path.is_file() and not is_sealed(path):
+        return open_dataset(path).attrs.get("key")
     with stored(path) as file:
         key = file.attrs.get("key")
         return None if key is None else text_of(key)

@@ -11,7 +11,6 @@ import xarray as xr
 from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
 from seatrial.campaign.store.files import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
-from seatrial.estimation.row_fit import SCREENING
 
 if TYPE_CHECKING:
     from seatrial.selection.verdict import Selection
@@ -183,6 +182,8 @@ class Screened:
 
     def lines(self) -> list[str]:
         """What was found, in words."""
+        from seatrial.estimation.row_fit import SCREENING
+
         data, optional = self.data, self.optional
         narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
         settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
