@@ -12,7 +12,7 @@ from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
-from studies.remus100.compute.trial import STEP, paper_posterior, paper_trial
+from studies.remus100.trial import STEP, paper_posterior, paper_trial
 from studies.remus100.vehicle_file import paper_reading
 
 

@@ -12,13 +12,13 @@ from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.state_space import StateSpace
 from seatrial.estimation.output_error import output_error
 from seatrial.manoeuvres.family import Family
-from seatrial.vehicles.catalogue import catalogue_vehicle
+from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
-ENTRY = catalogue_vehicle("remus100_surge")
+ENTRY = load_surge("remus100_surge")
 VALUES = {**ENTRY.coefficients, "X_du3": -0.1, "X_0": -0.05}
 """Coefficients by rank: of k coefficients the first k are estimated, and of the first three the others held."""
 SCALES = {"T_nabsn": 1e-4}

@@ -14,12 +14,11 @@ from tools import ask
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.manoeuvres.family import Family
-from seatrial.selection.compiled_rules import compile_rules
 from seatrial.selection.library import TermLibrary
-from seatrial.selection.rules import parse_rules
-from seatrial.selection.screening import Believed, screen
-from seatrial.selection.sparse.thresholded import thresholded_least_squares
+from seatrial.selection.rules import compile_rules, parse_rules
+from seatrial.selection.screening import TermPrior, screen
 from seatrial.selection.subsets.gram import gram
+from seatrial.selection.thresholded import thresholded_least_squares
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
@@ -89,7 +88,7 @@ def screened(record: Record) -> tuple[list[str], list[str]]:
     """Terms of more than even probability, and those of thresholded least squares on the same rows."""
     library = TermLibrary(tuple(map(CoefficientName.parse, TRUTH)), ("u", "n"))
     rules = compile_rules(library, parse_rules([f"always {ALWAYS}"], library))
-    prior = {name: Believed(0.0, 2 * abs(value)) for name, value in TRUTH.items()}
+    prior = {name: TermPrior(0.0, 2 * abs(value)) for name, value in TRUTH.items()}
     found = screen([axis_equation("X", tuple(TRUTH), MASS)], rules, [record], {"u": NOISE}, prior, jax.random.key(0))
     probable = [name for name in TRUTH if found.inclusion.get(name, 1.0) > 0.5]
     stats = gram(found.rows.design, found.rows.target)

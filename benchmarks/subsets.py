@@ -17,8 +17,8 @@ from timing import Ratio, Row, agree, alternate, row
 
 import seatrial.selection.subsets.all_subsets as engine
 from seatrial.selection.subsets.average import SubsetPosterior
+from seatrial.selection.subsets.conjugate import GPrior, IndependentPrior, physical_prior
 from seatrial.selection.subsets.gram import Gram, gram
-from seatrial.selection.subsets.prior import GPrior, IndependentPrior, physical_prior
 from seatrial.selection.subsets.problem import Problem, averages, make_problem
 
 SAMPLES, TOP = 400, 1000

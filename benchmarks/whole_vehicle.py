@@ -16,7 +16,7 @@ from reference import as_c, load, on_cores
 from timing import Ratio, Row, agree, alternate, row
 
 from seatrial.numerics.integrate import rk4_step
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.simulate import by_blocks, simulate
 

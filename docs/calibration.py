@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from equation_error_ranks import equation_error_ranks
 
-import seatrial  # noqa: F401  (settings of the engine come before JAX)
+import seatrial
 from seatrial.apps.console import ConsoleReporter
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
@@ -105,6 +105,7 @@ LIKELIHOODS = {
 
 def main() -> None:
     """Run every case and write what was found."""
+    seatrial.configure()
     reporter = ConsoleReporter(False)
     with reporter.watching():
         found = {f"{name}, {DEFAULT}": run(name, DEFAULT, reporter) for name in LIKELIHOODS}

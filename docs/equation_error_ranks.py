@@ -7,7 +7,7 @@ from scipy import stats
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.estimation.equation_error import fit_equation_error, measured_accelerations
-from seatrial.vehicles.catalogue import catalogue_vehicle
+from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import surge_vehicle
 
@@ -24,7 +24,7 @@ CHANNELS = (
 
 def equation_error_ranks(replicates: int) -> Calibration:
     """Place of the truth in the normal distribution that each regression states, in hundredths."""
-    entry, random = catalogue_vehicle("remus100_surge"), np.random.default_rng(11)
+    entry, random = load_surge("remus100_surge"), np.random.default_rng(11)
     model = surge_vehicle(entry.hull, list(PRIORS))
     means, sds = np.array(list(PRIORS.values())).T
     time = np.arange(SAMPLES) * STEP

@@ -16,6 +16,7 @@ COLUMNS, GAP, TITLE = 2, 16, 22
 
 def main() -> None:
     """Write all pictures."""
+    st.configure()
     if not (DEMO / "campaign.toml").exists():
         st.init_campaign(DEMO, "remus100")
     outcome = st.run_loop(st.load_campaign(DEMO))

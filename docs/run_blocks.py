@@ -19,6 +19,8 @@ from blocks import read_blocks
 from generate.reference import write_pages
 from generate.results import differences
 
+import seatrial
+
 DOCS = Path(__file__).parent
 TUTORIAL = DOCS / "tutorial" / "first_decision.md"
 
@@ -115,6 +117,7 @@ def main() -> None:
     parser.add_argument("--slowest", type=int, default=0, help="name so many of the slowest commands")
     parser.add_argument("--demo", type=Path, help="a folder `demo` that the tutorial left, instead of running it")
     options = parser.parse_args()
+    seatrial.configure()
     tally = run_pages([page.resolve() for page in options.pages] or pages(), options.refresh, options.demo)
     for seconds, text in sorted(tally.seconds, reverse=True)[: options.slowest]:
         print(f"{seconds:6.1f} s of processor  {text}")

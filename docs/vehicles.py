@@ -4,7 +4,7 @@ from pathlib import Path
 
 from seatrial.core.files import write_text
 from seatrial.report.vehicle_page import vehicle_page
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 PAGES = Path(__file__).parent / "vehicles"
 

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import seatrial  # noqa: F401  (settings of the engine come before JAX)
+import seatrial
 from seatrial.core.files import write_text
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.estimation.mode import find_mode
@@ -24,10 +24,9 @@ from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.estimation.sensors import Sensor
-from seatrial.selection.compiled_rules import compile_rules
 from seatrial.selection.library import TermLibrary, term_library
-from seatrial.selection.rules import parse_rules
-from seatrial.selection.screening import Believed, Screening, screen
+from seatrial.selection.rules import compile_rules, parse_rules
+from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.vehicles.axis_equation import AxisEquation, axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
@@ -71,6 +70,7 @@ class Tried(NamedTuple):
 
 def main() -> None:
     """Screen, fit, predict, and write what is found."""
+    seatrial.configure()
     records = {run: zigzag(run) for run in FITTED + HELD}
     fitted = [records[run] for run in FITTED]
     start = time.perf_counter()
@@ -109,7 +109,7 @@ def screen_turning(records: Sequence[Record]) -> tuple[Screening, TermLibrary]:
     lines = [line for line in RULES.splitlines() if line.strip()]
     rules = compile_rules(library, parse_rules(lines, library))
     equations = [axis_equation(axis, found.names) for axis, found in libraries.items()]
-    prior = {name: Believed(0.0, sd) for name, sd in prior_sds(equations, records).items()}
+    prior = {name: TermPrior(0.0, sd) for name, sd in prior_sds(equations, records).items()}
     return screen(equations, rules, records, NOISE, prior, jax.random.key(3)), library
 
 

@@ -24,6 +24,7 @@ def main() -> None:
         path: ast.parse(path.read_text(encoding="utf-8"))
         for place in PLACES
         for path in sorted((ROOT / place).rglob("*.py"))
+        if "tests" not in path.parts
     }
     importers = find_importers(trees)
     single = {path: users for path, users in importers.items() if len(users) == 1}

@@ -17,7 +17,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -32,8 +32,10 @@ SHARE = {"estimation": 30, "selection": 30, "filters": 10, "design": 20, "export
 """Mutants of each package."""
 PER_FILE = 3
 """Mutants of one file at most."""
-NEAREST = 3
-"""Test files that run for a module at most."""
+NEAREST = 6
+"""Test files that run for a mutant at most."""
+DEPTH = 8
+"""Callers between a function and a test at most."""
 LIMIT = 900
 """Seconds after which a change that makes the tests hang counts as killed."""
 ENOUGH = 0.95
@@ -85,6 +87,7 @@ SHOWN = {"progress", "share", "report", "told", "print", "warn"}
 """Calls that only tell somebody something."""
 TUNING = {
     "maxsize",
+    "max_workers",
     "rtol",
     "atol",
     "tol",
@@ -122,6 +125,11 @@ class Mutant:
         old, new = before[first:last], before[first : self.start] + self.new + before[self.end : last]
         return f"{self.file}, {self.where}: {' '.join(old.split())} => {' '.join(new.split())}"
 
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """The test files to try it on."""
+        return nearest_tests(self.file, self.where)
+
     def diff(self) -> str:
         """Return the change as a unified diff."""
         before = text_of(self.file)
@@ -134,12 +142,12 @@ def main() -> int:
     options = _options()
     mutants = [one for package in options.package or SHARE for one in choose(package, options.seed)]
     if options.list:
-        print(*(f"{one.name}\n    {' '.join(nearest_tests(one.file))}" for one in mutants), sep="\n")
+        print(*(f"{one.name}\n    {' '.join(one.tests)}" for one in mutants), sep="\n")
         return 0
     known = State(FOLDER / "known.json")
     waiting = [one for one in mutants if known.outcome(one) is None]
     trees: Queue[Path] = Queue()
-    every = sorted({test for one in waiting for test in nearest_tests(one.file)})
+    every = sorted({test for one in waiting for test in one.tests})
     for number in range(options.jobs if waiting else 0):
         trees.put(tree := copy_tree(FOLDER / f"tree-{number}"))
         if not number and (failed := failing_test(tree, ["--collect-only", *every], shlex.split(options.prefix))):
@@ -166,7 +174,7 @@ def choose(package: str, seed: int) -> list[Mutant]:
         line = text_of(one.file).count("\n", 0, one.start)
         same = [other for other in chosen if other.file == one.file]
         taken = {text_of(other.file).count("\n", 0, other.start) for other in same}
-        if one.name not in EQUIVALENT and len(same) < PER_FILE and line not in taken and nearest_tests(one.file):
+        if one.name not in EQUIVALENT and len(same) < PER_FILE and line not in taken and one.tests:
             chosen.append(one)
         if len(chosen) == SHARE[package]:
             break
@@ -256,8 +264,8 @@ def _changes(node: ast.expr, text: str, ends) -> Iterator[tuple[int, int, str]]:
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)) if name in EXTREMES and len(node.args) > 1:
             place = ends(node.func)[1]
             yield place - len(name), place, EXTREMES[name]
-        case ast.IfExp(body=body, orelse=other):
-            yield start, end, f"({text[slice(*ends(other))]})" if not _words(body) else text[start:end]
+        case ast.IfExp(body=body, orelse=other) if not _words(body):
+            yield start, end, f"({text[slice(*ends(other))]})"
 
 
 def _padded(between: str, operator: str) -> str:
@@ -291,40 +299,88 @@ def _literal(first: ast.expr, second: ast.expr) -> bool:
 
 
 @cache
-def nearest_tests(file: str) -> tuple[str, ...]:
-    """Return the test files nearest to a module: that of its name, those that import it, then those of what imports it."""
-    module = file.removeprefix("src/").removesuffix(".py").replace("/", ".")
-    imports, (_, *folders, name) = _imports(), module.split(".")
-    own = "/".join(["tests", *folders, f"test_{name}.py"])
-    found, seen, ring = [own] * (own in imports), {module}, [module]
-    while ring and len(found) < NEAREST:
-        users = [user for user, used in imports.items() if used & set(ring)]
-        tests = [user for user in users if Path(user).name.startswith("test_") and user not in found]
-        found += sorted(tests, key=lambda test: (f"/{module.split('.')[1]}/" not in test, (ROOT / test).stat().st_size))
-        ring = [one for one in map(_module, users) if one not in seen]
-        seen |= set(ring)
-        if found:
-            break
-    return tuple(found[:NEAREST])
+def nearest_tests(file: str, where: str) -> tuple[str, ...]:
+    """Return the test files that use a function most: by its name, through what calls it, in its own package before others.
+
+    A mention counts a quarter for each caller between; files with less than a tenth of the best one's count are left out.
+    """
+    outer, *inner = where.split(".")
+    (_, users), mentions = _uses(), Counter[str]()
+    weight, seen, ring = 1.0, set[Name](), {(_module(file), outer)}
+    while ring and weight > 0.25**DEPTH:
+        seen |= ring
+        found = Counter({user: count for name in ring for user, count in users[name].items() if user not in seen})
+        for (module, _), count in found.items():
+            if _is_test(module):
+                mentions[f"{module.replace('.', '/')}.py"] += weight * min(count, 10)
+        weight, ring = weight / 4, {user for user in found if not _is_test(user[0])}
+    for test in mentions:
+        mentions[test] *= (3 if test.split("/")[1] == file.split("/")[2] else 1) * (
+            2 if inner and f".{inner[-1]}" in text_of(test) else 1
+        )
+    best = mentions.most_common(NEAREST)
+    return tuple(test for test, count in best if count > 0.1 * best[0][1])
 
 
-def _module(file: str) -> str:
-    return file.removeprefix("src/").removesuffix(".py").replace("/", ".")
+Name = tuple[str, str]
+"""Module and name of a definition at its top; the name is empty for a whole test file."""
 
 
 @cache
-def _imports() -> dict[str, set[str]]:
-    """Return what every file of source and tests imports of either, as dotted names."""
-    found = {}
-    for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")]:
-        file, names = path.relative_to(ROOT).as_posix(), set()
-        for node in ast.walk(ast.parse(text_of(file))):
-            if isinstance(node, ast.ImportFrom) and node.module:
-                names |= {node.module} | {f"{node.module}.{one.name}" for one in node.names}
-            elif isinstance(node, ast.Import):
-                names |= {one.name for one in node.names}
-        found[file] = names
+def _uses() -> tuple[dict[str, dict[str, Name]], dict[Name, Counter[Name]]]:
+    """Return what each module imports under which name, and for every definition who mentions it and how often."""
+    trees = {
+        _module(path.relative_to(ROOT).as_posix()): ast.parse(text_of(path.relative_to(ROOT).as_posix()))
+        for path in sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")])
+    }
+    imported = {module: _imported(tree) for module, tree in trees.items()}
+
+    def origin(name: Name) -> Name:
+        module, last = name
+        further = imported.get(module, {}).get(last)
+        return origin(further) if further and further != name else name
+
+    users: dict[Name, Counter[Name]] = defaultdict(Counter)
+    for module, tree in trees.items():
+        known, own = imported[module], {name for node in tree.body for name in _defined(node)}
+        for node in tree.body:
+            inside = [("" if _is_test(module) else name) for name in _defined(node)] or [""]
+            for one in ast.walk(node):
+                name: Name | None = None
+                if isinstance(one, ast.Name):
+                    name = known.get(one.id) or ((module, one.id) if one.id in own else None)
+                elif isinstance(one, ast.Attribute) and isinstance(one.value, ast.Name) and one.value.id in known:
+                    name = (".".join(filter(None, known[one.value.id])), one.attr)
+                if name:
+                    users[origin(name)].update((module, user) for user in inside)
+    return imported, users
+
+
+def _imported(tree: ast.Module) -> dict[str, Name]:
+    """Return where each imported name of a module comes from."""
+    found: dict[str, Name] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {one.asname or one.name: (node.module, one.name) for one in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {one.asname: (one.name, "") for one in node.names if one.asname}
     return found
+
+
+def _defined(node: ast.stmt) -> list[str]:
+    """Return the names that a statement at the top of a module defines."""
+    if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+        return [node.name]
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return [one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)]
+
+
+def _module(file: str) -> str:
+    return file.removeprefix("src/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+def _is_test(module: str) -> bool:
+    return module.startswith("tests.") and module.rpartition(".")[2].startswith("test_")
 
 
 class State:
@@ -339,13 +395,13 @@ class State:
         entry = self.known["mutants"].get(mutant.name)
         if entry is None or entry["source"] != _digest(mutant.file):
             return None
-        if entry["outcome"] == "survived" and entry["tests"] != _digest(*nearest_tests(mutant.file)):
+        if entry["outcome"] == "survived" and entry["tests"] != _digest(*mutant.tests):
             return None
         return entry["outcome"]
 
     def add(self, mutant: Mutant, outcome: str) -> None:
         """Keep how a mutant ended."""
-        entry = {"source": _digest(mutant.file), "tests": _digest(*nearest_tests(mutant.file)), "outcome": outcome}
+        entry = {"source": _digest(mutant.file), "tests": _digest(*mutant.tests), "outcome": outcome}
         with self.lock:
             self.known["mutants"][mutant.name] = entry
             self._write()
@@ -366,7 +422,7 @@ class State:
 
 def attempt(mutant: Mutant, tree: Path, prefix: list[str], known: State) -> str:
     """Return how the nearest tests end with a mutant in the copy of the tree; those marked thorough run last."""
-    file, tests = tree / mutant.file, nearest_tests(mutant.file)
+    file, tests = tree / mutant.file, mutant.tests
     before = text_of(mutant.file)
     for marker in ("not thorough", "thorough"):
         file.write_text(mutant.apply(before), encoding="utf-8")
@@ -460,7 +516,7 @@ def _say(mutants: list[Mutant], known: State) -> int:
     outcomes = {one: known.outcome(one) or "unknown" for one in mutants}
     alive = [one for one, outcome in outcomes.items() if not outcome.startswith("killed")]
     for one in alive:
-        print(f"\n{outcomes[one]}: {one.name}\n    tests: {' '.join(nearest_tests(one.file))}\n{one.diff()}")
+        print(f"\n{outcomes[one]}: {one.name}\n    tests: {' '.join(one.tests)}\n{one.diff()}")
     counts = Counter(outcome.split(" by ")[0] for outcome in outcomes.values())
     hung = sum(outcome == "killed by timeout" for outcome in outcomes.values())
     share = 1 - len(alive) / max(len(mutants), 1)

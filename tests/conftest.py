@@ -3,6 +3,9 @@
 import pytest
 from hypothesis import settings
 
+from seatrial.core import engine
+
+engine.configure()
 settings.register_profile("reproducible", derandomize=True, deadline=None, database=None)
 settings.load_profile("reproducible")
 

@@ -22,7 +22,7 @@ FORBIDDEN = {
     "__import__",
 }
 
-BETWEEN_OWN_PROCESSES = {"dask_workers.py": {"pickle"}, "on_worker.py": {"pickle"}}
+BETWEEN_OWN_PROCESSES = {"dask_workers.py": {"pickle"}}
 """Dask's tasks, never a file: docs/decisions/0016."""
 
 

@@ -85,7 +85,7 @@ def write_campaign(name: str, line: str, prior: str) -> Campaign:
 def fit(campaign: Campaign, trials: Trials) -> Answer:
     """Posterior of the full structure."""
     posterior = build_posterior(campaign, campaign.structures[0], trials.fit)
-    mode = find_mode(posterior, random_key(campaign, "mode"))
+    mode = find_mode(posterior, random_key(campaign.seed, "mode"))
     draws = find_method("adaptive-metropolis")(posterior, jax.random.key(1))
     values = np.asarray(posterior.constrain(jnp.asarray(draws)))
     mean, sd = (dict(zip(posterior.names, x.tolist(), strict=True)) for x in (values.mean(0), values.std(0)))
@@ -96,7 +96,7 @@ def fit(campaign: Campaign, trials: Trials) -> Answer:
 def correlation(campaign: Campaign, trials: Trials, values: dict[str, float]) -> float:
     """Autocorrelation of what a simulation leaves over, 0.1 s apart, the first fitted run."""
     record, model = trials.fit[0], campaign.model(campaign.structures[0])
-    simulator = Simulator(model, campaign.sensors, campaign.has_delay)
+    simulator = Simulator(model, campaign.sensor_models, campaign.has_delay)
     control = tuple(jnp.asarray(record.channel(name)) for name in model.controls)
     there = np.isfinite(record.channel("u"))
     start = jnp.array([values.get(f"u_0[{record.label}]", float(record.channel("u")[there][0]))])

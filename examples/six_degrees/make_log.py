@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from seatrial.numerics.integrate import rk4_step
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 
 STEP, DURATION = 0.1, 60.0
 TRUTH = {

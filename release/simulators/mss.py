@@ -22,7 +22,7 @@ from seatrial.export.manoeuvre import Controls
 from seatrial.export.motion import motion_of
 from seatrial.export.published import of_catalogue
 from seatrial.export.target import Carried
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.control_signs import push_of, sense_of
 from seatrial.vehicles.simulate import simulate
 

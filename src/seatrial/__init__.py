@@ -1,14 +1,11 @@
 """seatrial: design trials, estimate hydrodynamic coefficients with honest uncertainty, select the terms.
 
-Importing the package is cheap: JAX and the rest load when a name that needs them is first used.
+Importing the package is cheap and sets nothing: JAX and the rest load when a name that needs them is first used, and JAX is then set to
+float64 (`configure`).
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-
-from seatrial.core import engine
-
-engine.configure()
 
 __version__ = "0.1.0"
 
@@ -21,6 +18,7 @@ _HOME = {
     "select_structure": "seatrial.campaign.selection.evidence",
     "run_loop": "seatrial.campaign.workflow.run",
     "write_report": "seatrial.report.page",
+    "configure": "seatrial.core.engine",
     "CoefficientName": "seatrial.core.coefficients",
     "Record": "seatrial.core.record",
     "SeatrialError": "seatrial.core.errors",
@@ -28,6 +26,9 @@ _HOME = {
     "make_record": "seatrial.core.record",
     "InputError": "seatrial.core.errors",
 }
+"""Module of every public name."""
+_LIGHT = ("seatrial.core.", "seatrial.logs.")
+"""Where nothing computes with JAX."""
 __all__ = [
     "CoefficientName",
     "InputError",
@@ -35,6 +36,7 @@ __all__ = [
     "Record",
     "SeatrialError",
     "__version__",
+    "configure",
     "design_first",
     "estimate_all",
     "get_trials",
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.selection.evidence import select_structure
     from seatrial.campaign.workflow.run import run_loop
     from seatrial.core.coefficients import CoefficientName
+    from seatrial.core.engine import configure
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
     from seatrial.core.record import Record, make_record
     from seatrial.report.page import write_report
@@ -65,6 +68,10 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        return getattr(import_module(_HOME[name]), name)
-    raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
+    if name not in _HOME:
+        raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
+    if not _HOME[name].startswith(_LIGHT):
+        from seatrial.core import engine
+
+        engine.prepare(tell=True)
+    return getattr(import_module(_HOME[name]), name)

@@ -32,8 +32,7 @@ def paper(
     """Reproduce, check and judge every table, figure and claim of the paper seatrial starts from."""
 
     def work(reporter: Any) -> Exit:
-        from studies.remus100.cards import verdict_words
-        from studies.remus100.page import write_paper
+        from studies.remus100.page import verdict_words, write_paper
         from studies.remus100.registry import chosen_items
         from studies.remus100.run import check_folder, choose_vehicle, run_paper
         from studies.remus100.study import FULL, QUICK

@@ -6,23 +6,48 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from markupsafe import Markup
+
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.files import atomic_path, write_text
+from seatrial.numerics.sigma_points import UnscentedRule
 from seatrial.report.drawing import Drawing
 from seatrial.report.figures.style import POINT, own_settings
 from seatrial.report.html import render_html
-from seatrial.report.labels import name_html
-from seatrial.report.numbers import typeset
+from seatrial.report.labels import name_html, sentence_html
+from seatrial.report.numbers import plain, rounded, times_ten, typeset
 from seatrial.report.pdf import draw_pdf
 from seatrial.report.svg import draw_svg, inlined
-from studies.remus100.cards import LOOKS, card, labels_of, verdict_words
-from studies.remus100.figures.panels import COLUMN
-from studies.remus100.figures.registry import FIGURES, chosen_figures
-from studies.remus100.items import Item
+from studies.remus100.designs import ACTIVE as WINDOWS
+from studies.remus100.designs import INITIAL_VARIANCE as DESIGN_VARIANCE
+from studies.remus100.figures import FIGURES, chosen_figures
+from studies.remus100.filters import BOUND_SHARE, HOLD, INITIAL_VARIANCE, N_STEPS, STEP
+from studies.remus100.panels import COLUMN, printed_unit
 from studies.remus100.registry import ENTRIES, chosen_items
 from studies.remus100.run import FILE_NAME
-from studies.remus100.study import FULL, Study
-from studies.remus100.unprinted import settings_rows
+from studies.remus100.study import FULL, Item, Number, Study, Verdict
+from studies.remus100.trial import ACTIVE, DURATION, PERIOD, N
+from studies.remus100.vehicle_file import NAMES, RPM, Reading
 
+LOOKS: dict[Verdict, str] = {
+    "reproduced": "reproduced",
+    "reproduced in shape": "shape",
+    "differs": "differs",
+    "cannot hold": "cannot",
+}
+"""Class of the badge of each verdict."""
+ELSEWHERE: dict[Verdict, str] = {
+    "reproduced": "holds",
+    "reproduced in shape": "holds in shape",
+    "differs": "does not hold",
+    "cannot hold": "cannot hold",
+}
+"""Verdicts in the words for a vehicle that is not the paper's: nothing of it is printed to be reproduced."""
+UNITS = {"s": "s", "rpm": "rpm"}
+"""Units at the end of a setting's name."""
+DIGITS, PRINTED_DIGITS = 4, 6
+LONG = 12
+"""Rows from which a table of numbers is set in two."""
 Drawn: TypeAlias = dict[str, list[tuple[Drawing, str]]]
 """Figures by the item they stand under, each with its width: `wide` or `column`."""
 SECTIONS = {
@@ -54,12 +79,124 @@ SIZES = {
 """What each sample size counts."""
 
 
+def card(item: Item, reading: Reading) -> dict[str, Any]:
+    """What the templates print of an item."""
+    labels = labels_of(reading)
+    return {
+        "key": item.key,
+        "title": name_html(typeset(item.title), labels),
+        "verdict": verdict_words(item.verdict, reading),
+        "look": LOOKS[item.verdict],
+        "because": sentence_html(item.because, labels) if item.because else Markup(""),
+        "short": sentence_html(item.because.split("; ")[0], labels) if item.because else Markup(""),
+        "tables": _halves([_row(number, labels) for number in item.numbers]),
+        "has_printed": any(number.printed is not None for number in item.numbers),
+        "has_error": any(number.error for number in item.numbers),
+        "settings": [_setting(name, value, labels) for name, value in item.settings.items() if not _is_text(value)],
+        "said": [
+            (f"{name[:1].upper()}{name[1:]}", [sentence_html(text, labels) for text in value])
+            for name, value in item.settings.items()
+            if _is_text(value)
+        ],
+    }
+
+
+def verdict_words(verdict: Verdict, reading: Reading) -> str:
+    """Verdict in the words that fit the vehicle."""
+    return verdict if reading.is_paper else ELSEWHERE[verdict]
+
+
+def labels_of(reading: Reading) -> dict[str, str]:
+    """LaTeX label of every name that items speak of."""
+    labels = {name: CoefficientName.parse(name).label for name in (*NAMES, reading.doubted, "X_udot")}
+    slopes = {f"d{name}": f"d{label}" for name, label in labels.items()}
+    return labels | slopes | {"sigma_u": r"\sigma_{u}", "udot": r"\dot{u}", "p_D": "p_{D}", "P_0": "P_{0}"}
+
+
+def settings_rows(reading: Reading) -> list[tuple[str, Markup]]:
+    """Return pairs of what is left open and how it is read, the values those that were used."""
+    rule, doubted = UnscentedRule(), reading.doubted
+    low, high = (plain(bound / RPM) for bound in (reading.lowest, reading.highest))
+    share = f"{100 * BOUND_SHARE:g}%"
+    small, large = map(plain, reading.source.doubted.values)
+    rows = {
+        "Units of T and n": f"T is printed in {printed_unit(reading, 'T_nabsn')}; trim is at {plain(reading.trim / RPM)} rpm and "
+        f"{plain(reading.hull.trim['u'])} m/s",
+        "Inertia": f"m - X_udot = {plain(reading.inertia)} kg, thrust deduction {plain(reading.hull.thrust_deduction)}",
+        "Input of Figures 1 and 2": f"random steps of up to +-{plain(reading.steps / RPM)} rpm about trim, each held for "
+        f"{plain(HOLD)} s, from trim, {plain(N_STEPS * STEP)} s at {plain(STEP)} s",
+        "Noise": f"standard deviation {plain(reading.filter_noise)} m/s of u, and the same number of du/dt, for the filters; "
+        f"{plain(reading.sigma)} m/s of u, which alone is measured, in Section IV",
+        "P of the filters": f"variance {INITIAL_VARIANCE[1]:.0e} of the drag coefficients, as the tables have it, in Section "
+        f"III's comparisons; {DESIGN_VARIANCE[1]:.0e}, as the text has it, in its designs",
+        "Bounds of SRUKF-C": f"{share} of the true value to either side",
+        "Sigma points": f"alpha {plain(rule.alpha)}, beta {plain(rule.beta)}, kappa {plain(rule.kappa)}",
+        "Manoeuvre window": "whole doublets within "
+        + ", ".join(plain(window) for window in WINDOWS.values())
+        + f" s of {plain(DURATION)} s, side by side; amplitudes from {low} to {high} rpm",
+        "Entropy": "of the three coefficients, without the speed; H = -E[log p], so that the gain is H(prior) - H(posterior)",
+        "Trial of Section IV": f"doublets of {high} rpm and {plain(PERIOD)} s for {plain(ACTIVE)} s, {N} samples in "
+        f"{plain(DURATION)} s, noise of seed 1",
+        "Priors": "uniform about half the true value, 200% of it to either side; sigma_u from 0 to twice the true one",
+        "Prior of the doubted term": f"in Tables IV and V as the others, with {doubted} = {small} and {large}; in Table VI, where it is "
+        f"called uninformative, within +-{plain(reading.source.doubted.wide)} [SI]",
+        "Geweke's score": "with the variance of the mean of each segment; with that of the draws, as printed, it could hardly fail",
+        "Columns BF of Tables IV and V": "posterior probabilities at equal prior ones; M-0 is the model with the doubted term, M-1 "
+        "the one without",
+    }
+    labels = labels_of(reading)
+    return [(what, name_html(typeset(words), labels)) for what, words in rows.items()]
+
+
 def write_paper(study: Study, items: Sequence[Item]) -> Path:
     """Write `report.html` and its figures, as SVG and PDF, in the study's folder, each file atomically; return the page's path."""
     drawings = _draw_figures(study, items)
     path = study.folder / "report.html"
     write_text(path, _render(study, items, drawings))
     return path
+
+
+def _row(number: Number, labels: dict[str, str]) -> dict[str, Any]:
+    value, error, exponent = rounded(number.found, number.error) if number.error else ("", "", 0)
+    return {
+        "name": name_html(typeset(number.name), labels),
+        "printed": "" if number.printed is None else plain(number.printed, PRINTED_DIGITS),
+        "found": value or plain(number.found, DIGITS),
+        "error": error,
+        "power": times_ten(exponent),
+    }
+
+
+def _halves(rows: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """Return one table, or two of about the same length; none without rows."""
+    middle = (len(rows) + 1) // 2 if len(rows) > LONG else len(rows)
+    return [half for half in (rows[:middle], rows[middle:]) if half]
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, list) and any(isinstance(one, str) and " " in one for one in value)
+
+
+def _setting(name: str, value: Any, labels: dict[str, str]) -> Markup:
+    """Write a setting as `steps 400 rpm`."""
+    words, _, unit = name.rpartition("_")
+    if unit not in UNITS:
+        words, unit = name, ""
+    if words not in labels:
+        words = words.replace("_", " ")
+    return Markup("{} {}").format(name_html(words, labels), name_html(f"{_value(value)} {unit}".rstrip(), labels))
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float)):
+        return plain(value, PRINTED_DIGITS)
+    if isinstance(value, dict):
+        return ", ".join(f"{key}: {_value(one)}" for key, one in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(_value, value))
+    return typeset(str(value))
 
 
 def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:

@@ -10,9 +10,8 @@ from seatrial import __version__
 from seatrial.core.errors import InputError
 from seatrial.core.files import remove_orphans, write_json
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
-from studies.remus100.items import Item
 from studies.remus100.registry import ENTRIES, PARTS
-from studies.remus100.study import Sizes, Study
+from studies.remus100.study import Item, Sizes, Study
 from studies.remus100.vehicle_file import READINGS, Reading, read_vehicle
 
 FILE_NAME = "paper.json"

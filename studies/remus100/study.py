@@ -1,10 +1,10 @@
-"""A study of the paper: its parts, computed when first asked for and kept on disk, each stamped with all it depends on."""
+"""A study of the paper: its items, and its parts, computed when first asked for and kept on disk, stamped with all they depend on."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import jax
 import xarray as xr
@@ -14,6 +14,8 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.files import sha256_of_json
 from seatrial.core.progress import SILENT, Progress, Reporter
 from studies.remus100.vehicle_file import Reading
+
+Verdict = Literal["reproduced", "reproduced in shape", "differs", "cannot hold"]
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ class Sizes:
 
 
 FULL = Sizes()
+
+
 QUICK = Sizes(
     filter_seeds=8,
     tuning_seeds=8,
@@ -118,3 +122,61 @@ class Study:
 
 
 Part: TypeAlias = Callable[[Study], xr.Dataset]
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of an item beside the printed one.
+
+    Attributes:
+        name: what it is, unit included.
+        printed: as the paper prints it; None where it prints none.
+        found: here.
+        error: its Monte Carlo standard error; 0 where there is none.
+    """
+
+    name: str
+    printed: float | None
+    found: float
+    error: float = 0.0
+
+
+@dataclass(frozen=True)
+class Item:
+    """One item with its verdict.
+
+    Attributes:
+        key: name for `--only`, such as `table-1`.
+        title: what it is.
+        verdict: judgement.
+        because: reason, one sentence; empty for what is reproduced.
+        numbers: what was compared.
+        settings: how it was computed, seeds included.
+    """
+
+    key: str
+    title: str
+    verdict: Verdict
+    because: str = ""
+    numbers: tuple[Number, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """The verdict in one line."""
+        return f"{self.verdict}, because {self.because}" if self.because else self.verdict
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything, JSON-able."""
+        return {**asdict(self), "words": self.words}
+
+
+def trial_settings(study: Study) -> dict[str, Any]:
+    """The vehicle, the trial, and the seeds of both trial and computation."""
+    return {"reading": study.reading.name, "data_seed": 1, "sigma": study.reading.sigma, "seed": study.seed}
+
+
+def chain_settings(study: Study) -> dict[str, Any]:
+    """These and the size of a Markov chain run."""
+    sizes = study.sizes
+    return trial_settings(study) | {"chains": sizes.chains, "burn_in": sizes.burn_in, "draws": sizes.draws}

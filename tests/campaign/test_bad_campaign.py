@@ -123,7 +123,7 @@ def test_a_file_in_another_encoding(tmp_path, encoding):
     text = SMALL.replace('"small"', '"Gerät"').encode(encoding)
     if encoding == "utf-8-sig":
         (tmp_path / "campaign.toml").write_bytes(text)
-        assert load_campaign(tmp_path).source.campaign.name == "Gerät"
+        assert load_campaign(tmp_path).name == "Gerät"
     else:
         error = refused(tmp_path, text)
         assert error.where.endswith(f"campaign.toml:{1 if encoding == 'utf-16' else 3}")

@@ -78,9 +78,9 @@ def test_templates_are_valid_and_never_overwrite(tmp_path, template):
 
 def test_quantities_become_si(tmp_path):
     campaign = load_campaign(write_small(tmp_path))
-    amplitude, period = campaign.grid()
+    amplitude, period = campaign.design.grid()
     assert amplitude[-1] == pytest.approx(200 * 2 * 3.141592653589793 / 60, rel=1e-15)
     assert period.tolist() == pytest.approx([2, 8, 14, 20])
-    assert campaign.limits().upper == pytest.approx(157.07963267948966)
-    assert campaign.limits().rate is None
+    assert campaign.limits.upper == pytest.approx(157.07963267948966)
+    assert campaign.limits.rate is None
     assert campaign.family.trim == 125.0

@@ -24,7 +24,7 @@ def small(tmp_path_factory):
 
 def apart(campaign, answer, column):
     """Distance from the truth of each coefficient in standard deviations."""
-    truth = campaign.source.truth
+    truth = campaign.truth
     return [abs(pairs[column][0] - truth[name]) / pairs[column][1] for name, _, pairs in answer.rows if name in truth]
 
 
@@ -46,7 +46,7 @@ def test_the_mode_predicts_what_was_held_back(tmp_path):
     (fit,) = answer.held_back
     values = {name: pairs[0][0] for name, _, pairs in answer.rows}
     model = campaign.model(answer.structure)
-    start = jnp.array([record.channel("u")[0] if campaign.source.estimation.initial == "measured" else 1.54])
+    start = jnp.array([record.channel("u")[0] if campaign.estimation.initial == "measured" else 1.54])
     motion = np.asarray(simulate(model, values, jnp.asarray(record.control), jnp.asarray(record.step), start))[:, 0]
     speed = record.channel("u")
     there = np.isfinite(speed)

@@ -22,7 +22,7 @@ def finished(tmp_path_factory):
 
 def test_truth_is_inside_the_stated_uncertainty(finished):
     _, outcome = finished
-    truth = outcome.campaign.source.truth
+    truth = outcome.campaign.truth
     for row in outcome.summary["coefficients"]:
         if row["name"] in truth:
             assert abs(row["mean"] - truth[row["name"]]) < 4 * row["sd"]

@@ -67,7 +67,7 @@ def test_a_file_outside_is_read_in_a_shell_and_refused_where_files_are_kept_with
     (here / "served" / "boat" / "linked.csv").symlink_to(there / ("log.csv" if "log" in name else "curve.csv"))
     campaign = load_campaign(boat(here, path, curve))
     assert read_untrimmed(campaign, "a").time.size == 200
-    assert folders_outside(campaign.folder, campaign.source) == [str(there)]
+    assert folders_outside(campaign.folder, campaign.known_from, campaign.imports) == [str(there)]
     keep_within([here / "served"])
     for use in (import_trials, lambda one: read_untrimmed(one, "a")):
         with pytest.raises(InputError, match="which lies outside") as refused:
@@ -118,7 +118,7 @@ def test_an_earlier_campaign_outside_is_refused_and_so_is_one_by_a_link(here):
     write_summary(earlier.parent, ("X_u",), X_u=(-1.0, 0.1))
     shutil.copytree(earlier.parent, here / "served" / "surge")
     write_small(boat_folder, ("[vehicle]\n", '[vehicle]\nknown_from = ["../../elsewhere"]\n'))
-    assert load_campaign(boat_folder).source.vehicle.known_from == ["../../elsewhere"]
+    assert load_campaign(boat_folder).known_from == ("../../elsewhere",)
     keep_within([here / "served"])
     with pytest.raises(InputError, match=r"vehicle\.known_from"):
         load_campaign(boat_folder)

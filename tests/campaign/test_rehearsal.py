@@ -17,7 +17,7 @@ from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import catalogue_vehicle
+from seatrial.vehicles.catalogue import load_surge
 from tests.apps.test_cli import results, run
 from tests.campaign.small import NO_X_U, write_small
 
@@ -44,7 +44,7 @@ def found(small):
 
 def speed(control, drag, thrust, step=0.1):
     """The small vehicle's speed by Runge-Kutta in plain Python: (m + a) du/dt = X u|u| + (1 - t) T n|n|, from trim."""
-    hull = catalogue_vehicle("remus100_surge").hull
+    hull = load_surge("remus100_surge").hull
     assert hull.mass is not None
     mass, share = hull.mass - hull.fixed["X_udot"], 1.0 - hull.thrust_deduction
 

@@ -6,7 +6,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection.screening import can_be_screened, screen_terms, with_shortlist
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import catalogue_vehicle
+from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import surge_vehicle
 from tests.campaign.small import write_small
@@ -32,7 +32,7 @@ NAMES = ", ".join(f'"{name}"' for name in ("X_u", *EXTRA))
 def write_log(folder):
     """Thirty seconds of doublets, simulated with the catalogue's coefficients."""
     time = np.arange(0.0, 30.0, 0.1)
-    entry = catalogue_vehicle("remus100_surge")
+    entry = load_surge("remus100_surge")
     model = surge_vehicle(entry.hull, list(entry.coefficients))
     control = entry.hull.trim["n"] + 20.0 * np.where(time % 10 < 5, 1.0, -1.0) + 30.0 * np.sin(0.3 * time**1.3)
     start = jnp.array([entry.hull.trim["u"]])

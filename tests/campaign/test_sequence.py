@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.schema import GoalTable
+from seatrial.campaign.config.settings import Goal, Imports
 from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, _lagged, add_trial, later_trials
@@ -85,7 +85,7 @@ def test_a_changed_campaign_begins_anew(tmp_path):
 
 def test_real_logs_cannot_be_run(tmp_path):
     campaign = written(tmp_path, ONE)
-    real = replace(campaign, source=campaign.source.model_copy(update={"imported": object(), "truth": {}}))
+    real = replace(campaign, imports=Imports(("1",), (), ()), truth={})
     with pytest.raises(InputError, match="to simulate"):
         add_trial(real, Chosen("step", 1.0, 1.0))
 
@@ -117,16 +117,18 @@ def test_settling_by_simulation(nats):
 
 
 def strict_lines(outcome):
-    source = outcome.campaign.source.model_copy(update={"goal": GoalTable(sd={"X_u": "1 %"})})
-    return propose(replace(outcome, campaign=replace(outcome.campaign, source=source))).lines
+    return propose(with_goal(outcome, Goal(shares={"X_u": 0.01}))).lines
+
+
+def with_goal(outcome, goal):
+    return replace(outcome, campaign=replace(outcome.campaign, goal=goal))
 
 
 def test_a_goal_of_trials_alone_is_met_once_they_are_run(tmp_path):
     outcome = make_outcome(tmp_path)
     run = len(outcome.trials.fit)
     for trials, more in ((run, False), (run + 1, True)):
-        source = outcome.campaign.source.model_copy(update={"goal": GoalTable(trials=trials)})
-        found = propose(replace(outcome, campaign=replace(outcome.campaign, source=source)))
+        found = propose(with_goal(outcome, Goal(trials=trials)))
         assert (found.trial is not None) == more
         assert ("all that [goal] asks for" in found.lines[-1]) != more
 
@@ -134,8 +136,7 @@ def test_a_goal_of_trials_alone_is_met_once_they_are_run(tmp_path):
 def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     outcome = make_outcome(tmp_path)
     assert propose(outcome).trial is not None
-    source = outcome.campaign.source.model_copy(update={"goal": GoalTable(sd={"X_u": "900 %"})})
-    met = replace(outcome, campaign=replace(outcome.campaign, source=source))
+    met = with_goal(outcome, Goal(shares={"X_u": 9.0}))
     assert propose(met).lines[-1] == "stop: the goal is met"
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)

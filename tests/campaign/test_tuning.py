@@ -52,7 +52,7 @@ def test_too_large_a_process_noise_is_named(small):
 def test_process_noise_is_what_is_gained_in_one_second(small):
     """The same number as a float of SI and as a quantity, for a state and for a coefficient."""
     campaign = load_campaign(write_small(small[0], ("[estimation]", f'{DRIFT}"3 cm/s", X_u = 0.2 }}\n[estimation]')))
-    assert campaign.process_noise() == pytest.approx([0.03, 0.0, 0.0, 0.2])
+    assert campaign.process_sds() == pytest.approx([0.03, 0.0, 0.0, 0.2])
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_process_noise_is_what_is_gained_in_one_second(small):
 def test_process_noise_that_cannot_be_used(tmp_path, written, words):
     folder = write_small(tmp_path, ("[estimation]", f"[filter]\nprocess_noise = {written}\n[estimation]"))
     with pytest.raises(InputError) as refused:
-        load_campaign(folder).process_noise()
+        load_campaign(folder)
     assert all(word in str(refused.value) for word in words)
 
 

@@ -6,7 +6,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.inference.quick_estimates import posterior_modes
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 
 TERMS = ("Y_uv", "Y_uudelta_r", "N_uv", "N_ur", "N_uudelta_r")
 CAMPAIGN = f"""

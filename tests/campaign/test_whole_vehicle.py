@@ -115,7 +115,7 @@ def test_published_coefficients_are_priors_where_sought_and_fixed_where_not(tmp_
     model = campaign.model(campaign.full)
     assert [term.text for term in model.coefficients] == ["M_uw", "M_uudelta_s"]
     assert {"w", "q", "theta"} <= set(model.states)
-    prior = campaign.prior("M_uudelta_s", "kg/rad")
+    prior = campaign.prior("M_uudelta_s")
     assert (prior.mean, prior.sd) == pytest.approx((-6.15, 1.23))
     assert campaign.hull.fixed["M_uq"] == -2.0
     assert "M_uw" not in campaign.hull.fixed
@@ -150,10 +150,10 @@ def test_what_an_earlier_campaign_found_is_a_prior_or_fixed(tmp_path):
     write_summary(tmp_path / "first", ("M_uw", "M_uq"), **found)
     (tmp_path / "second").mkdir()
     campaign = pitch(tmp_path / "second", ("published_to", 'known_from = ["../first"]\npublished_to'))
-    prior = campaign.prior("M_uw", "kg")
+    prior = campaign.prior("M_uw")
     assert (prior.mean, prior.sd) == pytest.approx((22.5, 0.3))
     assert campaign.hull.fixed["M_uq"] == -2.2
-    assert campaign.source.prior["M_uudelta_s"].mean == pytest.approx(-6.15)
+    assert campaign.priors["M_uudelta_s"].mean == pytest.approx(-6.15)
 
 
 @pytest.mark.parametrize(
@@ -178,15 +178,12 @@ def test_vehicles_that_make_no_sense(tmp_path, change, message):
 def test_a_quaternion_is_no_unknown_start(tmp_path):
     changes = [
         ('moves = ["w", "q"]', 'moves = ["v", "w", "p", "q", "r"]\nattitude = "quaternion"'),
-        ("[truth]", '[estimation]\ninitial = "estimated"\n\n[truth]'),
         ('u = "1.54 m/s"', 'u = "1.54 m/s"\ndelta_r = "0 deg"'),
     ]
     campaign = pitch(tmp_path, *changes)
     assert campaign.state_trim(campaign.model(campaign.full))[-4:] == (1.0, 0.0, 0.0, 0.0)
-    from seatrial.campaign.inference.posterior import build_parameters
-
-    with pytest.raises(InputError, match="attitude as a quaternion"):
-        build_parameters(campaign, campaign.model(campaign.full), ())
+    with pytest.raises(InputError, match=r"estimation\.initial(.|\n)*attitude as a quaternion"):
+        pitch(tmp_path, *changes, ("[truth]", '[estimation]\ninitial = "estimated"\n\n[truth]'))
 
 
 def test_a_heading_over_full_turns_needs_euler_angles(tmp_path):

@@ -19,7 +19,7 @@ from seatrial.campaign.compute.place import SLURMCluster, job_options, submit_jo
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.compute.workers import LocalWorkers
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.schema import SlurmTable
+from seatrial.campaign.config.settings import ComputeSettings, SlurmJobs
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.calibration import estimate_key
@@ -190,9 +190,8 @@ def small(tmp_path_factory):
     return load_campaign(write_small(tmp_path_factory.mktemp("workers") / "small", (WITH, GOAL + WITH)))
 
 
-def with_compute(campaign, **table):
-    compute = campaign.source.compute.model_copy(update=table)
-    return replace(campaign, source=campaign.source.model_copy(update={"compute": compute}))
+def with_compute(campaign, **settings):
+    return replace(campaign, compute=ComputeSettings(**settings))
 
 
 def test_where_is_one_setting_and_the_environment_overrides_it(small, monkeypatch):
@@ -265,7 +264,7 @@ def test_what_has_been_built_is_built_once(small):
     assert len(made) == 1
 
 
-SLURM = SlurmTable(memory="16GB", walltime="04:00:00", cores=8, jobs=5, queue="short", account="hydro", interface="lo")
+SLURM = SlurmJobs(memory="16GB", walltime="04:00:00", cores=8, jobs=5, queue="short", account="hydro", interface="lo")
 
 
 @pytest.mark.filterwarnings("ignore:Port 8787:UserWarning")

@@ -1,6 +1,5 @@
 """Elementary functions of compiled code on long vectors against NumPy and SciPy: XLA has compiled one of them wrongly."""
 
-import seatrial  # noqa: F401  (settings of the engine come before JAX)  # isort: skip
 import jax
 import jax.numpy as jnp
 import numpy as np

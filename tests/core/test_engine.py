@@ -5,7 +5,9 @@ import sys
 import pytest
 
 TIME_LOOP = """
-import seatrial, jax, jax.numpy as jnp
+import seatrial
+seatrial.configure()
+import jax, jax.numpy as jnp
 loop = jax.jit(lambda x: jax.lax.scan(lambda u, n: (u - 0.1 * u * abs(u) + n, None), x, jnp.arange(100.0))[0])
 print("xla_cpu_small_call" in loop.lower(1.0).compile().as_text())
 """
@@ -26,6 +28,17 @@ def run_python(code: str, tmp_path, **environment: str) -> str:
     ).stdout.strip()
 
 
+def warning_of(code: str, tmp_path, **environment: str) -> str:
+    """Text of the one warning that code gives."""
+    listen = (
+        "import warnings; said = warnings.catch_warnings(record=True).__enter__(); warnings.simplefilter('always');"
+    )
+    (text,) = run_python(
+        f"{listen} {code}; print(*(w.message for w in said), sep='\\n')", tmp_path, **environment
+    ).splitlines()
+    return text
+
+
 @pytest.mark.parametrize(
     ("flags", "one_kernel"),
     [
@@ -40,29 +53,105 @@ def test_a_time_loop_becomes_one_kernel(tmp_path, flags, one_kernel):
 
 @pytest.mark.parametrize("flags", ["--xla_cpu_enable_fast_math=false", OTHER_BACKEND_OPTION])
 def test_flags_of_the_user_are_kept(tmp_path, flags):
-    after = run_python("import seatrial, os; print(os.environ['XLA_FLAGS'])", tmp_path, XLA_FLAGS=flags)
+    code = "import seatrial, os; seatrial.configure(); print(os.environ['XLA_FLAGS'])"
+    after = run_python(code, tmp_path, XLA_FLAGS=flags)
     assert after.startswith(flags)
     assert after.count("--xla_backend_extra_options") == 1
 
 
-DTYPE = "import jax.numpy as jnp; print(jnp.ones(1).dtype)"
+ONES = "import jax.numpy as jnp; print(jnp.ones(1).dtype)"
+IMPORTS = ["import seatrial, jax", "import jax, seatrial", "import jax, jax.numpy as jnp; jnp.ones(1); import seatrial"]
+LIGHT = "dir(seatrial), seatrial.make_record, seatrial.InputError, seatrial.CoefficientName"
+
+
+@pytest.mark.parametrize("first", IMPORTS)
+def test_importing_sets_nothing_that_a_program_of_its_own_feels(tmp_path, first):
+    """Nothing of JAX and of the environment that it reads changes before something that computes is used."""
+    read = "{name: value for name, value in os.environ.items() if name.startswith(('JAX_', 'XLA_'))}"
+    code = (
+        f"import os; before = {read}; {first}; {LIGHT}; print({read} == before, jax.config.jax_compilation_cache_dir)"
+    )
+    assert run_python(f"{code}; {ONES}", tmp_path).splitlines() == ["True None", "float32"]
+
+
+@pytest.mark.parametrize("first", IMPORTS)
+def test_configure_is_told_and_obeyed(tmp_path, first):
+    assert run_python(f"{first}; seatrial.configure(); {ONES}", tmp_path) == "float64"
+
+
+@pytest.mark.parametrize("use", ["seatrial.load_campaign", "import seatrial.estimation.mode"])
+def test_what_computes_computes_in_double_precision(tmp_path, use):
+    assert run_python(f"import seatrial; {use}; {ONES}", tmp_path) == "float64"
+    assert run_python(f"import jax, seatrial; {use}; {ONES}", tmp_path) == "float64"
+
+
+def test_switching_a_jax_that_was_there_is_said(tmp_path):
+    said = warning_of("import jax, seatrial; seatrial.load_campaign", tmp_path)
+    assert "has switched JAX to it" in said
+    assert "seatrial.configure()" in said
+    with pytest.raises(ValueError, match="expected 1, got 0"):
+        warning_of("import jax, seatrial; seatrial.configure(); seatrial.load_campaign", tmp_path)
+    with pytest.raises(ValueError, match="expected 1, got 0"):
+        warning_of("import jax, seatrial; seatrial.load_campaign", tmp_path, JAX_ENABLE_X64="1")
+
+
+def test_a_program_that_computes_in_single_precision_is_not_switched(tmp_path):
+    code = """
+import jax.numpy as jnp, seatrial
+jnp.ones(1)
+for attempt in range(2):
+    try:
+        seatrial.load_campaign
+    except seatrial.InputError as error:
+        print(error.remedy, jnp.ones(1).dtype)
+import warnings
+warnings.simplefilter("ignore")
+seatrial.configure()
+print(seatrial.load_campaign.__name__, jnp.ones(1).dtype)
+"""
+    *refused, after = run_python(code, tmp_path).splitlines()
+    assert len(refused) == 2
+    assert all(line.startswith("call seatrial.configure()") and line.endswith("float32") for line in refused)
+    assert after == "load_campaign float64"
+
+
+@pytest.mark.parametrize("use", ["load_campaign", "configure()"])
+def test_single_precision_that_is_asked_for_is_warned_of(tmp_path, use):
+    code = f"import jax, seatrial; seatrial.{use}; assert not jax.config.jax_enable_x64"
+    assert "JAX_ENABLE_X64=0 has seatrial compute in single" in warning_of(code, tmp_path, JAX_ENABLE_X64="0")
+
+
+def test_options_that_come_too_late_are_said(tmp_path):
+    said = warning_of("import jax.numpy as jnp, seatrial; jnp.ones(1); seatrial.configure()", tmp_path)
+    assert "simulations take 3 to 20 times longer" in said
+
+
+COMPILED = "jax.config.update('jax_persistent_cache_min_compile_time_secs', 0.0); jax.jit(lambda x: x + 1)(1.0)"
 
 
 @pytest.mark.parametrize(
-    ("code", "environment", "dtype"),
+    ("use", "kept"),
     [
-        (f"import seatrial; {DTYPE}", {}, "float64"),
-        (f"import jax, seatrial; {DTYPE}", {}, "float64"),
-        (f"import seatrial; {DTYPE}", {"JAX_ENABLE_X64": "0"}, "float32"),
-        (f"import jax, seatrial; {DTYPE}", {"JAX_ENABLE_X64": "0"}, "float32"),
+        ("import seatrial, jax; seatrial.load_campaign", False),
+        (f"{IMPORTS[2]}; seatrial.configure(cache=False)", False),
+        (f"{IMPORTS[0]}; seatrial.configure()", True),
+        (f"{IMPORTS[2]}; seatrial.configure()", True),
     ],
 )
-def test_double_precision_unless_the_user_says_otherwise(tmp_path, code, environment, dtype):
-    assert run_python(code, tmp_path, **environment) == dtype
+def test_compiled_code_is_kept_where_that_is_asked_for(tmp_path, use, kept):
+    """By `configure` and so by every command, also where JAX has compiled something before; not by using seatrial."""
+    run_python(f"{use}; {COMPILED}", tmp_path)
+    assert (tmp_path / "seatrial" / "xla").exists() == kept
 
 
-@pytest.mark.parametrize("first", ["seatrial", "jax"])
-def test_compiled_kernels_are_cached(tmp_path, first):
-    code = f"import {first}, seatrial, jax; print(jax.config.jax_compilation_cache_dir)"
-    assert run_python(code, tmp_path) == str(tmp_path / "seatrial" / "xla")
-    assert run_python(code, tmp_path, JAX_COMPILATION_CACHE_DIR="/elsewhere") == "/elsewhere"
+def test_the_users_cache_is_kept(tmp_path):
+    code = "import seatrial, jax; seatrial.configure(); print(jax.config.jax_compilation_cache_dir)"
+    assert run_python(code, tmp_path, JAX_COMPILATION_CACHE_DIR=str(tmp_path / "own")) == str(tmp_path / "own")
+
+
+def test_a_command_configures(tmp_path):
+    code = "import sys; sys.argv = ['seatrial', '--version']; from seatrial.apps.cli import main\ntry: main()\nexcept SystemExit: pass\n"
+    told = run_python(
+        f"{code}import os; print(os.environ['JAX_COMPILATION_CACHE_DIR'], os.environ['JAX_ENABLE_X64'])", tmp_path
+    )
+    assert told.splitlines()[-1] == f"{tmp_path / 'seatrial' / 'xla'} 1"

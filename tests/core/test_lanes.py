@@ -17,7 +17,7 @@ from seatrial.sampling.tempered_ladder import LadderSettings, sample_ladder
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 from seatrial.selection.criteria import deviances
 from seatrial.selection.prior_monte_carlo import log_likelihoods
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.simulate import simulate_many
 from tests.cases import RPM
 from tests.design.test_sweep import SHORT, paper_space

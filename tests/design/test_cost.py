@@ -5,7 +5,7 @@ from math import exp, sqrt
 import numpy as np
 import pytest
 
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import InputError
 from seatrial.design.cost import (
     ForcePower,
     PropellerPower,
@@ -15,7 +15,7 @@ from seatrial.design.cost import (
     in_seconds,
     per_trial,
 )
-from seatrial.design.stopping import stop_times
+from seatrial.design.stopping import best_stops
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, naive_rk4, paper_model, surge_rate
@@ -86,10 +86,9 @@ def doublet():
 
 
 def test_best_stop_against_brute_force_over_all_ends():
-    """Sensitivities by central differences of a plain loop; information and energy of every shortened trial by themselves."""
+    """Sensitivities by central differences of a plain loop; information and length of every shortened trial by themselves."""
     control = doublet()
-    cost = in_joules(20.0, POINT, ForcePower(1.0, "n", "u"), fixed=2000.0)
-    found = stop_times(PAPER, control[:, None], VALUES, entropy_reduction, cost)
+    found = best_stops(PAPER, control[None, :, None], VALUES, entropy_reduction, overhead=30.0, ends=N)
 
     def shown(moved):
         speed = [U0]
@@ -102,46 +101,35 @@ def test_best_stop_against_brute_force_over_all_ends():
     slopes = np.stack([(shown(VALUES[0] + d) - shown(VALUES[0] - d)) for d in np.diag(size)], -1)[:N] / (
         2 * size * 0.05
     )
-    speed, rates = shown(VALUES[0]), []
-    for end in range(1, N + 1):
-        gain = entropy_reduction(slopes[:end].T @ slopes[:end])
-        power = 40 * np.abs(control[:end] / (1500 * RPM)) ** 3 + 20
-        trapezoid = np.abs(control[:end]) * (speed[:end] + speed[1 : end + 1]) / 2
-        rates.append(gain / (2000 + (power + trapezoid).sum() * STEP))
-    np.testing.assert_allclose(found.rate, rates, rtol=2e-4, atol=1e-9)
-    assert found.best == int(np.argmax(rates))
-    assert 0 < found.best < N - 1
-    assert not found.worth_going_on
-    assert found.time[found.best] == pytest.approx((found.best + 1) * STEP)
+    rates = [entropy_reduction(slopes[:end].T @ slopes[:end]) / (30.0 + end * STEP) for end in range(1, N + 1)]
+    best = int(np.argmax(rates))
+    assert 0 < best < N - 1
+    assert found.samples.tolist() == [best + 1]
+    np.testing.assert_allclose(found.rate, [rates[best]], rtol=2e-4)
+    np.testing.assert_allclose(found.length, [(best + 1) * STEP])
+    masked = plan_trial(PAPER.model, [U0], {"u": 0.05}, N, STEP, (np.arange(N) <= best)[:, None] * 1.0)
+    np.testing.assert_allclose(found.information[0, 0], masked.information(VALUES[0], control[:, None]), rtol=1e-9)
 
 
-def test_information_at_the_end_is_that_of_the_plan():
-    seen = []
-    ends = np.array([40, 80, N])
-    stop_times(
-        PAPER, doublet()[:, None], VALUES, lambda f: (seen.append(f), entropy_reduction(f))[1], in_seconds(), ends
-    )
-    whole = np.asarray(PAPER.information(VALUES[0], doublet()[:, None]))
-    np.testing.assert_allclose(seen[-1][-1], whole, rtol=1e-9)
-    masked = plan_trial(PAPER.model, [U0], {"u": 0.05}, N, STEP, (np.arange(N) < 80)[:, None] * 1.0)
-    np.testing.assert_allclose(seen[-1][1], masked.information(VALUES[0], doublet()[:, None]), rtol=1e-9)
-
-
-def test_stop_over_draws_is_the_ratio_of_means():
+def test_best_stop_over_draws_is_by_the_mean_gain():
     draws = VALUES * (1 + 0.2 * np.random.default_rng(2).normal(size=(8, 3)))
-    cost, ends = in_joules(5.0, ForcePower(1.0, "n", "u")), np.array([40, 80, N])
-    found = stop_times(PAPER, doublet()[:, None], draws, entropy_reduction, cost, ends)
-    alone = [stop_times(PAPER, doublet()[:, None], draw[None], entropy_reduction, cost, ends) for draw in draws]
-    gains, costs = (np.array([getattr(each, name) for each in alone]) for name in ("gain", "cost"))
-    np.testing.assert_allclose(found.rate, gains.mean(0) / costs.mean(0), rtol=1e-10)
-    # The error of a ratio of means is that of leaving one draw out at a time, up to the curvature of the ratio.
-    rest = [np.delete(gains, i, 0).mean(0) / np.delete(costs, i, 0).mean(0) for i in range(8)]
-    jackknife = np.sqrt(7 / 8 * ((rest - np.mean(rest, 0)) ** 2).sum(0))
-    np.testing.assert_allclose(found.rate_error, jackknife, rtol=0.1)
+    designs = np.stack([doublet(), doublet()[::-1]])[:, :, None]
+    found = best_stops(PAPER, designs, draws, entropy_reduction, overhead=30.0, ends=4)
+    ends = np.unique(np.linspace(1, N, 4).round().astype(int))
+    for i, control in enumerate(designs):
+        cut = [plan_trial(PAPER.model, [U0], {"u": 0.05}, N, STEP, (np.arange(N) < e)[:, None] * 1.0) for e in ends]
+        gains = [np.mean([entropy_reduction(plan.information(draw, control)) for draw in draws]) for plan in cut]
+        rates = np.array(gains) / (30.0 + ends * STEP)
+        assert found.samples[i] == ends[rates.argmax()]
+        np.testing.assert_allclose(found.rate[i], rates.max(), rtol=1e-9)
 
 
-def test_each_trial_at_one_price_is_best_run_to_its_end():
-    assert stop_times(PAPER, doublet()[:, None], VALUES, entropy_reduction, per_trial()).worth_going_on
+def test_without_time_between_trials_the_first_end_is_no_worse_than_the_last():
+    rates = [
+        best_stops(PAPER, doublet()[None, :, None], VALUES, entropy_reduction, overhead, ends=N).length[0]
+        for overhead in (0.0, 1e6)
+    ]
+    assert rates[0] < rates[1] == N * STEP
 
 
 @pytest.mark.parametrize(
@@ -162,16 +150,15 @@ def test_costs_that_are_refused(cost, where, words):
     assert words in caught.value.found
 
 
-def test_gains_and_stops_that_are_refused():
+def test_gains_that_are_refused():
     with pytest.raises(InputError, match=r"a least gain of -2"):
         gain_per_cost(np.array([1.0, -2.0]), np.array([1.0, 1.0]))
     with pytest.raises(InputError, match=r"a least cost of 0"):
         gain_per_cost(np.array([1.0]), np.array([0.0]))
-    for ends in ([0, 5], [5, 5], [N + 1]):
-        with pytest.raises(InputError, match="ends of the trial"):
-            stop_times(PAPER, doublet()[:, None], VALUES, entropy_reduction, in_seconds(), np.array(ends))
-    with pytest.raises(InputError, match="-inf without information"), np.errstate(divide="ignore", invalid="ignore"):
-        stop_times(PAPER, doublet()[:, None], VALUES, lambda f: np.linalg.slogdet(f)[1], in_seconds())
+
+
+def test_an_end_by_which_a_motion_diverges_is_no_choice():
     runaway = np.vstack([VALUES, VALUES * [1, -1e6, 1]])
-    with pytest.raises(NumericalError, match="1 of 2 draws, first in row 1"):
-        stop_times(PAPER, doublet()[:, None], runaway, entropy_reduction, in_seconds(), np.array([40, 80, N]))
+    found = best_stops(PAPER, doublet()[None, :, None], runaway, entropy_reduction, 30.0, ends=4)
+    assert found.samples.tolist() == [1]
+    assert np.isfinite(found.information).all()

@@ -10,7 +10,7 @@ import pytest
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.expected_gain import GainSettings, importance_gain, laplace_gain, naive_gain
+from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, entropies, normal_belief, prior_cov
 from seatrial.design.trial_plan import plan_trial
@@ -84,8 +84,6 @@ beliefs = pytest.mark.parametrize(
 @beliefs
 def test_linear_gaussian_closed_form(belief):
     exact = linear_gain(prior_cov(belief))
-    local = laplace_gain(linear_plan(), belief, PUSH, KEY, draws=80)
-    assert (local.value, local.std_error) == (pytest.approx(exact, rel=1e-9), pytest.approx(0.0, abs=1e-9))
     found = importance_gain(linear_plan(), belief, PUSH, KEY, SMALL)
     assert abs(found.value - exact) < 4 * found.std_error
     assert found.std_error < 0.02
@@ -96,8 +94,8 @@ def test_linear_gaussian_closed_form(belief):
 
 def test_gain_is_the_entropy_utility_of_a_linear_model():
     information = jax.jit(linear_plan().information)(BELIEF.mean, jnp.asarray(PUSH))
-    local = laplace_gain(linear_plan(), BELIEF, PUSH, KEY, draws=80)
-    assert local.value == pytest.approx(float(find_criterion("fisher-d", prior_cov(BELIEF))(information)), rel=1e-9)
+    local = importance_gain(linear_plan(), BELIEF, PUSH, KEY, SMALL).diagnostics["laplace"]
+    assert local == pytest.approx(float(find_criterion("fisher-d", prior_cov(BELIEF))(information)), rel=1e-9)
 
 
 PRIORS = {
@@ -138,28 +136,6 @@ def test_nonlinear_against_quadrature(name):
     assert found.diagnostics["laplace"] == pytest.approx(exact, abs=0.15)
 
 
-@cache
-def naive(sd, inner):
-    return naive_gain(linear_plan(sd), BELIEF, PUSH, KEY, outer=200, inner=inner)
-
-
-def test_naive_gain_where_the_trial_teaches_little():
-    found = naive(2.0, 2000)
-    assert abs(found.value - linear_gain(prior_cov(BELIEF), 2.0)) < 4 * found.std_error
-    assert found.status == ""
-
-
-def test_naive_gain_is_biased_upwards_and_refuses_itself():
-    """At 0.01 the posterior holds fewer than one of the inner draws; more of them help a little."""
-    exact = linear_gain(prior_cov(BELIEF), 0.01)
-    few, many = naive(0.01, 80), naive(0.01, 2000)
-    assert few.value > many.value > exact + 1.0
-    for found in (few, many):
-        assert found.status.startswith("refused: ")
-        assert "use importance_gain" in found.status
-        assert found.diagnostics["median_ess"] < 8
-
-
 def test_error_is_that_of_repeats():
     """Estimates under 24 keys spread as each says; a spread of 24 has a relative error of 0.15."""
     found = [importance_gain(linear_plan(), BELIEF, PUSH, jax.random.key(i), SMALL) for i in range(24)]
@@ -183,11 +159,10 @@ def test_too_few_inner_draws_are_refused():
     assert found.status.startswith("refused: 100% of 80 outer draws rest on fewer than 8 effective of 4 inner draws")
 
 
-@pytest.mark.parametrize("gain", [laplace_gain, importance_gain, pytest.param(naive_gain, marks=pytest.mark.thorough)])
-def test_priors_whose_draws_diverge(gain):
+def test_priors_whose_draws_diverge():
     """Eight steps of a factor of (1e11 / 8)^4 / 24 and more pass the largest number for all but a few draws."""
     with pytest.raises(NumericalError, match=r"diverges for \d+ of \d+ draws from the prior, first at X_u = "):
-        gain(decay_plan(), (Uniform(-1.0, 1e12),), np.ones((N_DECAY, 1)), KEY)
+        importance_gain(decay_plan(), (Uniform(-1.0, 1e12),), np.ones((N_DECAY, 1)), KEY)
 
 
 @pytest.mark.parametrize(

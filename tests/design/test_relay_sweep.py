@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.gaussian import independent
+from seatrial.core.state_space import StateSpace
 from seatrial.design.relay_sweep import sweep_relay
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
@@ -185,3 +187,30 @@ def test_surface_over_amplitude_and_threshold():
     assert (np.diff(sweep.gain, axis=0)[reachable] > 0).all()
     assert (sweep.gain[~sweep.oscillates].max()) < sweep.gain[sweep.oscillates].min() - 3
     assert len(sweep.warnings) == 6
+
+
+def test_peak_speed_is_that_of_the_first_state_of_several():
+    """du/dt = c f - u, and far faster a second state that follows: the largest |u| of a plain loop, from below zero too."""
+    family = RelayFamily((("f", 0.0),), "f", "u", 0.0, duration=6.0, sample_time=0.05)
+    space = StateSpace(
+        independent([0.0, 5.0, 1.0], [0.1, 0.1, 0.2]),
+        jnp.full(3, 1e-3),
+        jnp.array([0.05]),
+        ("u", "x", "c"),
+        ("u",),
+        2,
+        lambda s, control, h: (s[0] + h * (s[2] * control[0] - s[0]), s[1] + h * (s[0] - s[1])),
+        lambda s, control: (s[0],),
+    )
+    for start in (0.0, -2.0):
+        truth = np.array([start, 5.0, 1.3])
+        found = sweep_relay(space, family, np.array([1.0]), np.array([0.2]), method=FAST, truth=truth)
+        u, side, reached = [start], 1, 0.0
+        for _ in range(120):
+            reached = max(reached, abs(u[-1]))
+            side = -1 if u[-1] >= 0.2 else 1 if u[-1] <= -0.2 else side
+            u.append(u[-1] + 0.05 * (1.3 * side - u[-1]))
+        assert found.peak_speed[0, 0] == pytest.approx(np.abs(u[:-1]).max())
+        assert found.reached[0, 0] == pytest.approx(reached)
+        assert found.final_sd.shape == (1, 1, 1)
+        assert 0 < found.final_sd[0, 0, 0] < 0.2

@@ -13,10 +13,10 @@ from seatrial.core.errors import InputError
 from seatrial.design.duty import Duty, away_share, duty_excess, reversals_per_minute
 from seatrial.design.limit_conflicts import check_some_allowed, conflicting_pairs, least_miss
 from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, StateBound, _between
-from seatrial.design.safety import Safety, judge_safety, least_rooms, probability_at_least
+from seatrial.design.safety import Safety, judge_runs, judge_safety, least_rooms, probability_at_least
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.catalogue import catalogue_longitudinal
+from seatrial.vehicles.catalogue import load_longitudinal
 from seatrial.vehicles.longitudinal import longitudinal_vehicle
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
@@ -170,7 +170,7 @@ def test_track_against_a_plain_loop():
 
 def test_depth_and_altitude_of_a_diving_vehicle():
     """Least rooms are those of the states that the plan itself shows, and of the state after its last step."""
-    entry = catalogue_longitudinal("remus100_longitudinal")
+    entry = load_longitudinal("remus100_longitudinal")
     model = longitudinal_vehicle(entry.hull, tuple(entry.coefficients))
     start = [entry.hull.trim.get(state, 10.0) for state in model.states]
     longer, plan = (plan_trial(model, start, {"u": 0.05}, n, 0.1) for n in (51, 50))
@@ -339,3 +339,26 @@ def test_duty_that_is_exceeded():
 )
 def test_limits_are_told_in_the_unit_they_are_shown_in(lower, upper, words):
     assert _between("pitch", lower, upper, (100.0, "cdeg")) == words
+
+
+def test_runs_of_a_closed_loop_are_judged_each_with_its_own_control():
+    """Draw s with the force s: rooms are those of each alone, and a draw that diverges breaks all limits."""
+    draws, forces = drag_draws(60), np.linspace(2.0, 12.0, 60)
+    controls = forces[:, None, None] * np.ones((1, N, 1))
+    limits = (StateBound("u", -10.0, 2.0), Distance(40.0))
+    found = judge_runs(PLAN, controls, draws, limits)
+    drag = -draws[:, 0]
+    assert found.room.shape == (1, 60, 2)
+    np.testing.assert_allclose(found.room[0, :, 0], 2.0 - top_speed(forces, drag), atol=1e-4)
+    np.testing.assert_allclose(found.room[0, :, 1], 40.0 - way(forces, drag), atol=2e-3)
+    assert found.diverged.tolist() == [0]
+    assert (found.probability, found.confidence, found.limits) == (0.95, 0.95, limits)
+    wild = np.vstack([draws[:-2], np.full((2, 1), 1e6)])
+    found = judge_runs(PLAN, controls, wild, limits)
+    assert found.diverged.tolist() == [2]
+    assert (found.room[0, 58:] == -inf).all()
+    assert np.isfinite(found.room[0, :58]).all()
+    with pytest.raises(InputError, match="58 draws"):
+        judge_runs(PLAN, controls[:58], draws[:58], limits)
+    with pytest.raises(InputError, match="designs of 120 samples"):
+        judge_runs(PLAN, controls[:, 1:], draws, limits)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.calibration import DRAWS, Calibration, ranks_of, stays_within
+from seatrial.estimation.calibration import DRAWS, Calibration, _shape, ranks_of, spread_evenly, stays_within
 
 REPLICATES = 400
 
@@ -110,3 +110,75 @@ def test_coverage_counts_the_ranks_inside():
 def test_rank_counts_draws_below():
     draws = np.arange(DRAWS)[:, None] + 0.5
     assert [int(ranks_of(np.array([x]), draws)[0]) for x in (-1.0, 1.0, 50.2, 200.0)] == [0, 1, 50, DRAWS]
+
+
+def spread_out(width=1.0, shift=0.0, replicates=400):
+    """Ranks of truths that lie evenly in a normal distribution so many times as wide as stated and shifted, in its deviations."""
+    even = stats.norm.ppf((np.arange(replicates) + 0.5) / replicates)
+    return np.floor((DRAWS + 1) * stats.norm.cdf(shift + width * even)).astype(int)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "few", "enough", "said"),
+    [
+        ({"shift": 0.1}, 610, 740, "biased downwards: truths lie 0.1 of its standard deviations above it"),
+        ({"shift": -0.1}, 610, 740, "biased upwards: truths lie 0.1 of its standard deviations below it"),
+        ({"width": 1.1}, 380, 500, "overconfident: truths scatter 1.1 times"),
+        ({"width": 0.9}, 280, 420, "too wide: truths scatter 0.9 times"),
+    ],
+)
+def test_what_is_wrong_is_named_from_2_6_standard_errors_on(spoil, few, enough, said):
+    """A mean of n has the error 1 / sqrt(n), a standard deviation 1 / sqrt(2 n): 0.1 is 2.6 of them for 676 and for 338."""
+    assert said in _shape(spread_out(**spoil, replicates=enough))
+    assert said not in _shape(spread_out(**spoil, replicates=few))
+    assert "neither its place nor its width" in _shape(spread_out(**spoil, replicates=few))
+
+
+@pytest.mark.parametrize(("replicates", "k"), [(100, 1), (400, 3)])
+def test_counts_of_all_bins_lie_within_the_band_that_the_binomial_gives(replicates, k):
+    """Each tail of each bin has its part of one hundredth, and the band is the narrowest that leaves no more."""
+    low, high = Calibration(tuple(map(str, range(k))), np.zeros((replicates, k), int)).count_band()
+    law, tail = stats.binom(replicates, 1 / 20), 0.01 / 2 / (20 * k)
+    assert law.cdf(low - 1) < tail <= law.cdf(low)
+    assert law.sf(high) <= tail < law.sf(high - 1)
+
+
+def test_counts_and_distances_by_hand():
+    """Ranks 0 to 99 once each fill bins of five evenly; without the lower half the distribution lags by p up to one half."""
+    even = np.arange(100)
+    found = Calibration(("even", "upper"), np.column_stack([even, 50 + even // 2]))
+    assert found.counts()[0].tolist() == [5] * 20
+    assert found.counts()[1].tolist() == [0] * 10 + [10] * 10
+    at = np.arange(1, 100) / 100
+    assert found.distance()[0] == pytest.approx(0.0, abs=1e-12)
+    assert found.distance()[1] == pytest.approx(
+        np.maximum(0.0, np.ceil(200 * at - 100 - 1e-9) // 2 / 50) - at, abs=0.0101
+    )
+
+
+def test_band_of_the_distances_is_left_with_its_probability():
+    """Narrower by a tenth of a percent it would be left by right ranks in more than 0.01 / k of runs."""
+    at = np.arange(1, 100) / 100
+    for k in (1, 4):
+        band = Calibration(tuple(map(str, range(k))), np.zeros((50, k), int)).distance_band()
+        width = band / np.sqrt(at * (1 - at) / 50)
+        assert width == pytest.approx(width[0], rel=1e-12)
+        assert 1 - stays_within(50, width[0]) <= 0.01 / k
+        assert 1 - stays_within(50, width[0] - 0.05) > 0.01 / k
+
+
+def test_words_hold_the_interval_s_share_and_what_chance_allows():
+    ranks = np.tile(np.arange(100), 4)
+    first, second, both = Calibration(("a", "b"), np.column_stack([ranks, ranks])).lines()
+    low, high = (stats.binom(400, 0.9).ppf(p) / 400 for p in (0.0025, 0.9975))
+    assert first.startswith("a: the 90 % interval holds the truth in 90.0% of 400 replicates")
+    assert f"(chance allows {low:.1%} to {high:.1%}), p = 1.000" in second
+    assert "of 2 quantities" in both
+    assert len(Calibration(("a",), ranks[:, None]).lines()) == 1
+
+
+def test_draws_are_taken_evenly_from_the_first_to_the_last():
+    draws = np.arange(1000.0)[:, None]
+    taken = spread_evenly(draws)[:, 0]
+    assert (taken.size, taken[0], taken[-1]) == (DRAWS, 0.0, 999.0)
+    assert np.abs(np.diff(taken) - 999 / (DRAWS - 1)).max() <= 1.0

@@ -39,3 +39,18 @@ def test_a_delay_is_found_again():
 
 def _ahead(control, time, by):
     return np.column_stack([np.interp(time + by, time, column) for column in control.T])
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.0])
+def test_a_delay_at_an_end_of_the_range_is_found(delay):
+    record = surge_record(1)
+    early = replace(record, control=_ahead(record.control, record.time, delay))
+    assert likely_delay([early], SURGE, 2.0, 0.0, 1.0) == pytest.approx(delay, abs=0.08)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 16.0), (-12.0, 4.0)])
+def test_far_delays_do_not_mislead(lower, upper):
+    """Commands that come again later are likely later, too: only about the best of those tried is searched on."""
+    record = surge_record(1)
+    early = replace(record, control=_ahead(record.control, record.time, 1.0))
+    assert likely_delay([early], SURGE, 2.0, lower, upper) == pytest.approx(1.0, abs=0.1)

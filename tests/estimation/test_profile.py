@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.profile import DROP, profile_likelihood
+from seatrial.estimation.profile import DROP, Profile, bounded_slope, climb, profile_likelihood
 from tests.estimation_cases import golden_posterior, linear_gaussian, posterior, short_posterior
 
 KEY = jax.random.key(0)
@@ -122,3 +122,45 @@ def test_a_better_fit_beyond_the_posterior_mode():
     (found,) = profiles(posterior({"a": Normal(0.0, 0.5)}, two_peaks))
     assert found.best == pytest.approx(1.5, abs=0.01)
     assert found.drop.min() == 0
+
+
+def test_climbs_stay_a_hair_inside_the_prior():
+    """Bounds are a millionth of their distance inside a prior's, and six deviations from the mean where it has none."""
+    target = posterior(
+        {"a": Uniform(-1.0, 3.0), "b": Normal(5.0, 0.5), "c": Uniform(-2.0, 2.0)}, lambda v, data: -0.5 * v["a"] ** 2
+    )
+    mode = find_mode(target, KEY)._replace(sd=np.array([0.1, 100.0, 0.0]))
+    found = bounded_slope(target, mode)
+    assert found.lower == pytest.approx([-1 + 4e-6, 2 + 6e-6, -2 + 4e-6], abs=1e-12)
+    assert found.upper == pytest.approx([3 - 4e-6, 8 - 6e-6, 2 - 4e-6], abs=1e-12)
+    width = found.upper - found.lower
+    assert found.scale == pytest.approx([0.1, width[1] / 4, 1e-9 * width[2]])
+
+
+def test_climb_holds_what_is_held_and_goes_no_further_than_the_bounds():
+    """-(a - 2 b)^2 - (b - 3)^2 in |a| < 4, |b| < 2: b is pushed to 2 and a follows to 4, or to twice the b that is held."""
+    target = posterior(
+        {"a": Uniform(-4.1, 4.1), "b": Uniform(-2.0, 2.0)},
+        lambda v, data: -((v["a"] - 2 * v["b"]) ** 2) - (v["b"] - 3.0) ** 2,
+    )
+    slope = bounded_slope(target, find_mode(target, KEY))
+    starts = np.array([[0.0, 0.0], [9.0, 1.0], [1.0, -9.0]])
+    found = climb(slope, starts, [None, 1, 0])
+    assert found.values == pytest.approx(np.array([[4.0, 2.0], [2.0, 1.0], [1.0, 1.0]]), abs=1e-3)
+    assert found.height == pytest.approx([-1.0, -4.0, -5.0], abs=1e-3)
+
+
+def test_words_and_units_of_an_interval():
+    """Names the ends that are known, with their unit, and where the prior ends on a side that is open."""
+    numbers = (np.zeros(1), np.zeros(1), np.zeros((1, 1)))
+
+    def line(lower, upper, unit="kg"):
+        return Profile("X_u", unit, 1.0, *numbers, lower, upper, (-5.0, 7.0)).line
+
+    assert line(0.5, 2.5) == "X_u: 95 % interval 0.5 to 2.5 kg by profile likelihood"
+    assert line(0.5, 2.5, "1") == "X_u: 95 % interval 0.5 to 2.5 by profile likelihood"
+    assert "only, below 2.5 kg:" in line(-np.inf, 2.5)
+    assert "as far as -5, the end" in line(-np.inf, 2.5)
+    assert "only, above 0.5 kg:" in line(0.5, np.inf)
+    assert "as far as 7, the end" in line(0.5, np.inf)
+    assert "no value from -5 to 7 kg can" in line(-np.inf, np.inf)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.estimation.record_checks import (
+    _delay,
     _scatter,
     best_lag,
     check_excitation,
@@ -123,3 +124,129 @@ def test_scatter_of_white_noise_is_its_standard_deviation():
     spiked = noise + np.where(np.arange(noise.size) % 400 == 7, 50.0, 0.0)
     assert np.median(_scatter(noise)) == pytest.approx(0.3, rel=0.05)
     assert np.median(_scatter(spiked)) == pytest.approx(0.3, rel=0.08)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (2.9, None),
+        (1 / 2.9, None),
+        (3.2, "check the units"),
+        (1 / 3.2, "check the units"),
+        (0.65 * 2 * np.pi, "revolutions"),
+        (1.05 * 2 * np.pi, "rpm"),
+        (0.65 * 30 / np.pi, "rpm"),
+        (1.55 * 30 / np.pi, "rpm"),
+        (1.65 * 30 / np.pi, "check the units"),
+        (0.55 * 180 / np.pi, "check the units"),
+        (0.65 * 180 / np.pi, "degrees"),
+        (1.55 * 180 / np.pi, "degrees"),
+        (1.65 * 60, "check the units"),
+        (0.55 * 1000, "check the units"),
+        (0.65 * 1000, "millimetres"),
+        (1.55 * 1000, "millimetres"),
+        (1.65 * 1000, "check the units"),
+        (1 / 650, "millimetres"),
+    ],
+)
+def test_a_unit_is_named_within_a_factor_of_1_6_of_it(factor, words):
+    """From 0.6 to 1.6 times the factor of a confusion, or its inverse; three times the motion expected is none yet."""
+    size = next(found for found in check_motion("r", STEP, factor * EXPECTED, EXPECTED) if found.check == "size")
+    assert size.level == ("pass" if words is None else "caution")
+    assert (words or "") in size.remedy
+    assert float(size.value.split()[0]) == pytest.approx(factor, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("correlation", "level"), [(-0.45, "fail"), (-0.35, "caution"), (0.45, "caution"), (0.55, "pass")]
+)
+def test_direction_by_the_correlation(correlation, level):
+    """A channel goes the other way below -0.4, and size and delay are told from 0.5 on."""
+    rng = np.random.default_rng(3)
+    other = rng.normal(size=TIME.size)
+    for _ in range(2):  # at every lag that is tried the other part says nothing
+        other -= EXPECTED * (other @ EXPECTED) / (EXPECTED @ EXPECTED)
+    mean = EXPECTED - EXPECTED.mean()
+    other -= other.mean() + mean * (other @ mean) / (mean @ mean)
+    mixed = correlation * mean / mean.std() + np.sqrt(1 - correlation**2) * other / other.std()
+    found = check_motion("u", STEP, mixed, EXPECTED)
+    assert found[0].level == level
+    assert ("size" in levels(found)) == (level == "pass")
+
+
+@pytest.mark.parametrize(
+    ("late", "shifted", "direct", "said"),
+    [
+        (0.11, 0.95, 0.85, "about 0.11 s late"),
+        (0.09, 0.95, 0.85, None),
+        (-0.11, 0.95, 0.85, "about 0.11 s early"),
+        (-0.09, 0.95, 0.85, None),
+        (0.5, 0.89, 0.1, None),
+        (0.5, 0.91, 0.1, "about 0.5 s late"),
+        (0.5, 0.95, 0.91, None),
+        (0.5, 0.95, 0.89, "about 0.5 s late"),
+    ],
+)
+def test_a_shift_counts_where_it_explains_most_of_the_rest(late, shifted, direct, said):
+    """From 0.1 s on, where 0.9 is reached with it and less than half of what is left without it remains."""
+    found = _delay("u", late, shifted, direct)
+    assert [finding.value for finding in found] == ([said] if said else [])
+    assert all(("[prior.delay]" in finding.remedy) == (late > 0) for finding in found)
+
+
+@pytest.mark.parametrize("size", [25, 40, 300])
+def test_scatter_around_a_sample_by_a_naive_twin(size):
+    """Quartile of the bends of up to 25 samples on either side, or of half the record; the ends are mirrored."""
+    x = np.cumsum(np.random.default_rng(7).normal(size=size) * np.linspace(1, 5, size))
+    bends = [abs(x[i - 1] - 2 * x[i] + x[i + 1]) / np.sqrt(6) for i in range(1, size - 1)]
+    around = min(25, len(bends) // 2)
+
+    def bend(i):
+        """Of the sample i, mirrored at the first and last that bend."""
+        at = i - 1
+        at = -at if at < 0 else at
+        return bends[2 * (len(bends) - 1) - at if at >= len(bends) else at]
+
+    naive = [np.quantile([bend(j) for j in range(i - around, i + around + 1)], 0.25) / 0.3186 for i in range(size)]
+    np.testing.assert_allclose(_scatter(x), naive, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("samples", "judged"), [(24, 0), (25, 1)])
+def test_records_of_a_few_samples_are_not_searched_for_outliers(samples, judged):
+    assert len(check_samples("u", NOISE[:samples], 0.02)) == judged
+    gappy = np.where(np.arange(600) < samples, NOISE, np.nan)
+    assert len(check_samples("u", gappy, 0.02)) == judged
+
+
+@pytest.mark.parametrize(("spikes", "level"), [(1, "pass"), (2, "caution")])
+@pytest.mark.parametrize(("size", "counts"), [(7.0, False), (10.0, True), (-10.0, True)])
+def test_samples_stand_out_from_eight_deviations_on(spikes, level, size, counts):
+    """Two in a thousand are told; a quiet signal's deviation is that of its sensor at least."""
+    x = np.zeros(1000)
+    x[np.arange(spikes) * 300 + 200] = size * 0.02
+    (finding,) = check_samples("u", x, 0.02)
+    assert finding.level == (level if counts else "pass")
+    assert finding.value == f"{100 * counts * spikes / 1000:.2f}% of the samples"
+
+
+@pytest.mark.parametrize(("left", "level"), [(0.69, "pass"), (0.71, "caution")])
+def test_excitation_from_thirty_percent_on(left, level):
+    (finding,) = check_excitation(["X_u"], np.array([2.0]), np.array([2.0 * left]), "the best fit")
+    assert finding.level == level
+    assert finding.check == "excitation (the best fit)"
+    assert f"{left:.0%} of the prior's sd would be left" in finding.line
+
+
+def test_lag_by_a_naive_twin():
+    """Of all shifts up to a quarter of the record the one of largest correlation of either sign; pairs with a gap do not count."""
+    rng = np.random.default_rng(9)
+    measured, expected = rng.normal(size=(2, 60))
+    measured[rng.random(60) < 0.2] = np.nan
+
+    def correlation(lag):
+        pairs = [(measured[i], expected[i - lag]) for i in range(60) if 0 <= i - lag < 60 and np.isfinite(measured[i])]
+        return np.corrcoef(np.array(pairs).T)[0, 1]
+
+    best = max(range(-15, 16), key=lambda lag: abs(correlation(lag)))
+    assert best_lag(measured, expected, 40) == (best, pytest.approx(correlation(best)))
+    assert best_lag(np.ones(60), expected, 5) == (0, 0.0)

@@ -6,7 +6,6 @@ from scipy import integrate, stats
 
 from seatrial.estimation.scores import (
     coverage,
-    crps_ensemble,
     crps_normal,
     effective_samples,
     explained_share,
@@ -25,27 +24,6 @@ def test_normal_score_is_the_integral(y, mean, sd):
     below = integrate.quad(lambda x: cdf(x) ** 2, low, y, epsabs=1e-13)[0]
     above = integrate.quad(lambda x: (1 - cdf(x)) ** 2, y, high, epsabs=1e-13)[0]
     assert crps_normal(np.array([y]), np.array([mean]), np.array([sd]))[0] == pytest.approx(below + above, rel=1e-7)
-
-
-def test_ensemble_score_is_the_integral_and_the_double_sum():
-    rng = np.random.default_rng(1)
-    draws, measured = rng.normal(size=(7, 3)), np.array([-3.0, 0.1, 2.0])
-    found = crps_ensemble(measured, draws)
-    for column, y, score in zip(draws.T, measured, found, strict=True):
-        spread = np.mean([abs(a - b) for a in column for b in column])
-        assert score == pytest.approx(np.mean(np.abs(column - y)) - spread / 2)
-        edges = np.sort([*column, y])
-        middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
-        steps = (column[:, None] <= middle).mean(0)
-        assert score == pytest.approx(float(width @ (steps - (y <= middle)) ** 2))
-
-
-def test_many_draws_score_as_their_distribution():
-    """The sum of the bias 1 / (s sqrt(pi)) and four errors of a mean of |x - y| of 20 000 draws is 0.025."""
-    draws = 0.5 + 1.2 * np.random.default_rng(2).normal(size=(20_000, 2))
-    measured = np.array([0.0, 3.0])
-    exact = crps_normal(measured, np.full(2, 0.5), np.full(2, 1.2))
-    np.testing.assert_allclose(crps_ensemble(measured, draws), exact, atol=0.025)
 
 
 def test_a_fit_by_hand():

@@ -167,3 +167,99 @@ def test_so_few_samples_in_the_band_are_no_chance_by_the_binomial_law(inside, na
     assert (stats.binom(18, 0.9).cdf(inside) < 0.00135) == narrow
     score = replace(scored(white()), effective=18.0, coverage=inside / 18, variance=1.0)
     assert (verdict(score).about == "band too narrow") == narrow
+
+
+def changed(**numbers):
+    """A right trial's score with some of its numbers set, judged as if worth 400 independent samples."""
+    whole = {"effective": 400.0, "coverage": 0.9, "variance": 1.0, "explained": 0.9, "noise_share": 0.1}
+    even = {"pit_distance": 0.0, "correlation": 0.0, "white": 1.0, "missing": ""}
+    return verdict(replace(scored(white()), **{**whole, **even, **numbers}), held_back=True)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "about"),
+    [
+        ({"coverage": 0.81}, ""),
+        ({"coverage": 0.79}, "band too narrow"),
+        ({"coverage": 0.61}, "band too narrow"),
+        ({"coverage": 0.59}, "errors beyond what is stated"),
+        ({"coverage": 0.59, "effective": 2.0}, ""),
+        ({"variance": 1.95}, ""),
+        ({"variance": 2.05}, "band too narrow"),
+        ({"variance": 3.95}, "band too narrow"),
+        ({"variance": 4.05}, "errors beyond what is stated"),
+        ({"variance": 2.05, "effective": 2.0}, ""),
+        ({"variance": 0.55, "coverage": 0.99}, ""),
+        ({"variance": 0.45, "coverage": 0.99}, "band too wide"),
+        ({"variance": 0.45, "coverage": 0.97}, ""),
+        ({"variance": 0.45, "coverage": 0.99, "effective": 5.0}, ""),
+        ({"variance": 0.45, "coverage": 0.99, "missing": "the measurement never changes"}, "never changes"),
+        ({"explained": 0.51}, ""),
+        ({"explained": 0.49}, "predicted poorly"),
+        ({"explained": 0.49, "noise_share": 0.49}, "predicted poorly"),
+        ({"explained": 0.49, "noise_share": 0.51}, "noise hides the motion"),
+        ({"correlation": 0.11, "white": 0.001}, "correlated residuals"),
+        ({"correlation": -0.11, "white": 0.001}, "correlated residuals"),
+        ({"correlation": 0.09, "white": 0.001}, ""),
+        ({"correlation": 0.5, "white": 0.02}, ""),
+        ({"pit_distance": 0.11}, "errors not normal"),
+        ({"pit_distance": 0.09}, ""),
+        ({"pit_distance": 0.16, "effective": 100.0}, ""),
+        ({"pit_distance": 0.17, "effective": 100.0}, "errors not normal"),
+    ],
+)
+def test_each_departure_counts_from_where_it_matters_and_is_no_chance(numbers, about):
+    """Errors 1.4 times those stated, half the variance, a tenth of a correlation; 1.63 over the root of the samples is chance."""
+    found = changed(**numbers)
+    assert (found.about, found.level != "pass") == (about, bool(about))
+
+
+@pytest.mark.parametrize(("correlation", "factor"), [(0.6, "2.0"), (0.8, "3.0"), (0.9998, "44.7"), (1.0, "44.7")])
+def test_understated_deviations_are_those_of_an_autoregression(correlation, factor):
+    """sqrt((1 + rho) / (1 - rho)), with rho 0.999 at most: residuals that hardly change would make it endless."""
+    reason = changed(correlation=correlation, white=0.0, interval=0.05).reason
+    assert f"a factor of about {factor};" in reason
+    assert f"({correlation:+.2f} over 0.05 s)" in reason
+
+
+@pytest.mark.parametrize(
+    ("pit", "said"), [((0.1, 0.1, 0.4, 0.4), "80% of it on one side"), ((0.7, 0.0, 0.1, 0.2), "70% of it on one side")]
+)
+def test_the_side_to_which_errors_lie_is_told(pit, said):
+    assert said in changed(pit_distance=0.3, pit=pit).reason
+    assert "one side" not in changed(pit_distance=0.3, pit=(0.45, 0.0, 0.1, 0.45)).reason
+
+
+def test_a_bad_fit_is_told_otherwise_than_a_bad_prediction():
+    poor = replace(scored(white()), explained=0.3, pit_distance=0.0)
+    assert verdict(poor).about == "fitted poorly"
+    assert "missing term" in verdict(scored(white(2.5 * NOISE))).reason
+    assert "another condition" in verdict(scored(white(2.5 * NOISE)), held_back=True).reason
+    assert "fit more trials" in verdict(scored(white(1.6 * NOISE)), held_back=True).reason
+    assert "fit more trials" not in verdict(scored(white(1.6 * NOISE))).reason
+
+
+def test_samples_that_a_trial_is_worth():
+    """White errors of the sensor alone are worth all; where half of each variance is motion's, which is common, about two."""
+    independent = scored(white(), motion_sd=0.0).effective
+    assert independent == pytest.approx(1200, rel=0.2)
+    assert scored(white(), motion_sd=NOISE).effective == pytest.approx(1 / (0.5 + 0.5 / independent), rel=1e-12)
+
+
+def test_scores_of_the_whole_distribution_by_hand():
+    """Continuous ranked probability score of a normal prediction in closed form (Gneiting and Raftery, 2007), and the noise's share."""
+    found, sd = scored(white(), motion_sd=NOISE), NOISE * np.sqrt(2)
+    z = white() / sd
+    each = sd * (z * (2 * stats.norm.cdf(z) - 1) + 2 * stats.norm.pdf(z) - 1 / np.sqrt(np.pi))
+    assert found.crps == pytest.approx(each.mean())
+    assert found.noise_share == pytest.approx(NOISE**2 / (MOTION + white()).var())
+    assert scored(white(), noise=5.0).noise_share == 1.0
+
+
+def test_gaps_are_left_out():
+    gappy = np.where(np.arange(TIME.size) % 3 == 0, MOTION + white(), np.nan)
+    found = score_channel(TIME, gappy, MOTION, np.full(TIME.size, 0.005), NOISE)
+    third = score_channel(TIME[::3], gappy[::3], MOTION[::3], np.full(400, 0.005), NOISE)
+    assert found == third
+    assert found.samples == 400
+    assert found.interval == pytest.approx(0.15)

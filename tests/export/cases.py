@@ -8,7 +8,7 @@ from seatrial.core.signals import RATES
 from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.vehicle import Estimated, ExportedVehicle, Provenance, of_published
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 COUNT = 1000

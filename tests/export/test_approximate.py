@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.export.targets.holoocean import HoloOcean
+from seatrial.export.targets.holoocean import HoloOcean, actuator_limits, lamb_factors, torpedo_motion, torpedo_of
 from seatrial.vehicles.actuators import Actuator
 from tests.export.cases import COUNT, FLIPPED, assert_equal, published, rich, states, with_terms, written
 
@@ -143,3 +143,63 @@ def test_holoocean_has_the_vehicle_s_actuators_or_says_that_they_are_its_own():
     assert bare.actuators["delta_s"].upper == pytest.approx(np.radians(13.6))
     (agent,) = json.loads(written(HoloOcean(), published())["agent.json"])["agents"]
     assert (agent["actuator"]["T_n"], agent["actuator"]["nMax"], agent["actuator"]["T_delta"]) == (1.0, 1525.0, 0.1)
+
+
+def test_damping_of_the_torpedo_has_the_power_of_the_vehicle_s():
+    """Of each axis by itself: over a swing of 0.2 rad/s |x| x loses 8 / (3 pi) 0.2 x, and none drives where the vehicle's does."""
+    own = {"K_p": -0.11, "K_pabsp": -0.3, "M_q": -3.0, "M_qabsq": -40.0, "N_r": -7.0, "N_rabsr": -20.0}
+    own |= {"X_u": -2.0, "Y_v": -30.0}
+    vehicle = with_terms(published(), **own)
+    (agent,) = json.loads(written(HoloOcean(), vehicle)["agent.json"])["agents"]
+    d, total = agent["dynamics"], np.diag(total_of(agent))
+    frequency = [np.sqrt(d["mass"] * 9.81 * d["r_bg"][2] / total[i]) for i in (3, 4)]
+    swing = 0.2 * 8 / (3 * np.pi)
+    assert 2 * d["zeta_roll"] * frequency[0] * total[3] == pytest.approx(0.11 + swing * 0.3)
+    assert 2 * d["zeta_pitch"] * frequency[1] * total[4] == pytest.approx(3.0 + swing * 40.0)
+    yaw = total[5]
+    assert yaw / d["T_yaw"] == pytest.approx(7.0 + swing * 20.0)
+    k1, k2, _ = lamb_factors(d["length"] / d["diam"])
+    assert d["mass"] * (1 + k1) / d["T_surge"] == pytest.approx(2.0)
+    assert d["mass"] * (1 + k2) / d["T_sway"] == pytest.approx(30.0)
+    driven = with_terms(vehicle, K_p=0.5, M_q=30.0, N_r=30.0, X_u=0.0, Y_v=0.0)
+    (agent,) = json.loads(written(HoloOcean(), driven)["agent.json"])["agents"]
+    d = agent["dynamics"]
+    assert (d["zeta_roll"], d["zeta_pitch"]) == (0.0, 0.0)
+    assert min(d["T_yaw"], d["T_surge"], d["T_sway"]) >= 1e5
+
+
+def test_drag_of_the_torpedo_is_the_vehicle_s_at_its_trim_speed():
+    vehicle, u = with_terms(published(), X_u=-2.0, X_uabsu=-3.5), 1.3
+    vehicle = replace(vehicle, hull=replace(vehicle.hull, trim={"u": u}))
+    torpedo = torpedo_of(vehicle, 1026.0)
+    ahead = torpedo_motion(torpedo)(np.array([u, 0, 0, 0, 0, 0.0]), 0.0, 0.0, {})
+    inertia = torpedo.mass * (1 + lamb_factors(torpedo.half_length / torpedo.radius)[0])
+    force = inertia * ahead[0] + torpedo.mass * torpedo.low * ahead[4]
+    assert -force == pytest.approx(2.0 * u + 3.5 * u**2, rel=1e-9)
+
+
+def test_spheroid_has_the_mass_and_the_added_mass_of_the_vehicle():
+    vehicle = published()
+    t = torpedo_of(vehicle, 1000.0)
+    assert 4 / 3 * np.pi * 1000.0 * t.half_length * t.radius**2 == pytest.approx(vehicle.hull.mass)
+    assert lamb_factors(t.half_length / t.radius)[0] * t.mass == pytest.approx(vehicle.added_mass[0, 0])
+    sphere = lamb_factors(1.0 + 1e-4)
+    assert sphere == pytest.approx((0.5, 0.5, 0.0), abs=1e-3)
+    assert lamb_factors(1e4) == pytest.approx((0.0, 1.0, 1.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("actuators", "found"),
+    [
+        ({}, {}),
+        ({"n": Actuator(0.0, -100.0, 120.0)}, {"nMax": 120 * 30 / np.pi}),
+        ({"n": Actuator(0.3, -130.0, 120.0)}, {"T_n": 0.3, "nMax": 130 * 30 / np.pi}),
+        (
+            {"delta_r": Actuator(0.1, -0.3, 0.2), "delta_s": Actuator(0.2, -0.25, 0.4)},
+            {"T_delta": 0.2, "deltaMax_fin_deg": np.degrees(0.2)},
+        ),
+        ({"delta_s": Actuator(0.0, -0.25, 0.4)}, {"deltaMax_fin_deg": np.degrees(0.25)}),
+    ],
+)
+def test_limits_of_the_actuators_are_the_narrowest_and_lags_the_longest(actuators, found):
+    assert actuator_limits(replace(published(), actuators=actuators)) == pytest.approx(found)

@@ -14,7 +14,7 @@ from seatrial.export.registry import EXPORTERS, make_exporter
 from seatrial.export.vehicle import of_published, rest_for
 from seatrial.export.write import export_vehicle, loss_words, state
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, with_terms
 
 OWN = ("json", "csv")

@@ -21,7 +21,7 @@ from seatrial.core.errors import InputError
 from seatrial.export.trials.trial import SPEED, EitherWayError, Stick, Trial, read_trial, stick_of
 from seatrial.export.trials.write import write_plain, write_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from tests.campaign.yaw_campaign import write_yaw
 
 QUICK = {

@@ -18,7 +18,7 @@ from seatrial.export.reading import read_exported
 from seatrial.export.registry import EXPORTERS, make_exporter
 from seatrial.export.targets.fossen import controls_of
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.control_signs import push_of, sense_of
 from tests.export.cases import FLIPPED, SIGN, published, with_terms, written
 from tests.export.test_approximate import holoocean_rates, total_of, u_control

@@ -65,7 +65,7 @@ def test_a_trial_of_a_design_that_is_stale_says_so_in_every_file(folder):
     path = folder / "campaign.toml"
     path.write_text(path.read_text() + '\n[limits.distance]\nupper = "5 m"\n')
     trial = read_trial(folder)
-    assert "limit of the motion: distance upper 5 m" in trial.lines
+    assert "limit of the motion: distance travelled at most 5 m" in trial.lines
     assert f"caution: {trial.caution}" in trial.lines
     assert "seatrial design" in trial.caution
 

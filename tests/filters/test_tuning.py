@@ -1,4 +1,6 @@
+from dataclasses import replace
 from functools import cache
+from math import comb
 
 import numpy as np
 import pytest
@@ -6,9 +8,9 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.noise import noise_from_high_pass
+from seatrial.filters.noise import _relative_error, noise_from_high_pass
 from seatrial.filters.run import run_filter
-from seatrial.filters.tuning import LEVEL, _band, check_tuning
+from seatrial.filters.tuning import LEVEL, TuningReport, _band, _findings, check_tuning
 from tests.cases import X_U, naive_rk4, surge_rate
 from tests.estimation_cases import golden_motion
 from tests.filters.surge_trial import MEASUREMENT_SD, TRUE_STATE, surge_space
@@ -203,3 +205,153 @@ def test_order_of_the_differences_is_the_first_that_is_enough():
     noise, time = 0.1 * np.random.default_rng(4).normal(size=4000), 0.1 * np.arange(4000)
     assert noise_from_high_pass(time, noise).order == 1
     assert noise_from_high_pass(time, noise + 50.0 * time).order == 2
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 7])
+def test_error_of_a_median_of_correlated_differences_by_bivariate_normals(order):
+    """Twice the sum of what P(|x| < m, |y| < m) exceeds 1/4 by, over all lags, beside the 1/4 of a sample alone."""
+    weights = np.array([(-1) ** i * comb(order, i) for i in range(order + 1)], float)
+    m = stats.norm.ppf(0.75)
+    variance = 0.25
+    for lag in range(1, order + 1):
+        rho = (weights[lag:] @ weights[:-lag]) / (weights @ weights)
+        law = stats.multivariate_normal(cov=[[1, rho], [rho, 1]])
+        box = law.cdf([m, m]) - law.cdf([m, -m]) - law.cdf([-m, m]) + law.cdf([-m, -m])
+        variance += 2 * (box - 0.25)
+    assert _relative_error(order) == pytest.approx(np.sqrt(variance) / (2 * stats.norm.pdf(m) * m), rel=2e-4)
+
+
+@pytest.mark.parametrize(("samples", "judged"), [(50, False), (51, True)])
+def test_fifty_differences_are_enough(samples, judged):
+    """Of the first order; the higher ones have as many in a record longer by six."""
+    measured = np.random.default_rng(5).normal(size=samples + 6)
+    if judged:
+        assert noise_from_high_pass(np.arange(samples + 6.0), measured).sd == pytest.approx(1.0, abs=0.5)
+    else:
+        with pytest.raises(InputError, match="49 differences of order 7"):
+            noise_from_high_pass(np.arange(samples + 6.0) * 0.1, measured[: samples + 6])
+
+
+def test_steps_that_are_a_tenth_longer_are_not_even():
+    """Only differences over even steps count: here those of every third stretch of samples."""
+    rng = np.random.default_rng(6)
+    step = np.where(np.arange(3000) // 100 % 3 == 0, 1.0, np.where(np.arange(3000) % 2 == 0, 0.85, 1.15))
+    time = np.cumsum(step)
+    stretched = np.where(np.arange(3000) // 100 % 3 == 0, 0.1, 5.0) * rng.normal(size=3000)
+    assert noise_from_high_pass(time, stretched).sd == pytest.approx(0.1, rel=0.1)
+    near = np.cumsum(np.where(np.arange(3000) % 2 == 0, 1.0, 1.08))
+    assert noise_from_high_pass(near, rng.normal(size=3000)).std_error < 0.05
+
+
+SPACE = surge_space(TRUE_STATE, PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
+TUNED = TuningReport(
+    nis=1.0,
+    nis_band=(0.95, 1.05),
+    correlation=np.zeros(2),
+    whiteness=np.ones(2),
+    spread=np.ones(2),
+    moved=1.0,
+    moved_band=(0.01, 7.0),
+    settling=np.array([0.9, 0.9]),
+    erratic=np.ones(2),
+    nees=1.0,
+    nees_band=(0.1, 5.0),
+)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "changes"),
+    [
+        ({}, []),
+        ({"moved": 6.9}, []),
+        ({"moved": 7.1}, [("P", "up")]),
+        ({"moved": 7.1, "nis": 0.91}, [("P", "up")]),
+        ({"moved": 7.1, "nis": 0.89}, [("Q", "down")]),
+        ({"moved": 0.02}, []),
+        ({"moved": 0.009}, [("P", "down")]),
+        ({"nis": 1.09}, []),
+        ({"nis": 1.11}, [("R", "up")]),
+        ({"nis": 0.91}, []),
+        ({"nis": 0.89}, [("Q", "down")]),
+        ({"nis": 1.2, "nis_band": (0.7, 1.3)}, []),
+        ({"nis": 0.8, "nis_band": (0.7, 1.3)}, []),
+        ({"spread": np.array([1.0, 0.89])}, [("R", "down")]),
+        ({"spread": np.array([1.0, 0.91])}, []),
+        ({"correlation": np.array([0.0, 0.11]), "whiteness": np.array([1.0, 0.0009])}, [("Q", "up")]),
+        ({"correlation": np.array([0.0, 0.09]), "whiteness": np.array([1.0, 0.0009])}, []),
+        ({"correlation": np.array([0.0, 0.5]), "whiteness": np.array([1.0, 0.0011])}, []),
+        ({"correlation": np.array([0.0, -0.11]), "whiteness": np.array([1.0, 0.0009])}, [("Q", "down")]),
+        ({"correlation": np.array([0.0, -0.09]), "whiteness": np.array([1.0, 0.0009])}, []),
+        ({"nis": 1.2, "correlation": np.array([0.2, 0.0]), "whiteness": np.zeros(2)}, [("Q", "up")]),
+        ({"nis": 1.2, "correlation": np.array([-0.2, 0.0]), "whiteness": np.zeros(2)}, [("R", "up")]),
+        ({"erratic": np.array([1.9, 1.0])}, []),
+        ({"erratic": np.array([2.1, 1.0])}, [("Q", "down")]),
+        ({"erratic": np.array([2.1, 1.0]), "nis": 1.2}, [("R", "up")]),
+        ({"settling": np.array([0.9, 1.09])}, []),
+        ({"settling": np.array([0.9, 1.11])}, [("Q", "down")]),
+        ({"settling": np.array([0.76, 0.9])}, []),
+        ({"settling": np.array([0.74, 0.9])}, [("trial", "longer")]),
+        ({"nees": 4.9}, []),
+        ({"nees": 5.1}, [("Q", "up")]),
+        ({"nees": 0.09}, [("Q", "down")]),
+        ({"nees": 0.11}, []),
+        ({"nees": 5.1, "moved": 0.009}, [("P", "down")]),
+        ({"nees": float("nan")}, []),
+    ],
+)
+def test_each_finding_from_both_sides_of_its_limit(numbers, changes):
+    found = _findings(replace(TUNED, **numbers), SPACE, [5000, 5000])
+    assert [finding[:2] for finding in found] == changes
+
+
+def test_what_the_findings_say_in_numbers():
+    def words(**numbers):
+        (finding,) = _findings(replace(TUNED, **numbers), SPACE, [5000, 5000])
+        return finding.words
+
+    assert "moved 4 times as far" in words(moved=16.0)
+    assert "20 times less" in words(moved=0.0025)
+    assert "of T_nabsn grew by 20%" in words(settling=np.array([0.9, 1.2]))
+    assert "of X_uabsu still fell by 40%" in words(settling=np.array([0.6, 0.9]))
+    assert "NIS 1.5 for each" in words(nis=1.5, spread=np.array([1.0, 4.0]))
+    assert f"raise R of udot to a standard deviation of {2 * MEASUREMENT_SD[1]:.2g} or" in words(
+        nis=1.5, spread=np.array([1.05, 4.0])
+    )
+    assert f"lower R of u to a standard deviation of {0.5 * MEASUREMENT_SD[0]:.2g} or" in words(
+        spread=np.array([0.25, 1.0])
+    )
+    assert "of udot follow one another (correlation -0.30)" in words(
+        correlation=np.array([0.2, -0.3]), whiteness=np.zeros(2)
+    )
+
+
+def test_settling_and_travel_of_the_constants_by_hand():
+    """A constant that zigzags by 0.1 with the deviation 1 / (k + 1): 49 steps in the second half, 0.1 net, and a walk's travel."""
+    control, measured, step, _ = trial(0)
+    trace = run_filter(ExtendedKalmanFilter(), SPACE, control[:100], measured[:100], step[:100])
+    k = np.arange(100)
+    means, sds = np.array(trace.means), np.array(trace.sds)
+    means[:, 1], means[:, 2] = 0.1 * (k % 2), 0.02 * k
+    sds[:, 1], sds[:, 2] = 1 / (k + 1), 0.5 + 0.01 * k
+    found = check_tuning(trace._replace(means=means, sds=sds), SPACE)
+    assert found.settling == pytest.approx([76 / 100, 1.49 / 1.25])
+    walks = [np.sqrt(2 * 50 / np.pi) * sd for sd in (1 / 51, 1.49)]
+    assert found.erratic == pytest.approx([4.9 / (0.1 + walks[0]), 0.98 / (0.98 + walks[1])])
+    e = np.asarray(trace.innovations)[50:, 0]
+    mean = e.mean()
+    rho = [sum((e[i] - mean) * (e[i - lag] - mean) for i in range(lag, 50)) for lag in range(1, 11)] / (50 * e.var())
+    statistic = 50 * 52 * sum(r**2 / (50 - lag) for lag, r in enumerate(rho, 1))
+    assert found.correlation[0] == pytest.approx(rho[0])
+    assert found.whiteness[0] == pytest.approx(stats.chi2.sf(statistic, 10))
+
+
+@pytest.mark.parametrize(("measured_in_half", "judged"), [(19, False), (20, True)])
+def test_twenty_measurements_in_the_second_half_are_enough(measured_in_half, judged):
+    control, measured, step, _ = trial(0)
+    gappy = np.where((np.arange(100) < 50 + measured_in_half)[:, None], measured[:100], np.nan)
+    trace = run_filter(ExtendedKalmanFilter(), SPACE, control[:100], gappy, step[:100])
+    if judged:
+        assert np.isfinite(check_tuning(trace, SPACE).nis)
+    else:
+        with pytest.raises(InputError, match="19 measurements"):
+            check_tuning(trace, SPACE)

@@ -36,6 +36,7 @@ LAYOUTS = {
     "cp1252": (GOOD.replace("ok", "20 °C").encode("cp1252"), "a.csv", {"encoding": "cp1252"}),
     "quotes": (GOOD.replace("ok", '"all ""well"",\nso far"').encode(), "a.csv", {}),
     "quoted numbers": (GOOD.replace("speed", '"speed"').replace("1.05", '"1.05"').encode(), "a.csv", {}),
+    "quotes within cells": (GOOD.replace("ok", 'o"k', 2).encode(), "a.csv", {}),
     "row of units": (GOOD.replace("\n", "\ns,rpm,m/s,-\n", 1).encode(), "a.csv", {"header_rows": 2}),
     "preamble": (('a "quote, and\nmore\n' + GOOD).encode(), "a.csv", {"skip_rows": 2}),
     "empty rows at the end": ((GOOD + ",,,\n" * 3).encode(), "a.csv", {}),

@@ -10,7 +10,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.gaussian import independent
 from seatrial.manoeuvres.manoeuvre import Limits, check_limits
 from seatrial.manoeuvres.relay import RelayFamily, replay, run_relay
-from seatrial.vehicles.catalogue import catalogue_longitudinal
+from seatrial.vehicles.catalogue import load_longitudinal
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.longitudinal import longitudinal_vehicle
 from seatrial.vehicles.simulate import simulate
@@ -140,7 +140,7 @@ def test_replay_is_the_same_trial_in_open_loop():
 
 def test_pitch_zigzag_of_the_longitudinal_vehicle():
     """Down stern plane lowers the nose: with the effect said, pitch swings about trim at a depth that hardly changes."""
-    entry = catalogue_longitudinal("remus100_longitudinal")
+    entry = load_longitudinal("remus100_longitudinal")
     hull = replace(entry.hull, fixed={**entry.hull.fixed, **entry.coefficients})
     trim = [entry.hull.trim[name] for name in ("u", "w", "q", "theta")]
     start = jnp.array([*trim[:3], 0.0, trim[3]])

@@ -91,7 +91,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     trials = Trials(tuple(_record(label, random) for label in FITTED), (_record(HELD, random),), "key")
     estimates = tuple(_estimate(structure, random) for structure in campaign.structures)
     evidences = [Evidence(-3.0 * index, 0.1, "made up", {"methods": METHODS}) for index in range(len(estimates))]
-    selection = select(campaign.structures, evidences, campaign.source.structure.optional)
+    selection = select(campaign.structures, evidences, campaign.structure.optional)
     chosen, next_design = estimates[selection.chosen], _designs(campaign, gain)
     fits = tuple(
         _fit(record.label, channel) for record in (*trials.fit, *trials.predict) for channel in campaign.channels
@@ -155,7 +155,7 @@ def make_screened(cautions: str = "") -> Screened:
 def make_contenders(campaign: Campaign, selection: Selection, nats: float = 5.0) -> Contenders:
     """Two structures whose speeds differ by a sine, and a grid whose last column breaks a limit."""
     best, runner = contending(selection)
-    time, (amplitude, period) = np.arange(100) * 0.3, campaign.grid()
+    time, (amplitude, period) = np.arange(100) * 0.3, campaign.design.grid()
     labels = [*FITTED, NEXT]
     gap = np.concatenate([0.01 * (1 + i) * np.sin(time) for i in range(len(labels))])
     told = nats * np.linspace(0.1, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
@@ -333,7 +333,7 @@ def _predictions(campaign: Campaign, trials: Trials) -> xr.Dataset:
 
 
 def _designs(campaign: Campaign, gain: float) -> Designs:
-    amplitude, period = campaign.grid()
+    amplitude, period = campaign.design.grid()
     values = gain * np.linspace(0.5, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
     values[amplitude > 20.0] = np.nan
     sd = np.full((*values.shape, 3), 0.01)

@@ -2,7 +2,7 @@ import pytest
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import SIGNALS
-from seatrial.report.labels import label_html, label_mathtext, label_text, name_html
+from seatrial.report.labels import label_html, label_mathtext, name_html
 
 
 def bare(label: str) -> str:
@@ -31,8 +31,7 @@ def test_labels_become_html(label, html):
     assert bare(label) == html
 
 
-def test_labels_become_text_for_titles_and_figures():
-    assert label_text(r"X_{\Delta u^3}") == "X Δu^3"
+def test_labels_become_mathtext_for_figures():
     assert label_mathtext("u_0[$1_2$]") == r"$u_{0}$[\$1_2\$]"
     assert label_mathtext(r"t_{\mathrm{delay}}") == r"$t_{\mathrm{delay}}$"
 

@@ -75,7 +75,7 @@ def test_the_picture_is_one_file_that_stands_alone(outcome):
 
 
 def test_the_section_says_what_was_left_out(outcome):
-    names = [item.name for item in term_figures(outcome.campaign, outcome.selection, None, outcome.contenders)]
+    names = [item.name for item in term_figures(outcome.campaign.units, outcome.selection, None, outcome.contenders)]
     assert names == ["contenders"]
     without = section(replace(outcome, screened=None, contenders=None))
     assert (without["findings"], without["screened"], without["figures"]) == ([], False, [])

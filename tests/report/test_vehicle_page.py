@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from seatrial.report.vehicle_page import vehicle_page
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 PAGES = Path(__file__).parents[2] / "docs" / "vehicles"
 

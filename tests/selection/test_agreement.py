@@ -1,6 +1,8 @@
 import jax
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.optimize import brentq
 
 from seatrial.core.errors import NumericalError
 from seatrial.sampling.target import evaluate
@@ -8,6 +10,7 @@ from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection import combined_evidence as agreement
 from seatrial.selection.combined_evidence import Gathering, Keys, Piece, Run, Weighed, agreed_evidence, do, judge
 from seatrial.selection.evidence import Evidence, EvidenceSettings
+from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
 from tests.selection.test_evidence import runs, short_surge
 
@@ -140,3 +143,20 @@ def test_judgement(given, chosen, words):
 def test_judgement_with_a_failure_and_another_alarm():
     found = judge(evidences(a=(0.0, 0.01, "")), {"b": "no mode"}, ["a higher peak"])
     assert found.status.startswith("a higher peak; b failed: no mode; the value is that of a")
+
+
+@pytest.mark.parametrize("known", [[], [-100.0]])
+@pytest.mark.parametrize(("above", "alarms"), [(2.9, False), (3.1, True)])
+def test_a_point_three_nats_above_all_that_is_known_alarms(known, above, alarms):
+    """Of 512 particles of a normal posterior the highest lies below its mode by half the one-in-a-thousand point of chi-square."""
+    problem = linear_gaussian(8)
+    centre = np.asarray(problem.posterior.unconstrain(problem.moments[0]))
+    top, rim = (float(evaluate(problem.posterior, at[None])[0]) for at in (centre, centre + 0.6))
+    assert top - rim > 5
+    reach = top - above - 0.5 * stats.chi2(8).ppf(1e-3)
+    share = brentq(lambda s: float(evaluate(problem.posterior, (centre + s * 0.6)[None])[0]) - reach, 0.0, 1.0)
+    warm = np.stack([centre + share * 0.6, centre + 0.9])
+    cold = np.stack([centre + 0.9, centre])
+    assert bool(agreement._higher(problem.posterior, cold, warm, known)) == alarms
+    assert agreement._higher(problem.posterior, cold, warm, [*known, top - 2.9]) == []
+    assert bool(agreement._higher(problem.posterior, cold, warm[1:], [*known, top - 3.1]))

@@ -5,7 +5,8 @@ import pytest
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Normal
-from seatrial.sampling.nested import _integrate, sample_nested
+from seatrial.sampling.nested import NestedRun, _integrate, batch_of, sample_nested
+from seatrial.selection import nested
 from seatrial.selection.nested import nested_evidence
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, posterior
 from tests.selection.test_evidence import box, half_forbidden
@@ -97,3 +98,45 @@ def test_no_draw_can_be_simulated():
 def test_end_not_reached():
     with pytest.raises(NumericalError, match="did not end"):
         sample_nested(PAIR.posterior, KEY, max_steps=1)
+
+
+def canned(monkeypatch, logs, *, information=8.0, alive=1.0, stuck=0.0):
+    """Evidence from runs that are given."""
+    runs = [
+        NestedRun(log, information + 2 * i, 100 + i, alive, stuck * i, np.zeros((1, 1)), np.ones(1))
+        for i, log in enumerate(logs)
+    ]
+    waiting = iter(runs)
+    monkeypatch.setattr(nested, "sample_nested", lambda *_, **__: next(waiting))
+    return nested_evidence(PAIR.posterior, KEY, repeats=len(logs), live=400)
+
+
+def test_error_is_that_expected_of_removing_points_in_batches(monkeypatch):
+    """Each removal from n points scatters log X by 1 / n and lowers it by as much; a prior half dead counts its draws, too."""
+    batch = [1 / (400 - i) for i in range(batch_of(400))]
+    ratio = sum(fall**2 for fall in batch) / sum(batch)
+    found = canned(monkeypatch, [1.0, 1.0], information=8.0, alive=0.5)
+    assert found.std_error == pytest.approx(np.sqrt((9.0 * ratio + 1.0 / 400) / 2))
+    assert found.log_value == 1.0
+    assert found.diagnostics["information"] == 9.0
+    assert (found.diagnostics["alive"], found.diagnostics["removed"]) == (0.5, [100, 101])
+    alike = canned(monkeypatch, [1.0, 1.0, 1.0, 1.0], information=6.0)
+    assert alike.std_error == pytest.approx(np.sqrt(9.0 * ratio / 4))
+    apart = canned(monkeypatch, [0.0, 1.0], information=8.0)
+    assert apart.std_error == pytest.approx(np.sqrt(0.5) / np.sqrt(2))
+    assert apart.diagnostics["spread"] == pytest.approx(np.sqrt(0.5))
+
+
+@pytest.mark.parametrize(("errors", "complains"), [(3.9, False), (4.1, True)])
+def test_repeats_that_differ_by_more_than_four_errors_are_told(monkeypatch, errors, complains):
+    expected = canned(monkeypatch, [0.0, 0.0]).std_error * np.sqrt(2)
+    found = canned(monkeypatch, [0.0, errors * expected * np.sqrt(2)])
+    assert ("repeats differ" in found.status) == complains
+
+
+@pytest.mark.parametrize(("stuck", "complains"), [(0.04, False), (0.06, True)])
+def test_moves_that_find_nothing_are_told(monkeypatch, stuck, complains):
+    """Of the worst repeat."""
+    found = canned(monkeypatch, [0.0, 0.0], stuck=stuck)
+    assert ("found no new point" in found.status) == complains
+    assert found.diagnostics["stuck"] == stuck

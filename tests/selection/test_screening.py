@@ -4,10 +4,9 @@ import pytest
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.selection.compiled_rules import compile_rules
 from seatrial.selection.library import TermLibrary, term_library
-from seatrial.selection.rules import parse_rules
-from seatrial.selection.screening import Believed, screen, worth
+from seatrial.selection.rules import compile_rules, parse_rules
+from seatrial.selection.screening import TermPrior, screen, worth
 from seatrial.selection.subsets.gram import gram
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import DEDUCTION, MASS
@@ -18,10 +17,10 @@ KEY = jax.random.key(0)
 TRIM_SPEED = 1.541861549917
 SURGE = ("X_u", "X_uabsu", "T_nabsn", "X_du3")
 PRIOR = {
-    "X_u": Believed(-1.21 / 2, 2.42 / np.sqrt(3)),
-    "X_uabsu": Believed(-2.93 / 2, 5.86 / np.sqrt(3)),
-    "T_nabsn": Believed(0.0, 0.01),
-    "X_du3": Believed(0.0, 50 / np.sqrt(3)),
+    "X_u": TermPrior(-1.21 / 2, 2.42 / np.sqrt(3)),
+    "X_uabsu": TermPrior(-2.93 / 2, 5.86 / np.sqrt(3)),
+    "T_nabsn": TermPrior(0.0, 0.01),
+    "X_du3": TermPrior(0.0, 50 / np.sqrt(3)),
 }
 
 
@@ -74,7 +73,7 @@ def test_the_structure_of_two_axes_is_found_as_records_grow():
     assert true < set(library.names)
     rules = compiled(library)
     equations = [axis_equation(axis, [name for name in library.names if name.startswith(axis)]) for axis in ("Y", "N")]
-    prior = {name: Believed(0.0, 1.0) for name in library.names}
+    prior = {name: TermPrior(0.0, 1.0) for name in library.names}
     chances = []
     for seconds in (20.0, 160.0):
         time = np.arange(0.0, seconds, 0.05)

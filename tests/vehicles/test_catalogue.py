@@ -1,13 +1,13 @@
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import catalogue_names, catalogue_vehicle
+from seatrial.vehicles.catalogue import load_surge, surge_names
 from seatrial.vehicles.surge import surge_vehicle
 from tests.cases import U0
 
 
 def test_remus100_as_published():
-    entry = catalogue_vehicle("remus100_surge")
+    entry = load_surge("remus100_surge")
     assert entry.coefficients == {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
     assert (entry.hull.mass, entry.hull.thrust_deduction, entry.hull.fixed) == (30.48, 0.1, {"X_udot": -0.93})
     assert entry.hull.trim["n"] == 125.0
@@ -15,13 +15,13 @@ def test_remus100_as_published():
 
 def test_remus100_trims_at_three_knots():
     """6.28e-4 * 125^2 = 6.28e-2 * 12.5^2: the trim thrust, and so the speed, is that of the golden numbers."""
-    assert catalogue_vehicle("remus100_surge").hull.trim["u"] == pytest.approx(U0, abs=1e-11)
+    assert load_surge("remus100_surge").hull.trim["u"] == pytest.approx(U0, abs=1e-11)
     assert pytest.approx(3 * 1852 / 3600, abs=2e-3) == U0
 
 
-@pytest.mark.parametrize("name", catalogue_names())
+@pytest.mark.parametrize("name", surge_names())
 def test_every_vehicle_is_at_rest_at_its_trim(name):
-    entry = catalogue_vehicle(name)
+    entry = load_surge(name)
     model = surge_vehicle(entry.hull, tuple(entry.coefficients))
     control = tuple(entry.hull.trim[name] for name in model.controls)
     assert model.derivative(entry.coefficients, (entry.hull.trim["u"],), control)[0] == pytest.approx(0, abs=1e-12)
@@ -30,6 +30,6 @@ def test_every_vehicle_is_at_rest_at_its_trim(name):
 @pytest.mark.parametrize("name", ["remus100_surg", "../remus100_surge", ""])
 def test_unknown_vehicle(name):
     with pytest.raises(InputError, match="no such vehicle") as caught:
-        catalogue_vehicle(name)
+        load_surge(name)
     assert "remus100_surge" in caught.value.expected
     assert "remus100_surge" in caught.value.remedy

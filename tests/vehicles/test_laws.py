@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.laws import (
     added_mass_findings,

@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import catalogue_longitudinal
+from seatrial.vehicles.catalogue import load_longitudinal
 from seatrial.vehicles.linearise import linearise, linearise_outputs, trim
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
 from tests.cases import DEDUCTION, MASS, N0, THRUST, TRUTH, U0, X_U, X_UU, paper_model
 from tests.vehicles.test_longitudinal import MASS as DRY_MASS
 from tests.vehicles.test_longitudinal import NET_BUOYANCY, NEUTRAL, WEIGHT, Z_G, forces, matrix_by_hand
 
-ENTRY = catalogue_longitudinal("remus100_longitudinal")
+ENTRY = load_longitudinal("remus100_longitudinal")
 MODEL = longitudinal_vehicle(ENTRY.hull, tuple(ENTRY.coefficients))
 LEVEL = [ENTRY.hull.trim[name] for name in ("u", "w", "q", "theta", "n", "delta_s")]
 THESIS_SPEED = 1.54

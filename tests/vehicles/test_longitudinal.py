@@ -9,10 +9,9 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import (
-    catalogue_longitudinal,
-    catalogue_names,
-    catalogue_vehicle,
-    longitudinal_names,
+    load_longitudinal,
+    load_surge,
+    surge_names,
 )
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle, surge_restriction
 from seatrial.vehicles.simulate import simulate
@@ -52,7 +51,7 @@ def forces(u, w, q, theta, n, delta, x_g=0.0, net_buoyancy=NET_BUOYANCY):
     return np.array([x, z, m])
 
 
-ENTRY = catalogue_longitudinal("remus100_longitudinal")
+ENTRY = load_longitudinal("remus100_longitudinal")
 MODEL, PARAMS = longitudinal_vehicle(ENTRY.hull, tuple(ENTRY.coefficients)), ENTRY.coefficients
 NEUTRAL = replace(ENTRY.hull, buoyancy=None)
 ADDED = {name: value for name, value in ENTRY.hull.fixed.items() if "dot" in name}
@@ -72,13 +71,12 @@ def test_remus100_as_published():
     assert (hull.mass, hull.pitch_inertia, hull.x_g, hull.z_g) == (MASS, INERTIA, 0.0, Z_G)
     assert hull.thrust_deduction == DEDUCTION
     assert hull.buoyancy - WEIGHT == pytest.approx(NET_BUOYANCY, abs=1e-12)
-    assert longitudinal_names() == ("remus100_longitudinal",)
-    assert "remus100_longitudinal" not in catalogue_names()
+    assert "remus100_longitudinal" not in surge_names()
 
 
 def test_unknown_longitudinal_vehicle():
     with pytest.raises(InputError, match="no such vehicle"):
-        catalogue_longitudinal("remus100_surge")
+        load_longitudinal("remus100_surge")
 
 
 @pytest.mark.parametrize("state", random_states())
@@ -165,7 +163,7 @@ def test_work_of_the_water_by_hand_and_its_sign(state):
 def test_surge_vehicle_is_the_restriction():
     """In level motion the surge equation holds with m z_g dq/dt on its left; with z_g = 0 nothing else moves."""
     surge = surge_restriction(NEUTRAL, tuple(PARAMS))
-    published = catalogue_vehicle("remus100_surge")
+    published = load_surge("remus100_surge")
     again = surge_vehicle(published.hull, tuple(published.coefficients))
     model = longitudinal_vehicle(NEUTRAL, tuple(PARAMS))
     for u in (-1.0, 0.0, 0.4, U0, 2.6):

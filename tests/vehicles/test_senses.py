@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.control_signs import control_senses, sense_words
 from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.whole import whole_vehicle

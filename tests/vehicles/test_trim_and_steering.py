@@ -5,14 +5,13 @@ import pytest
 from scipy.signal import TransferFunction, step
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.linearise import Trim, linearise, trim
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.steering import nomoto, norrbin
-from seatrial.vehicles.trim import steady_motion
 from seatrial.vehicles.whole import whole_vehicle
 from tests.vehicles import prestero_twin as twin
+from tests.vehicles.steering import nomoto, steady_motion
 from tests.vehicles.test_linearise import ENTRY, MODEL
 
 REMUS = load_vehicle("remus100_hall_anstee")
@@ -97,30 +96,6 @@ def test_nomoto_is_the_step_response_of_the_linear_ship():
     assert pytest.approx(np.real(found.T1 + found.T2) - found.T3) == found.T
 
 
-def test_norrbin_is_the_curve_of_steady_turns():
-    found = norrbin(SHIP, STABLE, STRAIGHT, np.linspace(-0.4, 0.4, 9))
-    linear = nomoto(SHIP, STABLE, STRAIGHT)
-    assert pytest.approx((linear.K, linear.T), rel=1e-6) == (found.K, found.T)
-    assert (found.n0, found.n1, found.n2) == pytest.approx((0.0, 1.0, 0.0), abs=1e-8)
-    # Sway is linear: the balance of moments leaves N_r3 r^3 times the gain over the rudder's moment with sway eliminated.
-    y, n = (np.array([STABLE[f"{axis}_{name}"] for name in ("absuv", "absur", "uudelta_r")]) for axis in "YN")
-    y[1] -= 100.0
-    rudder = n[2] - n[0] * y[2] / y[0]
-    assert found.n3 == pytest.approx(-STABLE["N_r3"] * found.K / rudder, rel=1e-6)
-
-
-def test_an_unstable_ship_has_a_falling_curve_at_first():
-    unstable = {**STABLE, "N_absuv": -95.0, "N_absur": -50.0}
-    found = norrbin(SHIP, unstable, STRAIGHT, np.linspace(-0.5, 0.5, 9))
-    assert np.linalg.eigvals(linearise(SHIP, unstable, *STRAIGHT)[0]).real.max() > 0
-    assert found.n1 == pytest.approx(-1.0)
-    assert found.n3 > 0
-    assert found.T > 0
-    assert found.K < 0
-
-
 def test_steering_needs_sway_yaw_and_rudder():
     with pytest.raises(InputError, match="states v and r"):
         nomoto(MODEL, ENTRY.coefficients, trim(MODEL, ENTRY.coefficients, n=120.0))
-    with pytest.raises(InputError, match="at least four"):
-        norrbin(SHIP, STABLE, STRAIGHT, (0.1, -0.1))

@@ -12,7 +12,7 @@ from seatrial.numerics.integrate import rk4_looped, rk4_unrolled
 from seatrial.numerics.rotations import angles_of_quaternion, quaternion_of_angles
 from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.linearise import linearise
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
 from seatrial.vehicles.simulate import simulate, simulate_many

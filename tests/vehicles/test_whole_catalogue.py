@@ -5,13 +5,12 @@ import pytest
 from scipy.integrate import quad
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.laws import added_mass_findings, check_laws, coriolis_findings
 from seatrial.vehicles.linearise import Trim
 from seatrial.vehicles.remus100_fossen import remus100_fossen, spheroid
-from seatrial.vehicles.steering import nomoto
 from seatrial.vehicles.thrusters import allocation
-from seatrial.vehicles.trim import steady_motion
+from tests.vehicles.steering import nomoto, steady_motion
 
 RHO, DIAMETER, CENTRE = 1030.0, 0.191, 0.611
 RPM = 2 * np.pi / 60

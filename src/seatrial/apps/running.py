@@ -43,7 +43,7 @@ def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -
             if held is not None:
                 reporter.also = held.progress
                 remove_orphans(campaign.folder)
-            for outside in folders_outside(campaign.folder, campaign.source):
+            for outside in folders_outside(campaign.folder, campaign.known_from, campaign.imports):
                 reporter.say(f"reads files outside the campaign's folder, in {outside}")
             return work(campaign, reporter)
 
@@ -65,8 +65,10 @@ def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
 def run_app(app: typer.Typer) -> None:
     """Run a command line; errors meant for the user are printed without a traceback, each kind with its exit code."""
     from seatrial.apps.console import fail
+    from seatrial.core import engine
     from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
 
+    engine.configure()
     try:
         app()
     except InputError as error:

@@ -1,34 +1,95 @@
-"""Settings of the numerical engine that must be in place before JAX starts.
+"""Settings of the numerical engine, made when seatrial first computes or when they are asked for, and never by `import seatrial`.
 
-Three of them matter: float64, the persistent compilation cache, and the XLA CPU option that compiles a whole
-time-stepping loop into one kernel (factors 3 to 20 on the loops of this package; see docs/decisions/0002). What a user has already
-set in the environment is left alone.
+Three of them matter: float64, the XLA CPU option that compiles a whole time-stepping loop into one kernel (factors 3 to 20 on the
+loops of this package; see docs/decisions/0002), and the persistent compilation cache. What a user has already set in the environment is
+left alone. When what is set, and why: docs/decisions/0019.
 """
 
 import os
 import sys
+import warnings
 from pathlib import Path
+from typing import Any
+
+from seatrial.core.errors import InputError
 
 _LOOP_OPTION = "xla_cpu_small_while_loop_byte_threshold"
 _BACKEND_OPTIONS = "--xla_backend_extra_options"
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
+_CACHE_LIMITS = {"min_compile_time_secs": ("0.2", float), "min_entry_size_bytes": ("-1", int)}
+"""Which compiled code is kept: key of `jax_persistent_cache_…`, and its value as text and type."""
+_REMEDY = "call seatrial.configure() where the program begins"
+_is_prepared = False
 
 
-def configure() -> None:
-    """Set the environment JAX reads at import; if JAX is imported already, set its configuration instead."""
-    _fuse_time_loops()
+class EngineWarning(UserWarning):
+    """Something about JAX's settings that changes what a program computes, or how fast."""
+
+
+def configure(cache: bool = True) -> None:
+    """Set JAX up for seatrial, as its commands do: float64 for the whole process, XLA's options, and a cache of compiled code.
+
+    Best called before JAX computes anything. Variables of the environment go first: JAX_ENABLE_X64, XLA_FLAGS and
+    JAX_COMPILATION_CACHE_DIR stay as they are where they are set.
+
+    Args:
+        cache: whether compiled code is kept under `$XDG_CACHE_HOME/seatrial/xla`, by default in `~/.cache`, for later processes; that of
+            the rest of the program too.
+    """
+    global _is_prepared
+    started = _has_computed()
+    if started and not _fuses_time_loops(os.environ.get("XLA_FLAGS", "")):
+        warnings.warn(
+            f"JAX has started without XLA's option for time loops: simulations take 3 to 20 times longer; {_REMEDY}",
+            EngineWarning,
+            stacklevel=2,
+        )
+    os.environ["XLA_FLAGS"] = _with_fused_time_loops(os.environ.get("XLA_FLAGS", ""))
     os.environ.setdefault("JAX_ENABLE_X64", "1")
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_directory()))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
-    if "jax" in sys.modules:
-        jax = sys.modules["jax"]
-        jax.config.update("jax_enable_x64", os.environ["JAX_ENABLE_X64"] not in ("0", "false", "False"))
-        jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
-        for name, kind in (("min_compile_time_secs", float), ("min_entry_size_bytes", int)):
-            text = os.environ[f"JAX_PERSISTENT_CACHE_{name.upper()}"]
-            jax.config.update(f"jax_persistent_cache_{name}", kind(text))
+    jax = sys.modules.get("jax")
+    if _asked_for_float32():
+        warnings.warn(
+            f"JAX_ENABLE_X64={os.environ['JAX_ENABLE_X64']} has seatrial compute in single precision, in which long simulations and "
+            "evidences cannot be trusted; leave it out",
+            EngineWarning,
+            stacklevel=2,
+        )
+    elif jax is not None:
+        jax.config.update("jax_enable_x64", True)
+    if cache:
+        _keep_compiled(jax, started)
+    _is_prepared = True
+
+
+def prepare(tell: bool = False) -> None:
+    """Set what seatrial cannot do without, before the first of its modules that computes is loaded: all of `configure` but the cache.
+
+    Args:
+        tell: whether to warn where somebody else's JAX, loaded before, is switched to float64.
+
+    Raises:
+        InputError: JAX has already computed in float32 in this process, so that another program relies on it.
+    """
+    if _is_prepared:
+        return
+    jax = sys.modules.get("jax")
+    if jax is not None and not jax.config.jax_enable_x64 and not _asked_for_float32():
+        if _has_computed():
+            raise InputError(
+                "JAX in this process",
+                found="float32, and it has already computed",
+                expected="float64, in which seatrial computes",
+                remedy=f"{_REMEDY}: it switches all of JAX to float64; or set JAX_ENABLE_X64=1",
+            )
+        if tell:
+            warnings.warn(
+                "seatrial computes in float64 and has switched JAX to it, for the rest of this program too; to say so yourself, "
+                f"{_REMEDY}",
+                EngineWarning,
+                stacklevel=3,
+            )
+    configure(cache=False)
 
 
 def cache_directory() -> Path:
@@ -42,10 +103,37 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _fuse_time_loops() -> None:
-    flags = os.environ.get("XLA_FLAGS", "")
-    if _BACKEND_OPTIONS not in flags:
+def _asked_for_float32() -> bool:
+    return os.environ.get("JAX_ENABLE_X64", "1").lower() in ("0", "false", "f", "no", "n", "off")
+
+
+def _has_computed() -> bool:
+    """Whether JAX has started a backend, as the first array or compilation does; its settings of XLA are fixed from then on."""
+    bridge = sys.modules.get("jax._src.xla_bridge")  # JAX offers no public way to ask without starting one
+    return bridge is not None and bridge.backends_are_initialized()
+
+
+def _fuses_time_loops(flags: str) -> bool:
+    return _BACKEND_OPTIONS in flags
+
+
+def _with_fused_time_loops(flags: str) -> str:
+    if not _fuses_time_loops(flags):
         flags = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
-    if _VECTOR_WIDTH not in flags:
-        flags = f"{flags} {_VECTOR_WIDTH}=256"
-    os.environ["XLA_FLAGS"] = flags
+    return flags if _VECTOR_WIDTH in flags else f"{flags} {_VECTOR_WIDTH}=256"
+
+
+def _keep_compiled(jax: Any, started: bool) -> None:
+    """Set the compilation cache; JAX reads the environment when it is imported and looks at the cache when it first compiles."""
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_directory()))
+    for name, (text, _) in _CACHE_LIMITS.items():
+        os.environ.setdefault(f"JAX_PERSISTENT_CACHE_{name.upper()}", text)
+    if jax is None:
+        return
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    for name, (_, kind) in _CACHE_LIMITS.items():
+        jax.config.update(f"jax_persistent_cache_{name}", kind(os.environ[f"JAX_PERSISTENT_CACHE_{name.upper()}"]))
+    if started:
+        from jax.experimental.compilation_cache import compilation_cache
+
+        compilation_cache.reset_cache()

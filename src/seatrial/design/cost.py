@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.pytrees import compiled_tree
-from seatrial.design.integrals import joint_start, joint_step
+from seatrial.design.integrals import follow_joint
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -175,22 +175,6 @@ def expected_cost(
     )
 
 
-def cost_along(
-    plan: TrialPlan, cost: TrialCost, values: Float[Array, " k"], control: Float[Array, "n c"]
-) -> Float[Array, " n"]:
-    """Cost of a trial that is stopped at the end of each step; traced, may be batched."""
-    integrals = {"spent": cost.per_second}
-
-    def advance(joint: tuple, sample: tuple) -> tuple[tuple, Array]:
-        held, h = sample
-        moved = joint_step(plan, integrals, values, joint, held, h)
-        return moved, moved[-1]
-
-    columns = tuple(control[:, i] for i in range(control.shape[1]))
-    _, spent = jax.lax.scan(advance, joint_start(plan, integrals), (columns, plan.step))
-    return cost.fixed + spent
-
-
 def gain_per_cost(gain: Float[np.ndarray, "*any"], cost: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
     """What each design teaches for each second, joule or trial; an infinite cost gives 0.
 
@@ -266,14 +250,8 @@ def check_cost(plan: TrialPlan, cost: TrialCost) -> None:
 
 @jax.jit
 def _totals(plan: TrialPlan, cost: TrialCost, controls: Array, draws: Array) -> Array:
-    integrals = {"spent": cost.per_second}
-
     def total(values: Array, control: Array) -> Array:
-        def advance(joint: tuple, sample: tuple) -> tuple[tuple, None]:
-            return joint_step(plan, integrals, values, joint, *sample), None
-
-        columns = tuple(control[:, i] for i in range(control.shape[1]))
-        end, _ = jax.lax.scan(advance, joint_start(plan, integrals), (columns, plan.step))
-        return cost.fixed + end[-1]
+        end, _, _ = follow_joint(plan, {"spent": cost.per_second}, values, control, lambda memory, now: (memory, None))
+        return cost.fixed + end["spent"]
 
     return jax.vmap(lambda control: jax.vmap(lambda values: total(values, control))(draws))(controls)

@@ -2,15 +2,13 @@
 
     EIG = E[log p(y | c) - log p(y)],  c from the prior, y = outputs(c) + noise          Lindley, Ann. Math. Stat. 27, 1956
 
-The noise is normal and white, of the standard deviations that the plan states, which are known. Three estimates:
+The noise is normal and white, of the standard deviations that the plan states, which are known. Two estimates, of the same prior draws:
 
-- `laplace_gain`: the posterior taken as normal at each prior draw, E[0.5 ln det(I + N F)] (Long et al., CMAME 259, 2013), with F
+- Laplace: the posterior taken as normal at each prior draw, E[0.5 ln det(I + N F)] (Long et al., CMAME 259, 2013), with F
   the information about z and N the entropy power of its prior; for one coefficient that y shows linearly it is a lower bound for
   any prior, and exact for a normal one.
-- `importance_gain`: log p(y) of simulated data by importance draws about its posterior mode (Ryan, J. Comput. Graph. Stat. 12,
-  2003; Beck et al., CMAME 334, 2018). The Laplace gain of the same draws, whose mean is known far better, takes most of the noise
-  out of it.
-- `naive_gain`: log p(y) by draws of the prior, for comparison only: it is biased upwards, the more the trial teaches.
+- nested Monte Carlo: log p(y) of simulated data by importance draws about its posterior mode (Ryan, J. Comput. Graph. Stat. 12,
+  2003; Beck et al., CMAME 334, 2018). The Laplace gain, whose mean is known far better, takes most of the noise out of it.
 
 The same key gives the same coefficients and the same noise for every design.
 """
@@ -23,12 +21,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.prior_belief import Belief, draw_z, entropies, outputs_of, values_of
-from seatrial.design.simulated_evidence import explain, noise_of
+from seatrial.design.prior_belief import Belief, draw_z, entropies, values_of
+from seatrial.design.simulated_evidence import explain
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 
@@ -72,28 +69,6 @@ class GainSettings:
     climbs: int = 8
 
 
-def laplace_gain(
-    plan: TrialPlan, belief: Belief, control: Float[np.ndarray, "n c"], key: jax.Array, draws: int = 1600
-) -> Gain:
-    """Expected information gain with every posterior taken as normal.
-
-    Args:
-        plan: vehicle, start and sensors; the standard deviations of the noise are taken as known.
-        belief: what is known of the coefficients before the trial.
-        control: every control, held from each sample to the next, SI.
-        key: random key of the prior draws.
-        draws: prior draws.
-
-    Raises:
-        InputError: a belief or a control that does not fit the plan.
-        NumericalError: the simulation diverges for some of the prior draws; it says how many.
-    """
-    _check(plan, belief, control)
-    _, local = _local_gains(plan, belief, control, key, draws)
-    error = float(local.std(ddof=1) / np.sqrt(draws))
-    return Gain(float(local.mean()), error, "Laplace approximation over the prior", {"draws": draws})
-
-
 def importance_gain(
     plan: TrialPlan,
     belief: Belief,
@@ -106,7 +81,16 @@ def importance_gain(
     What it cannot see: a second mode of a posterior, far from the coefficients that made the data; the gain is then too large, by
     ln 2 at most where there are two.
 
-    Args and errors: as `laplace_gain`; the first of the prior draws are those that are simulated with noise.
+    Args:
+        plan: vehicle, start and sensors; the standard deviations of the noise are taken as known.
+        belief: what is known of the coefficients before the trial.
+        control: every control, held from each sample to the next, SI.
+        key: random key of the prior draws.
+        settings: sizes; the first of the prior draws are those that are simulated with noise.
+
+    Raises:
+        InputError: a belief or a control that does not fit the plan.
+        NumericalError: the simulation diverges for some of the prior draws; it says how many.
 
     Returns:
         The gain. Its diagnostics hold `laplace`, the Laplace gain of the same draws, the `correction` to it with its error, and
@@ -143,40 +127,6 @@ def importance_gain(
     return Gain(value, float(np.sqrt(variance)), name, diagnostics, _refusal(ess, settings.inner, "use more of them"))
 
 
-def naive_gain(
-    plan: TrialPlan,
-    belief: Belief,
-    control: Float[np.ndarray, "n c"],
-    key: jax.Array,
-    outer: int = 400,
-    inner: int = 4000,
-) -> Gain:
-    """Expected information gain by nested Monte Carlo with inner draws from the prior: a reference that mostly refuses itself.
-
-    The inner draws are shared by all outer ones; `std_error` is of the spread over the outer draws and knows nothing of the bias.
-
-    Args and errors: as `laplace_gain`; a draw for which the simulation diverges cannot have made the data.
-    """
-    _check(plan, belief, control)
-    z = draw_z(belief, key, outer)
-    inside = draw_z(belief, jax.random.fold_in(key, 2), inner)
-    held = jnp.asarray(control, float)
-    shown = in_blocks(lambda point: (_shown(plan, belief, held, point),), z)[0]
-    _refuse_divergence(belief, plan, z, np.isfinite(shown).all(1))
-    middle = shown.mean(0)
-    noise = noise_of(jax.random.split(jax.random.fold_in(key, 1))[0], np.arange(outer), shown.shape[1])
-    measured = jnp.asarray(shown - middle + noise)
-    heights = in_blocks(lambda point: (_fit(plan, belief, held, point, jnp.asarray(middle), measured),), inside)[0].T
-    own = -0.5 * (noise**2).sum(1)
-    heights = np.where(np.isnan(heights), -np.inf, heights)
-    gain = own - (logsumexp(heights, axis=1) - np.log(inner))
-    ess = np.exp(2.0 * logsumexp(heights, axis=1) - logsumexp(2.0 * heights, axis=1))
-    diagnostics = {"outer": outer, "inner": inner, **_of_weights(ess)}
-    error = float(gain.std(ddof=1) / np.sqrt(outer))
-    name, remedy = "naive nested Monte Carlo", "the gain is too large; use importance_gain"
-    return Gain(float(gain.mean()), error, name, diagnostics, _refusal(ess, inner, remedy))
-
-
 def _local_gains(
     plan: TrialPlan, belief: Belief, control: np.ndarray, key: jax.Array, n: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -186,18 +136,6 @@ def _local_gains(
     _refuse_divergence(belief, plan, z, np.isfinite(information).all((1, 2)))
     width = np.exp(entropies(belief)) / np.sqrt(2.0 * np.pi * np.e)
     return z, 0.5 * np.linalg.slogdet(np.eye(len(width)) + information * np.outer(width, width))[1]
-
-
-@jax.jit
-def _shown(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> Array:
-    return jax.vmap(partial(outputs_of, plan, belief, control))(z)
-
-
-@jax.jit
-def _fit(plan: TrialPlan, belief: Belief, control: Array, z: Array, middle: Array, measured: Array) -> Array:
-    """Minus half the squared distance of every simulation from all data, both less a middle that keeps the digits."""
-    shown = jax.vmap(partial(outputs_of, plan, belief, control))(z) - middle
-    return shown @ measured.T - 0.5 * ((shown**2).sum(1)[:, None] + (measured**2).sum(1))
 
 
 @jax.jit

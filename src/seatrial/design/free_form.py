@@ -182,14 +182,14 @@ def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
 
 
 def _margins(climb: Climb, x: np.ndarray) -> tuple[Margin, ...]:
-    problem, limits = climb.problem, climb.problem.limits
-    _, control = problem.form.manoeuvre(problem.form.trim + problem.span * x).sample(float(climb.setup.plan.step[0]))
+    problem, limits, step = climb.problem, climb.problem.limits, float(np.median(climb.setup.plan.step))
+    _, control = problem.form.manoeuvre(problem.form.trim + problem.span * x).sample(step)
     found = [
         _margin(f"upper limit of {problem.form.control}", float(control.max()), limits.upper, 1.0, problem.span),
         _margin(f"lower limit of {problem.form.control}", float(control.min()), limits.lower, -1.0, problem.span),
     ]
     if limits.rate is not None:
-        fastest = float(np.abs(np.diff(control)).max() / float(climb.setup.plan.step[0]))
+        fastest = float(np.abs(np.diff(control)).max()) / step
         found.append(_margin(f"rate limit of {problem.form.control}", fastest, limits.rate, 1.0, limits.rate))
     course = climb.course(x)
     for room in climb.rooms:

@@ -15,10 +15,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.design.cost import TrialCost
-from seatrial.design.integrals import joint_start, joint_step, signals_at
+from seatrial.design.integrals import joint_move, joint_start, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.information import sensitivity_loop
+from seatrial.numerics.integrate import time_loop
 
 
 class Setup(NamedTuple):
@@ -158,14 +159,16 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
         found = quantities(joint, held)
         return jnp.maximum(extremes[0], found), jnp.minimum(extremes[1], found)
 
-    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-        (joint, extremes), (held, h, _) = carry, sample
-        return (joint_step(plan, integrals, values, joint, held, h), widened(extremes, joint, held)), None
+    def look(joint: tuple, extremes: tuple, held: tuple, _: None) -> tuple[tuple, None]:
+        return widened(extremes, joint, held), None
+
+    move = joint_move(plan, integrals, values)
 
     def over_block(joint: tuple, samples: tuple) -> tuple[tuple, tuple]:
-        first, last = (tuple(column[i] for column in samples[0]) for i in (0, -1))
+        columns, step, _ = samples
+        first, last = (tuple(column[i] for column in columns) for i in (0, -1))
         found = quantities(joint, first)
-        (joint, extremes), _ = jax.lax.scan(advance, (joint, (found, found)), samples)
+        (joint, extremes), _ = time_loop(move, joint, columns, step, look, (found, found))
         return joint, widened(extremes, joint, last)
 
     joint, (highest, lowest) = jax.lax.scan(over_block, joint_start(plan, integrals), _blocks(plan, control, block))

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.numerics.integrate import rk4_step
+from seatrial.numerics.integrate import Move, rk4_step, time_loop
 from seatrial.vehicles.model import VehicleModel
 
 Rate = Callable[[Mapping[str, Any]], Any]
@@ -71,15 +71,46 @@ def joint_start(plan: TrialPlan, integrals: Mapping[str, Rate]) -> tuple:
     return (*(plan.start[i] for i in range(plan.start.shape[0])), *(jnp.zeros(()) for _ in integrals))
 
 
-def joint_step(
-    plan: TrialPlan, integrals: Mapping[str, Rate], values: Float[Array, " k"], joint: tuple, held: tuple, h: Any
-) -> tuple:
-    """State and integrals at the next sample, the control being held."""
-    params = {name: values[i] for i, name in enumerate(plan.names)}
-    count = len(plan.model.states)
+def joint_move(plan: TrialPlan, integrals: Mapping[str, Rate], values: Float[Array, " k"]) -> Move:
+    """Return what moves state and integrals to the next sample."""
+    params, count = plan.named(values), len(plan.model.states)
 
-    def rate(joint: tuple) -> tuple:
-        now = signals_at(plan, integrals, joint, held)
-        return (*plan.model.derivative(params, joint[:count], held), *(of(now) for of in integrals.values()))
+    def move(joint: tuple, held: tuple, h: Any) -> tuple:
+        def rate(joint: tuple) -> tuple:
+            now = signals_at(plan, integrals, joint, held)
+            return (*plan.model.derivative(params, joint[:count], held), *(of(now) for of in integrals.values()))
 
-    return rk4_step(rate, joint, h)
+        return rk4_step(rate, joint, h)
+
+    return move
+
+
+def follow_joint(
+    plan: TrialPlan,
+    integrals: Mapping[str, Rate],
+    values: Float[Array, " k"],
+    control: Float[Array, "n c"],
+    look: Callable[[Any, Mapping[str, Any]], tuple[Any, Any]],
+    memory: Any = (),
+) -> tuple[dict[str, Any], Any, Any]:
+    """Follow state and integrals through a trial; traced, may be batched and differentiated.
+
+    Args:
+        plan: vehicle and start.
+        integrals: what travels with the state.
+        values: coefficients, SI.
+        control: every control, held from each sample to the next, SI.
+        look: `(memory, signals) ->` the memory and what is kept of each sample.
+        memory: before the first sample.
+
+    Returns:
+        Signals at the end of the last step, the memory, and what was kept.
+    """
+    columns = tuple(control[:, i] for i in range(control.shape[1]))
+
+    def seen(joint: tuple, memory: Any, held: tuple, _: None) -> tuple:
+        return look(memory, signals_at(plan, integrals, joint, held))
+
+    move, start = joint_move(plan, integrals, values), joint_start(plan, integrals)
+    (end, memory), kept = time_loop(move, start, columns, plan.step, seen, memory)
+    return signals_at(plan, integrals, end, tuple(column[-1] for column in columns)), memory, kept

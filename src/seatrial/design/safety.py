@@ -7,10 +7,11 @@ exactly where the limit alone would be kept. Between samples nothing is looked a
 one picked as the best of many should be judged once more on fresh draws.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, log
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.stats import beta
 
 from seatrial.core.errors import InputError
-from seatrial.design.integrals import joint_start, joint_step, signals_at
+from seatrial.design.integrals import follow_joint
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits, limit_integrals, room
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -197,19 +198,14 @@ def least_rooms(
     """
     integrals = limit_integrals(plan.model, limits)
 
-    def narrowed(rooms: tuple, joint: tuple, held: tuple) -> tuple:
-        now = signals_at(plan, integrals, joint, held)
-        return tuple(jnp.minimum(least, room(limit, now)) for limit, least in zip(limits, rooms, strict=True))
+    def narrowed(rooms: tuple, now: Mapping[str, Any]) -> tuple[tuple, None]:
+        return tuple(jnp.minimum(least, room(limit, now)) for limit, least in zip(limits, rooms, strict=True)), None
 
-    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-        (joint, rooms), (held, h) = carry, sample
-        return (joint_step(plan, integrals, values, joint, held, h), narrowed(rooms, joint, held)), None
-
-    columns = tuple(control[:, i] for i in range(control.shape[1]))
-    begin = (joint_start(plan, integrals), tuple(jnp.asarray(jnp.inf) for _ in limits))
-    (end, rooms), _ = jax.lax.scan(advance, begin, (columns, plan.step))
-    rooms = narrowed(rooms, end, tuple(column[-1] for column in columns))
-    return jnp.stack(rooms), jnp.isfinite(jnp.stack(end)).all()
+    widest = tuple(jnp.asarray(jnp.inf) for _ in limits)
+    end, rooms, _ = follow_joint(plan, integrals, values, control, narrowed, widest)
+    rooms, _ = narrowed(rooms, end)
+    moved = jnp.stack([end[name] for name in (*plan.model.states, *integrals)])
+    return jnp.stack(rooms), jnp.isfinite(moved).all()
 
 
 def probability_at_least(held: Int[np.ndarray, "*any"], draws: int, confidence: float) -> Float[np.ndarray, "*any"]:

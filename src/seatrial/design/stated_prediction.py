@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import NumericalError
-from seatrial.design.integrals import integrals_for, joint_start, joint_step, signals_at
+from seatrial.design.integrals import follow_joint, integrals_for
 from seatrial.design.trial_plan import TrialPlan, plan_trial
 from seatrial.vehicles.model import VehicleModel
 
@@ -80,13 +80,9 @@ def prediction(
 @lru_cache(maxsize=16)
 def _value_and_slope(name: str):
     def run(plan: TrialPlan, control: Array, values: Array) -> Array:
-        integrals, held = integrals_for(plan.model, (name,), "prediction"), tuple(control)
-
-        def advance(joint: tuple, h: Array) -> tuple[tuple, None]:
-            return joint_step(plan, integrals, values, joint, held, h), None
-
-        end, _ = jax.lax.scan(advance, joint_start(plan, integrals), plan.step)
-        return signals_at(plan, integrals, end, held)[name]
+        integrals = integrals_for(plan.model, (name,), "prediction")
+        held = jnp.broadcast_to(control, (plan.step.shape[0], control.shape[0]))
+        return follow_joint(plan, integrals, values, held, lambda memory, _: (memory, None))[0][name]
 
     def both(plan: TrialPlan, control: Array, values: Array) -> tuple[Array, Array]:
         of_values = partial(run, plan, control)

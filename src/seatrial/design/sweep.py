@@ -23,6 +23,7 @@ from seatrial.filters.run import summarise_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
+from seatrial.numerics.integrate import time_loop
 
 Trim = tuple[tuple[str, float], ...]
 """Every control's name and trim value, SI, in the vehicle's order."""
@@ -219,7 +220,7 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
     n = designs[0].shape[0]
     lanes = lanes_at_once(run, *designs, cpu=LANES)
     blocks = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1).reshape(-1, lanes)
-    with ThreadPoolExecutor(1 if on_accelerator() else cores()) as pool:
+    with ThreadPoolExecutor(max_workers=1 if on_accelerator() else cores()) as pool:
         results = pool.map(
             lambda block: jax.tree.map(np.asarray, run(*(jnp.asarray(x[block]) for x in designs))), blocks
         )
@@ -232,14 +233,17 @@ def _predict(method: Filter):
         d = space.n_dynamic
         fixed = tuple(start[d:])
 
-        def advance(state: tuple, held: tuple):
-            joint = (*state, *fixed)
-            return space.transition(joint, held, step), (space.observe(joint, held), state[0])
+        def move(state: tuple, held: tuple, h: Array) -> tuple:
+            return space.transition((*state, *fixed), held, h)
+
+        def look(state: tuple, memory: tuple, held: tuple, _: None) -> tuple:
+            return memory, (space.observe((*state, *fixed), held), state[0])
 
         columns = tuple(control[:, i] for i in range(control.shape[1]))
-        _, (outputs, speed) = jax.lax.scan(advance, tuple(start[:d]), columns)
+        steps = jnp.broadcast_to(step, control.shape[:1])
+        _, (outputs, speed) = time_loop(move, tuple(start[:d]), columns, steps, look)
         measurement = jnp.stack(outputs, -1) + gaps
-        summary = summarise_filter(method, space, control, measurement, jnp.broadcast_to(step, control.shape[:1]))
+        summary = summarise_filter(method, space, control, measurement, steps)
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
 

@@ -6,15 +6,15 @@ A plan is a pytree: the numbers are leaves, so that code compiled for one vehicl
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.information import coefficient_information
-from seatrial.numerics.integrate import rk4_step
+from seatrial.numerics.integrate import time_loop
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import move_by
 
 
 @compiled_tree("model", "channels")
@@ -85,16 +85,16 @@ class TrialPlan:
     def _run(self, values: Array, control: Array) -> tuple[Array, Array]:
         params = self.named(values)
 
-        def advance(state: tuple, sample: tuple) -> tuple:
-            held, h, counts = sample
+        def look(state: tuple, memory: tuple, held: tuple, counts: Array) -> tuple:
             shown = tuple(
                 self.model.output(name, params, state, held) * counts[i] for i, name in enumerate(self.channels)
             )
-            return rk4_step(lambda x: self.model.derivative(params, x, held), state, h), (state, shown)
+            return memory, (state, shown)
 
         columns = tuple(control[:, i] for i in range(control.shape[1]))
         start = tuple(self.start[i] for i in range(self.start.shape[0]))
-        _, (states, shown) = jax.lax.scan(advance, start, (columns, self.step, self.weight))
+        move = move_by(self.model, params)
+        _, (states, shown) = time_loop(move, start, columns, self.step, look, extra=self.weight)
         return jnp.stack(states, -1), jnp.stack(shown, -1)
 
 

@@ -20,8 +20,7 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.estimation.output_error import OutputError, output_error
-from seatrial.estimation.sensors import Sensor, bias_name, noise_name
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.sensors import Sensor, noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
@@ -75,7 +74,7 @@ class FilterError:
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
-        control, _, _ = self.output.simulator.samples(values, trial.control, trial.step)
+        control = self.output.simulator.late(values, trial.control, trial.step)
         measured = jnp.stack([jnp.where(c.present > 0, c.measured, jnp.nan) for c in trial.channels], -1)
         # A sample of padding measures nothing, takes no time, and so adds nothing.
         result = filter_within(
@@ -85,30 +84,25 @@ class FilterError:
 
     def _space(self, values: Mapping[str, Any], start: Array) -> StateSpace:
         """The vehicle as a state space under these parameters; only its states are estimated by the filter."""
-        model, sensors = self.model, self.output.simulator.sensors
+        model, simulator = self.model, self.output.simulator
+        none = (None,) * len(simulator.sensors)
 
         def transition(state: tuple, control: tuple, step: Any) -> tuple:
             return rk4_step(lambda x: model.derivative(values, x, control), state, step)
 
         def observe(state: tuple, control: tuple) -> tuple:
-            return tuple(self._shown(sensor, values, state, control) for sensor in sensors)
+            return tuple(y for y, _ in simulator.show(values, state, control, none, none))
 
         return StateSpace(
             Gaussian(start, jnp.diag(jnp.asarray(self.initial_sd))),
             jnp.stack([jnp.asarray(values[process_name(state)], float) for state in model.states]),
-            jnp.stack([jnp.asarray(values[noise_name(sensor.channel)], float) for sensor in sensors]),
+            jnp.stack([jnp.asarray(values[noise_name(sensor.channel)], float) for sensor in simulator.sensors]),
             model.states,
             self.channels,
             len(model.states),
             transition,
             observe,
         )
-
-    def _shown(self, sensor: Sensor, values: Mapping[str, Any], state: tuple, control: tuple) -> Any:
-        x = self.model.output(sensor.channel, values, state, control)
-        if self.output.simulator.current and sensor.over_ground and sensor.channel == "u":
-            x = x + values[CURRENT]
-        return x + values[bias_name(sensor.channel)] if sensor.bias else x
 
 
 def process_name(state: str) -> str:

@@ -106,6 +106,9 @@ def sensitivity_loop(
 ) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
     """Time loop that sums the information of `coefficient_information`: its first carry, and its step.
 
+    Not `time_loop`: state, slopes and what is shown come out of one derivative, where looking first and moving then would take two, and
+    the searches of free forms cut it into blocks.
+
     The carry is the state, its slopes along the k coefficients and the information so far, shape (k, k); a sample is the controls, the
     time to the next sample and the weights.
     """

@@ -121,22 +121,18 @@ class OutputError:
             for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
         ]
 
-        def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-            motion, sums = carry
-            inputs, channels = sample
-            motion, shown = self.simulator.advance(values, motion, inputs)
+        def absorb(sums: tuple, shown: tuple, channels: tuple) -> tuple[tuple, None]:
             sums = tuple(
                 noise.absorb(total, y - x, present, kind, complete)
                 for noise, total, x, (y, present, kind), complete in zip(
                     noises, sums, shown, channels, self.complete, strict=True
                 )
             )
-            return (motion, sums), None
+            return sums, None
 
         measured = tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
-        begin = self.simulator.begin(start), tuple(noise.empty() for noise in noises)
-        samples = (self.simulator.samples(values, trial.control, trial.step), measured)
-        (_, sums), _ = jax.lax.scan(advance, begin, samples)
+        empty = tuple(noise.empty() for noise in noises)
+        sums = self.simulator.follow(values, start, trial.control, trial.step, absorb, empty, measured).memory
         return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
 
 

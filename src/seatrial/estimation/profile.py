@@ -275,8 +275,7 @@ def _next_start(problem: Slope, path: _Path) -> np.ndarray:
         moved[i] += path.sign * STEP * problem.scale[i]
     else:
         before = path.points[-2]
-        gained = max(last.root - before.root, 0.1 * STEP)
-        stride = min(2.0, (min(STEP, max(CROSSING - last.root, 0.1)) + 0.01) / gained)
+        stride = min(2.0, (min(STEP, max(CROSSING - last.root, 0.1)) + 0.01) / max(last.root - before.root, 1e-9))
         moved = last.values + stride * (last.values - before.values)
     moved[i] = np.clip(moved[i], problem.lower[i], problem.upper[i])
     return moved

@@ -12,7 +12,6 @@ from seatrial.estimation.filter_error import FilterError, process_name
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import ChannelData, TrialData
-from seatrial.numerics.integrate import rk4_step
 
 
 @partial(jax.jit, static_argnums=0)
@@ -90,13 +89,4 @@ def _noisy_motion(
     scale = jnp.stack([jnp.asarray(values[process_name(state)], float) for state in model.states])
     pushes = pushes * scale * jnp.sqrt(trial.step)[:, None]
     start = start + first * jnp.asarray(likelihood.initial_sd)
-    held, step, lags = simulator.samples(values, trial.control, trial.step)
-
-    def advance(state: tuple, sample: tuple) -> tuple[tuple, tuple]:
-        (control, h, lag), push = sample
-        _, shown = simulator.advance(values, (state, (None,) * len(simulator.sensors)), (control, h, lag))
-        moved = rk4_step(lambda x: model.derivative(values, x, control), state, h)
-        return tuple(x + push[i] for i, x in enumerate(moved)), shown
-
-    _, shown = jax.lax.scan(advance, tuple(start[i] for i in range(d)), ((held, step, lags), pushes))
-    return jnp.stack(shown, -1)
+    return simulator.outputs(values, start, trial.control, trial.step, tuple(pushes.T))

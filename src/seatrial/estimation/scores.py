@@ -63,16 +63,6 @@ def crps_normal(
     return sd * (z * (2 * ndtr(z) - 1) + 2 * stats.norm.pdf(z) - 1 / np.sqrt(np.pi))
 
 
-def crps_ensemble(measured: Float[np.ndarray, " n"], draws: Float[np.ndarray, "s n"]) -> Float[np.ndarray, " n"]:
-    """Continuous ranked probability score of the steps that draws make: mean |x - y| - mean |x - x'| / 2 over all s^2 pairs.
-
-    Of s independent draws it is on average mean |x - x'| / (2 s) above the score of the distribution they come from.
-    """
-    count = draws.shape[0]
-    rank = 2 * np.arange(1, count + 1) - count - 1
-    return np.abs(draws - measured).mean(0) - rank @ np.sort(draws, axis=0) / count**2
-
-
 def coverage(z: Float[np.ndarray, " n"], level: float) -> float:
     """Share of normalised residuals inside the central band of this probability."""
     return float(np.mean(np.abs(z) <= stats.norm.ppf(0.5 + 0.5 * level)))

@@ -1,19 +1,66 @@
-"""What the sensors would show, without noise, for given parameters: the forward model of the output-error likelihood."""
+"""What the sensors show, but for their noise, for given parameters: the forward model of the likelihoods and of simulated trials.
 
-from collections.abc import Mapping
+An actuator that follows a held command c late, da/dt = (c - a) / T, is, from a at a sample, after the step h and on average over it
+
+    a' = c + (a - c) e,  mean = c + (a - c) (1 - e) T / h,  e = exp(-h / T)
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
-from seatrial.numerics.integrate import rk4_step
+from seatrial.numerics.integrate import Law, Move, time_loop
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import move_by
 
 CURRENT = "current"
 """Parameter name of a constant current along the vehicle's course, m/s, positive from astern."""
+
+
+Watch = Callable[[Any, tuple, Any], tuple[Any, Any]]
+"""`(memory, shown, datum) ->` what is remembered at the next sample, and what is kept of this one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """A control that answers a sensor: at each sample it sees what that shows under the control so far, and decides anew.
+
+    Attributes:
+        output: channel that is fed back.
+        begin: what it remembers before the first sample.
+        command: every control, SI, by what it remembers.
+        decide: `(memory, time, seen) ->` what it remembers next; `seen` is NaN where nothing is measured.
+        time: of each sample, s, shape (n,).
+        error: noise of the sensor, SI, NaN where nothing is measured, shape (n,).
+    """
+
+    output: str
+    begin: Any
+    command: Callable[[Any], tuple]
+    decide: Callable[[Any, Any, Any], Any]
+    time: Float[Array, " n"]
+    error: Float[Array, " n"]
+
+
+class Followed(NamedTuple):
+    """A motion that was followed.
+
+    Attributes:
+        end: state after the last step.
+        memory: what the one who watched remembers.
+        kept: what it kept of the samples.
+        command: every control as the feedback gave it; empty where there was none.
+    """
+
+    end: tuple
+    memory: Any
+    kept: Any
+    command: tuple
 
 
 @dataclass(frozen=True)
@@ -25,12 +72,14 @@ class Simulator:
         sensors: what is measured.
         delay: whether a delay between command and action is a parameter, `delay`, s; needs a uniform time step.
         current: whether a constant current along the course is a parameter, `current`, m/s.
+        lagging: controls whose actuators are late, in their order, by time constants that are parameters, `lag_n`, s.
     """
 
     model: VehicleModel
     sensors: tuple[Sensor, ...]
     delay: bool = False
     current: bool = False
+    lagging: tuple[str, ...] = ()
 
     def outputs(
         self,
@@ -38,47 +87,116 @@ class Simulator:
         start: Float[Array, " n_states"],
         control: tuple[Float[Array, " n"], ...],
         step: Float[Array, " n"],
+        push: tuple[Float[Array, " n"], ...] | None = None,
     ) -> Float[Array, "n m"]:
-        """Outputs at every sample, SI.
+        """Outputs at every sample, SI; arguments as `follow`."""
+        return jnp.stack(self.follow(values, start, control, step, push=push).kept, -1)
+
+    def follow(
+        self,
+        values: Mapping[str, Any],
+        start: Float[Array, " n_states"],
+        control: tuple[Float[Array, " n"], ...] | Feedback,
+        step: Float[Array, " n"],
+        watch: Watch = lambda memory, shown, _: (memory, shown),
+        memory: Any = (),
+        data: Any = None,
+        push: tuple[Float[Array, " n"], ...] | None = None,
+    ) -> Followed:
+        """Simulate a trial and watch what the sensors show; traced, but for the delay of a feedback, which has to be a number.
 
         Args:
             values: parameters by name, SI.
             start: state at the first sample.
-            control: controls, held from each sample to the next.
+            control: controls, held from each sample to the next, or the feedback that gives them.
             step: time to the next sample, s.
+            watch: sees what is shown at each sample.
+            memory: what it remembers before the first.
+            data: arrays, or a tree of them, of which it is given each sample's own.
+            push: what is added to each state at the end of each step: process noise.
         """
-        samples = self.samples(values, control, step)
-        _, shown = jax.lax.scan(lambda carry, sample: self.advance(values, carry, sample), self.begin(start), samples)
-        return jnp.stack(shown, -1)
 
-    def samples(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
-        """What the time loop reads: controls as they act, steps, and the coefficients of the sensors' lags."""
-        if self.delay:
-            control = tuple(delay_control(column, values["delay"] / step[0]) for column in control)
+        def look(state: tuple, carry: tuple, held: tuple, sample: tuple) -> tuple[tuple, tuple]:
+            (memories, past, memory), (lags, _, datum) = carry, sample
+            shown = self.show(values, state, held, memories, lags)
+            memory, kept = watch(memory, tuple(y for y, _ in shown), datum)
+            command = past[1][0] if past else ()
+            return (tuple(after for _, after in shown), past, memory), (kept, command)
+
         lags = tuple(
             lags_before(step, values[lag_name(sensor.channel)]) if sensor.lag else None for sensor in self.sensors
         )
-        return control, step, lags
-
-    def begin(self, start: Float[Array, " n_states"]) -> tuple:
-        """State and memories of the sensors before the first sample."""
-        zero = jnp.zeros(())
+        zero, clock, past = jnp.zeros(()), None, ()
         memories = tuple(Memory(zero, zero) if sensor.lag else None for sensor in self.sensors)
-        return tuple(start[i] for i in range(start.shape[0])), memories
+        if isinstance(control, Feedback):
+            first, clock = control.command(control.begin), (control.time, control.error)
+            drive, past = self._closed(values, control, step)
+        else:
+            drive = self.late(values, control, step)
+            first = tuple(column[0] for column in drive)
+        acting = tuple(first[self.model.controls.index(name)] for name in self.lagging)
+        begin = (*(start[i] for i in range(start.shape[0])), *acting)
+        (end, (_, _, memory)), (kept, command) = time_loop(
+            self._move(values), begin, drive, step, look, (memories, past, memory), (lags, clock, data), push
+        )
+        return Followed(end[: len(self.model.states)], memory, kept, command)
 
-    def advance(self, values: Mapping[str, Any], carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
-        """State one step later, and what the sensors show now."""
-        (state, memories), (held, h, lags) = carry, sample
-        shown = [
-            sensor.show(values, self._true(sensor, values, state, held), memory, lag)
+    def late(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
+        """Return controls as they act: after the delay, where that is a parameter."""
+        return tuple(delay_control(column, values["delay"] / step[0]) for column in control) if self.delay else control
+
+    def show(self, values: Mapping[str, Any], state: tuple, held: tuple, memories: tuple, lags: tuple) -> list[tuple]:
+        """Return what each sensor shows at a sample without its noise, and what it remembers."""
+        felt = self._felt(state, held)
+        return [
+            sensor.show(values, self._true(sensor, values, state[: len(self.model.states)], felt), memory, lag)
             for sensor, memory, lag in zip(self.sensors, memories, lags, strict=True)
         ]
-        state = rk4_step(lambda x: self.model.derivative(values, x, held), state, h)
-        return (state, tuple(memory for _, memory in shown)), tuple(y for y, _ in shown)
 
     def _true(self, sensor: Sensor, values: Mapping[str, Any], state: tuple, held: tuple) -> Any:
         x = self.model.output(sensor.channel, values, state, held)
         return x + values[CURRENT] if self.current and sensor.over_ground and sensor.channel == "u" else x
+
+    def _felt(self, state: tuple, held: tuple) -> tuple:
+        """Controls that act at a sample: of a late actuator where it stands, which travels behind the state."""
+        acting = dict(zip(self.lagging, state[len(self.model.states) :], strict=True))
+        return tuple(acting.get(name, x) for name, x in zip(self.model.controls, held, strict=True))
+
+    def _move(self, values: Mapping[str, Any]) -> Move:
+        """Move the vehicle under the mean of what acts until the next sample, and its late actuators by their own equation."""
+        move, count = move_by(self.model, values), len(self.model.states)
+
+        def moved(state: tuple, held: tuple, h: Any) -> tuple:
+            mean, after = list(held), []
+            for name, a in zip(self.lagging, state[count:], strict=True):
+                at, tau = self.model.controls.index(name), values[lag_name(name)]
+                behind, left = a - held[at], jnp.exp(-h / tau)
+                mean[at] = held[at] + behind * (1.0 - left) * tau / h
+                after.append(held[at] + left * behind)
+            return (*move(state[:count], tuple(mean), h), *after)
+
+        return moved
+
+    def _closed(self, values: Mapping[str, Any], feedback: Feedback, step: Float[Array, " n"]) -> tuple[Law, tuple]:
+        """Return the law of a feedback, and what it remembers: its memory, and its commands so far, the last one first."""
+        at = [sensor.channel for sensor in self.sensors].index(feedback.output)
+        samples = float(values["delay"]) / float(step[0]) if self.delay else 0.0
+        whole = int(samples)
+        share = samples - whole
+
+        def in_force(commands: tuple) -> tuple:
+            """As `delay_control`: the mean over a step."""
+            pairs = zip(commands[whole], commands[whole + 1], strict=True)
+            return tuple((1.0 - share) * here + share * before for here, before in pairs)
+
+        def law(state: tuple, carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+            (memories, (before, commands), memory), (lags, (time, error), _) = carry, sample
+            seen = self.show(values, state, in_force(commands), memories, lags)[at][0] + error
+            decided = feedback.decide(before, time, seen)
+            commands = (feedback.command(decided), *commands[:-1])
+            return in_force(commands), (memories, (decided, commands), memory)
+
+        return law, (feedback.begin, (feedback.command(feedback.begin),) * (whole + 2))
 
 
 def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Float[Array, " n"]:

@@ -12,7 +12,7 @@ import numpy as np
 from seatrial import __version__
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.whole_vehicle import WholeVehicle
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.selection.screening import with_shortlist
@@ -24,10 +24,11 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation import CURRENT
 from seatrial.export.vehicle import REST, Estimated, ExportedVehicle, Provenance, of_published, rest_for, same_mass
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import load_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
 
@@ -61,7 +62,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     store, remedy = Store(campaign.folder), f"run `seatrial run {campaign.folder}` first"
     summary = read_summary(store.summary, f"seatrial run {campaign.folder}")
     if summary.seatrial_version != __version__:
-        raise _stale(campaign, f"results of seatrial {summary.seatrial_version}", remedy)
+        raise _stale(campaign.folder, f"results of seatrial {summary.seatrial_version}", remedy)
     trials = get_trials(campaign)
     campaign = with_shortlist(campaign, trials)
     labels = {structure.label: structure for structure in campaign.structures}
@@ -75,13 +76,8 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
         )
     kept = stored_estimates(campaign, trials)[labels[chosen]]
     if not kept.is_current():
-        raise _stale(campaign, "another configuration, or none", remedy)
+        raise _stale(campaign.folder, "another configuration, or none", remedy)
     return kept.read(kept.path)
-
-
-def stored_labels(folder: Path | str) -> tuple[str, ...]:
-    """Labels of the structures of which a campaign has a posterior."""
-    return tuple(sorted(path.stem for path in Store(Path(folder)).posterior("x").parent.glob("*.nc")))
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Provenance]:
@@ -107,7 +103,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
             moves=moves,
             added_coriolis=vehicle.body.added_coriolis,
             thrusters=vehicle.body.thrusters,
-            actuators=_actuators(campaign, model),
+            actuators=_actuators(campaign.family.control, campaign.limits, model),
             **common,
         )
         moved = ", ".join(rate for rate in RATES if rate in model.states)
@@ -120,23 +116,25 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Pro
             thrust_deduction=hull.thrust_deduction,
             trim=hull.trim,
         )
-        found = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign), **common)
+        found = ExportedVehicle(
+            hull.name, body, moves=("u",), actuators=_actuators(campaign.family.control, campaign.limits), **common
+        )
         moved = "u"
-    source = campaign.source.vehicle.catalogue
+    source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
     absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
     absent += found.unknown_drives
     return found, Provenance(
         estimate.key,
-        campaign.source.campaign.name,
+        campaign.name,
         f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
         str(estimate.data.attrs.get("seatrial_version", "")),
         tuple(term for term in campaign.full.terms if term not in structure.terms),
         tuple([", ".join(absent)] if absent else []),
         (
             f"{'body' if found.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
-            *_limit_words(campaign, found),
+            *_limit_words(campaign.family.control, campaign.limits, found),
         ),
         tuple(estimate.alarms),
         _current(estimate),
@@ -195,7 +193,7 @@ def _with_rest(
     )
 
 
-def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[str, Actuator]:
+def _actuators(control: str, limits: Limits, model: VehicleModel | None = None) -> dict[str, Actuator]:
     """Lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
     found: dict[str, dict[str, float]] = {}
     for key, value in () if model is None else model.constants:
@@ -203,7 +201,6 @@ def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[st
             _, name, part = key.split(" ")
             found.setdefault(name, {})[part] = value
     actuators = {name: Actuator(**parts) for name, parts in found.items()}
-    control, limits = campaign.source.design.control, campaign.limits()
     lower, upper, rate = (getattr(limits, key) for key in ("lower", "upper", "rate"))
     if control not in actuators and not (lower is None and upper is None and rate is None):
         actuators[control] = Actuator(
@@ -212,9 +209,8 @@ def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[st
     return actuators
 
 
-def _limit_words(campaign: Campaign, vehicle: ExportedVehicle) -> list[str]:
-    control = campaign.source.design.control
-    known = control in vehicle.actuators and control in campaign.source.limits
+def _limit_words(control: str, limits: Limits, vehicle: ExportedVehicle) -> list[str]:
+    known = control in vehicle.actuators and limits != Limits()
     return [f"limits of {control}: those of its trials, [limits] of campaign.toml"] if known else []
 
 
@@ -231,7 +227,5 @@ def _current(estimate: Estimate) -> float:
     return float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0
 
 
-def _stale(campaign: Campaign, found: str, remedy: str) -> InputError:
-    return InputError(
-        str(campaign.folder), found=found, expected="finished results of today's campaign.toml", remedy=remedy
-    )
+def _stale(folder: Path, found: str, remedy: str) -> InputError:
+    return InputError(str(folder), found=found, expected="finished results of today's campaign.toml", remedy=remedy)

@@ -4,7 +4,7 @@ from seatrial import __version__
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.export.vehicle import ExportedVehicle, Provenance, of_published
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 
 def of_catalogue(name: str) -> tuple[ExportedVehicle, Provenance]:

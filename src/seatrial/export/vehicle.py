@@ -15,7 +15,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.vehicles.active_dof import AddedCoriolis
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.catalogue.whole import PublishedVehicle, load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import PublishedVehicle, load_vehicle, vehicle_names
 from seatrial.vehicles.hull import Hull, added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import Thruster

@@ -1,1 +1,5 @@
 """Recursive Gaussian filters over a state space, and the one driver that runs them."""
+
+from seatrial.core import engine
+
+engine.prepare()

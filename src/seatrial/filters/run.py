@@ -132,7 +132,7 @@ def _pass(
             ahead,
             ahead_grown,
             log_likelihood + update.log_likelihood,
-            failures + failed * 1,
+            failures + failed,
         )
         if not keep_trace:
             return carry, ()
@@ -147,7 +147,7 @@ def _pass(
     begin = (_arrays(start), tuple(control[0]), step[0], grows[0], zero, zero)
     (after, _, _, _, log_likelihood, failures), kept = jax.lax.scan(advance, begin, samples)
     final = method.form.end(after)
-    failures = jnp.maximum(failures, ~jnp.isfinite(final.chol_cov).all() * 1)
+    failures = jnp.maximum(failures, ~jnp.isfinite(final.chol_cov).all())
     if not keep_trace:
         return FilterSummary(log_likelihood, final, failures)
     means, sds, innovations, nis, n_measured, clipped = kept

@@ -17,7 +17,7 @@ from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
 from seatrial.logs.curve import Curve
 from seatrial.logs.formats.protocol import LogFile, TextLayout
-from seatrial.logs.formats.text_rows import separator
+from seatrial.logs.formats.text import separator
 
 Clock = Literal["as_stamped", "even", "drop_repeated"]
 

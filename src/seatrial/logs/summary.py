@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seatrial.core.units import to_si
-from seatrial.logs.formats.clock_names import TIME_UNITS
-from seatrial.logs.formats.protocol import Block, TableInfo
+from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo
 
 _TINY, _HUGE = 1e-6, 1e15
 _LONGEST = 1e18

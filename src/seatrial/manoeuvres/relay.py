@@ -18,6 +18,7 @@ from jaxtyping import Array, Float, Int
 from seatrial.core.errors import InputError
 from seatrial.core.state_space import StateSpace
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.numerics.integrate import time_loop
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,10 @@ class RelayMemory(NamedTuple):
 
     side: Any
     applied: Any
+
+
+BEGIN = RelayMemory(1.0, 0.0)
+"""Before the first sample: on the positive side, at trim."""
 
 
 class RelayRun(NamedTuple):
@@ -194,21 +199,24 @@ def _run(space: StateSpace, family: RelayFamily, amplitude: Array, threshold: Ar
     def controls(applied: Any) -> tuple:
         return tuple(value + applied if name == family.control else jnp.asarray(value) for name, value in family.trim)
 
-    def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
-        state, memory, switches, reached = carry
+    def decide(state: tuple, memory: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        before, switches, reached = memory
         time, error = sample
-        joint = (*state, *fixed)
-        deviation = space.observe(joint, controls(memory.applied))[fed_back] + error - family.output_trim
-        decided = relay_control(family, amplitude, threshold, time, deviation, memory)
-        held = controls(decided.applied)
-        moved = space.transition(joint, held, family.sample_time)
+        deviation = space.observe((*state, *fixed), controls(before.applied))[fed_back] + error - family.output_trim
+        decided = relay_control(family, amplitude, threshold, time, deviation, before)
         acts = jnp.isfinite(deviation) & (time < family.start + family.active)
         reached = jnp.maximum(reached, jnp.where(acts, jnp.abs(deviation), 0.0))
-        switches = switches + (decided.side != memory.side)
-        return (moved, decided, switches, reached), (held, state, space.observe(joint, held))
+        return controls(decided.applied), (decided, switches + (decided.side != before.side), reached)
 
-    begin = (tuple(start[:d]), RelayMemory(jnp.ones(()), jnp.zeros(())), jnp.zeros(()), jnp.zeros(()))
-    (_, _, switches, reached), kept = jax.lax.scan(advance, begin, (jnp.asarray(family.time()), noise))
+    def look(state: tuple, memory: tuple, held: tuple, _: tuple) -> tuple[tuple, tuple]:
+        return memory, (held, state, space.observe((*state, *fixed), held))
+
+    def move(state: tuple, held: tuple, h: Any) -> tuple:
+        return space.transition((*state, *fixed), held, h)
+
+    time = jnp.asarray(family.time())
+    steps, begin = jnp.full(time.size, family.sample_time), (BEGIN, jnp.zeros(()), jnp.zeros(()))
+    (_, (_, switches, reached)), kept = time_loop(move, tuple(start[:d]), decide, steps, look, begin, (time, noise))
     control, state, outputs = (jnp.stack([jnp.asarray(x, float) for x in part], -1) for part in kept)
     return RelayRun(control, state, outputs, switches, reached)
 

@@ -1,4 +1,4 @@
-"""One-step integrators on tuples of scalars, with the input held over the step."""
+"""One-step integrators on tuples of scalars, with the input held over the step, and the time loop that every simulation is."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +11,12 @@ from seatrial.core.batching import on_accelerator
 State = tuple[Any, ...]
 Rate = Callable[[State], State]
 Integrator = Callable[[Rate, State, Any], State]
+Move = Callable[[State, tuple, Any], State]
+"""`(state, held, step) ->` the state one step later, the control being held."""
+Look = Callable[[State, Any, tuple, Any], tuple[Any, Any]]
+"""`(state, memory, held, extra) ->` what is remembered at the next sample, and what is kept of this one."""
+Law = Callable[[State, Any, Any], tuple[tuple, Any]]
+"""`(state, memory, extra) ->` the control until the next sample, and the memory: what closes a loop."""
 
 LARGE = 10
 """Number of states from which the four stages are a loop over one copy of the model, on a processor: faster, and compiled in a third
@@ -58,6 +64,46 @@ def rk4_looped(rate: Rate, state: State, step: Any) -> State:
 def euler_step(rate: Rate, state: State, step: Any) -> State:
     """Explicit Euler step, first order: for comparison with published results that used it."""
     return _moved(state, rate(state), step)
+
+
+def time_loop(
+    move: Move,
+    start: State,
+    control: tuple | Law,
+    step: Any,
+    look: Look,
+    memory: Any = (),
+    extra: Any = None,
+    push: tuple | None = None,
+) -> tuple[tuple[State, Any], Any]:
+    """Follow a motion from sample to sample and look at it at each; traced, may be batched and differentiated.
+
+    Args:
+        move: takes the state to the next sample.
+        start: state at the first sample.
+        control: one column for each control, held from each sample to the next, or the law that gives them.
+        step: time to the next sample, s, shape (n,).
+        look: sees the state and the control at each sample, before it moves.
+        memory: what law and look remember at the first sample.
+        extra: arrays, or a tree of them, of which law and look are given each sample's own.
+        push: what is added to each state at the end of each step; None for nothing.
+
+    Returns:
+        The state after the last step and the memory, and what was kept, stacked over the samples.
+    """
+    law = control if callable(control) else None
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, Any]:
+        (state, memory), (held, h, now, pushed) = carry, sample
+        if law is not None:
+            held, memory = law(state, memory, now)
+        memory, kept = look(state, memory, held, now)
+        moved = move(state, held, h)
+        if pushed is not None:
+            moved = tuple(x + by for x, by in zip(moved, pushed, strict=True))
+        return (moved, memory), kept
+
+    return jax.lax.scan(advance, (start, memory), (None if law else control, step, extra, push))
 
 
 def _moved(state: State, rate: State, step: Any) -> State:

@@ -122,15 +122,6 @@ def solve_lower(factor: Triangle, vector: Sequence[Scalar]) -> Vector:
     return tuple(solution)
 
 
-def solve_lower_transposed(factor: Triangle, vector: Sequence[Scalar]) -> Vector:
-    """Solve L^T x = vector."""
-    n = len(factor)
-    solution: dict[int, Scalar] = {}
-    for i in reversed(range(n)):
-        solution[i] = (vector[i] - total([factor[j][i] * solution[j] for j in range(i + 1, n)])) / factor[i][i]
-    return tuple(solution[i] for i in range(n))
-
-
 def log_diagonal(factor: Triangle) -> Scalar:
     """Sum of the logarithms of the diagonal: half the log-determinant of L L^T."""
     return total([jnp.log(row[i]) for i, row in enumerate(factor)])

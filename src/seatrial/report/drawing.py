@@ -86,7 +86,7 @@ def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.nd
 
 def truth_of(outcome: "Outcome") -> Mapping[str, float]:
     """True coefficients of a simulated campaign; those the truth does not name are zero. Empty for real logs."""
-    source = outcome.campaign.source
-    if source.imported is not None or not source.truth:
+    campaign = outcome.campaign
+    if not campaign.is_simulated:
         return {}
-    return {term: source.truth.get(term, 0.0) for term in outcome.campaign.full.terms}
+    return {term: campaign.truth.get(term, 0.0) for term in outcome.campaign.full.terms}

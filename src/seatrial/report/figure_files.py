@@ -1,7 +1,7 @@
 """The picture of smoothed channels and their rates: a stand-alone SVG in the campaign's folder."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 
@@ -38,9 +38,9 @@ from seatrial.report.term_figures import TermFigure, term_figures
 from seatrial.selection.verdict import Selection
 
 
-def write_accelerations_picture(campaign: Campaign, record: Record, channels: Sequence[SmoothedChannel]) -> Path:
+def write_accelerations_picture(folder: Path, record: Record, channels: Sequence[SmoothedChannel]) -> Path:
     """Write `accelerations-LABEL.svg` in the campaign's folder, atomically, and return its path."""
-    path = campaign.folder / f"accelerations-{record.label}.svg"
+    path = folder / f"accelerations-{record.label}.svg"
     curves = []
     for channel in channels:
         name, found, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
@@ -63,11 +63,11 @@ def _rate_axis(name: str, unit: str) -> str:
 # The picture of a calibration: a stand-alone SVG in the campaign's folder.
 
 
-def write_calibration_picture(campaign: Campaign, found: Calibrated) -> Path:
+def write_calibration_picture(folder: Path, name: str, found: Calibrated) -> Path:
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
-    path = campaign.folder / f"calibration-{found.method}.svg"
+    path = folder / f"calibration-{found.method}.svg"
     words = (
-        f"{campaign.source.campaign.name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
+        f"{name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
         f"pale bands hold all {len(found.calibration.names)} in 99 % of cases"
     )
     with own_settings():
@@ -78,9 +78,9 @@ def write_calibration_picture(campaign: Campaign, found: Calibrated) -> Path:
 # Raw plots of a record, whatever is wrong with it: every channel and every control as they are, a stand-alone SVG.
 
 
-def write_check_picture(campaign: Campaign, record: Record) -> Path:
+def write_check_picture(folder: Path, record: Record) -> Path:
     """Write `check-LABEL.svg` in the campaign's folder, atomically, and return its path."""
-    path = campaign.folder / f"check-{record.label}.svg"
+    path = folder / f"check-{record.label}.svg"
     shown = [
         (signal_axis(name), record.channel(name) * shown_unit(name)[0]) for name in (*record.measured, *record.controls)
     ]
@@ -92,10 +92,10 @@ def write_check_picture(campaign: Campaign, record: Record) -> Path:
 # The picture of a campaign's priors: a stand-alone SVG in its folder.
 
 
-def write_prior_picture(campaign: Campaign, found: PriorPredictive) -> Path:
+def write_prior_picture(folder: Path, name: str, found: PriorPredictive) -> Path:
     """Write `prior.svg` in the campaign's folder, atomically, and return its path."""
-    path = campaign.folder / "prior.svg"
-    controls = [Driven(signal_axis(name), values * shown_unit(name)[0]) for name, values in found.control.items()]
+    path = folder / "prior.svg"
+    controls = [Driven(signal_axis(one), values * shown_unit(one)[0]) for one, values in found.control.items()]
     with own_settings():
         figure = prior_motions(
             found.time,
@@ -105,7 +105,7 @@ def write_prior_picture(campaign: Campaign, found: PriorPredictive) -> Path:
             measured=found.measured,
             steady=found.steady,
             settling=found.settling,
-            words=[f"{campaign.source.campaign.name}: what the priors expect", *map(typeset, prior_summary(found))],
+            words=[f"{name}: what the priors expect", *map(typeset, prior_summary(found))],
         )
         write_text(path, draw_svg(figure, "prior"))
     return path
@@ -114,16 +114,15 @@ def write_prior_picture(campaign: Campaign, found: PriorPredictive) -> Path:
 # The picture of profile likelihoods: a stand-alone SVG in the campaign's folder.
 
 
-def write_profile_picture(campaign: Campaign, found: Profiled) -> Path:
+def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], found: Profiled) -> Path:
     """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
-    path = campaign.folder / "profile.svg"
-    truth = {} if campaign.source.imported is not None else campaign.source.truth
+    path = folder / "profile.svg"
     panels = [
         Panel(profile, label_mathtext(label), truth.get(profile.name))
         for profile, label in zip(found.profiles, found.labels, strict=True)
     ]
     words = [
-        f"{campaign.source.campaign.name}: profile likelihoods of {found.structure.label}, the other parameters following",
+        f"{name}: profile likelihoods of {found.structure.label}, the other parameters following",
         "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"
         + "; dotted: true value" * bool(truth),
         *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if found.open else []),
@@ -146,7 +145,7 @@ def write_rehearsal_picture(campaign: Campaign, found: Rehearsal) -> Path:
         Progressed(name, *found.share_met(name), found.median_sd(name)[:, named]) for name in found.strategies
     ]
     words = (
-        f"{campaign.source.campaign.name}: {found.vehicles} vehicles from the priors",
+        f"{campaign.name}: {found.vehicles} vehicles from the priors",
         "bars hold 90 %; below, what the goal names",
     )
     with own_settings():
@@ -188,8 +187,8 @@ def write_select_picture(
     """Write `select.svg` in the campaign's folder, atomically, and return its path."""
     path = campaign.folder / "select.svg"
     with own_settings():
-        figures = term_figures(campaign, selection, screened, contenders)
-        write_text(path, compose(f"{campaign.source.campaign.name}: which terms are real", figures))
+        figures = term_figures(campaign.units, selection, screened, contenders)
+        write_text(path, compose(f"{campaign.name}: which terms are real", figures))
     return path
 
 

@@ -52,12 +52,6 @@ def label_mathtext(label: str) -> str:
     return f"${''.join(map(_mathtext, nodes))}$" + suffix.replace("$", r"\$")
 
 
-def label_text(label: str) -> str:
-    """Return a label as plain text, for titles that cannot hold markup: `X_{u|u|}` gives `X u|u|`."""
-    nodes, suffix = _parse(label)
-    return "".join(map(_text, nodes)).strip() + suffix
-
-
 def name_html(text: str, labels: Mapping[str, str]) -> Markup:
     """Escape a sentence and print every parameter name in it by its label.
 

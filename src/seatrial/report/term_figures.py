@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.report.figures.prior_scale import CoefficientPath, coefficient_paths, inclusion_paths
@@ -30,10 +29,10 @@ class TermFigure(NamedTuple):
 
 
 def term_figures(
-    campaign: Campaign, selection: Selection, screened: Screened | None, contenders: Contenders | None
+    units: Mapping[str, str], selection: Selection, screened: Screened | None, contenders: Contenders | None
 ) -> list[TermFigure]:
-    """Draw what there is."""
-    found = _of_screening(campaign, selection, screened) if screened is not None else []
+    """Draw what there is; `units` are those of the coefficients, SI."""
+    found = _of_screening(units, selection, screened) if screened is not None else []
     return found if contenders is None else [*found, _gap(contenders)]
 
 
@@ -42,12 +41,10 @@ def symbol(term: str) -> str:
     return label_mathtext(CoefficientName.parse(term).label)
 
 
-def _of_screening(campaign: Campaign, selection: Selection, screened: Screened) -> list[TermFigure]:
+def _of_screening(units: Mapping[str, str], selection: Selection, screened: Screened) -> list[TermFigure]:
     data, optional = screened.data, screened.optional
     inclusion = dict(zip(optional, data["inclusion"].sel(term=optional).values, strict=True))
     bars = sorted(optional, key=lambda term: -inclusion[term])
-    model = campaign.model(campaign.full)
-    units = {term.text: model.unit_of(term) for term in model.coefficients}
     scale = data["scale"].values
     paths = sorted(optional, key=lambda term: abs(inclusion[term] - 0.5))[:PATHS]
     rows = [*bars, *(str(term) for term in data["term"].values if str(term) not in optional)]

@@ -4,7 +4,7 @@ import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
-from seatrial.vehicles.catalogue.whole import PublishedVehicle
+from seatrial.vehicles.catalogue import PublishedVehicle
 from seatrial.vehicles.control_signs import SPEED, control_senses, sense_words
 from seatrial.vehicles.hull import AXES, Hull
 

@@ -1,7 +1,7 @@
 """What a sampler sees: a density on the real vector space, prior and likelihood kept apart."""
 
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import jax
 import jax.numpy as jnp
@@ -73,6 +73,3 @@ def _evaluate(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
 
 def _log_density(target: Target, z: Float[Array, " d"]) -> Float[Array, ""]:
     return target.log_prior(z) + target.log_likelihood(z)
-
-
-TargetT = TypeVar("TargetT", bound=Target)

@@ -1,1 +1,5 @@
 """Which terms the data support: evidence with its error, model probabilities and the verdict in words."""
+
+from seatrial.core import engine
+
+engine.prepare()

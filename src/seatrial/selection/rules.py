@@ -1,4 +1,4 @@
-"""Rules about which terms may stand together, as data with a sentence each, and as lines of text.
+"""Rules about which terms may stand together: lines of text, data with a sentence each, and bit masks over the optional terms.
 
     X_uabsu requires X_u
     always T_nabsn
@@ -9,6 +9,7 @@
 
 `heredity` stands for a rule for each product of several signals: it requires the linear term of each of them that the library has
 on that axis (strong heredity: Chipman, Can. J. Stat. 24, 1996). `heredity of powers` asks that of powers of one signal too.
+Compiled, what the rules force is taken out first: terms always there, and terms never there.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.selection.library import TermLibrary
+from seatrial.selection.rule_masks import RuleMasks
 
 EXPECTED = (
     '"A requires B", "always A", "never A", "together A B", "at most one of A B", "heredity" or "heredity of powers", '
@@ -93,8 +95,29 @@ class AtMostOne:
 Rule = Requires | Always | Never | Together | AtMostOne
 
 
+@dataclass(frozen=True)
+class CompiledRules:
+    """What rules leave to decide.
+
+    Attributes:
+        always: terms in every structure.
+        optional: terms that may stand or not.
+        never: terms in none.
+        masks: the rules among the optional terms, bit i for `optional[i]`.
+    """
+
+    always: tuple[str, ...]
+    optional: tuple[str, ...]
+    never: tuple[str, ...]
+    masks: RuleMasks
+
+    def terms(self, structure: int) -> tuple[str, ...]:
+        """Return the names of all terms of a structure of the optional ones, those always there first."""
+        return self.always + tuple(name for i, name in enumerate(self.optional) if structure >> i & 1)
+
+
 def heredity(library: TermLibrary, powers: bool = False) -> tuple[Requires, ...]:
-    """Rules by which no product stands without its parents, those on its axis that the library has.
+    """Return rules by which no product stands without its parents, those on its axis that the library has.
 
     Args:
         library: candidate terms.
@@ -123,6 +146,60 @@ def parse_rules(lines: Sequence[str], library: TermLibrary) -> tuple[Rule, ...]:
             with located(f'rule in line {number}, "{line.strip()}"'):
                 rules.extend(_parse(words, library))
     return tuple(rules)
+
+
+def compile_rules(library: TermLibrary, rules: Sequence[Rule]) -> CompiledRules:
+    """Compile rules for the terms of a library, contradictions found before anything is computed.
+
+    Args:
+        library: candidate terms.
+        rules: in any of its spellings.
+
+    Returns:
+        Terms forced in, terms forced out, and masks over the others.
+
+    Raises:
+        InputError: a rule that names a term the library lacks; two rules that contradict each other, or that leave a term which
+            could never stand; the message names both.
+    """
+    for rule in rules:
+        for term in rule.terms:
+            library.find(term, f'rule "{rule}"')
+    named = [_renamed(rule, library) for rule in rules]
+    inside: dict[str, Rule] = {}
+    outside: dict[str, Rule] = {}
+    for rule in named:
+        if isinstance(rule, Always):
+            _put(rule.term, rule, inside, outside)
+        if isinstance(rule, Never):
+            outside[rule.term] = rule
+    for term, rule in outside.items():
+        if term in inside:
+            raise _contradiction(term, inside[term], rule)
+    _propagate(named, inside, outside)
+    optional = tuple(name for name in library.names if name not in inside and name not in outside)
+    bit = {name: 1 << i for i, name in enumerate(optional)}
+
+    def mask(terms: Sequence[str]) -> int:
+        return sum(bit.get(term, 0) for term in terms)
+
+    parents = [0] * len(optional)
+    groups, exclusive = [], []
+    for rule in named:
+        if isinstance(rule, Requires) and rule.term in bit:
+            parents[optional.index(rule.term)] |= mask(rule.parents)
+        elif isinstance(rule, Together) and mask(rule.terms):
+            groups.append(mask(rule.terms))
+        elif isinstance(rule, AtMostOne) and mask(rule.terms).bit_count() > 1:
+            exclusive.append(mask(rule.terms))
+    for term in optional:
+        _check_possible(term, named)
+    return CompiledRules(
+        tuple(name for name in library.names if name in inside),
+        optional,
+        tuple(name for name in library.names if name in outside),
+        RuleMasks(tuple(parents), tuple(dict.fromkeys(groups)), tuple(dict.fromkeys(exclusive))),
+    )
 
 
 def _parse(words: list[str], library: TermLibrary) -> tuple[Rule, ...]:
@@ -154,3 +231,79 @@ def _parse(words: list[str], library: TermLibrary) -> tuple[Rule, ...]:
         case ["at", "most", "one", "of", *several]:
             return (AtMostOne(terms(several, 2)),)
     raise InputError("rule", found=" ".join(words), expected=EXPECTED, remedy="write the rule in one of these forms")
+
+
+def _renamed(rule: Rule, library: TermLibrary) -> Rule:
+    """Return the rule in the library's spelling."""
+
+    def name(text: str) -> str:
+        return library.find(text, f'rule "{rule}"')
+
+    if isinstance(rule, Requires):
+        return Requires(name(rule.term), tuple(map(name, rule.parents)))
+    if isinstance(rule, Always | Never):
+        return type(rule)(name(rule.term))
+    return type(rule)(tuple(map(name, rule.terms)))
+
+
+def _propagate(rules: Sequence[Rule], inside: dict[str, Rule], outside: dict[str, Rule]) -> None:
+    """Follow what is forced until nothing new is, remembering the rule that forced each term."""
+    before = -1
+    while before != len(inside) + len(outside):
+        before = len(inside) + len(outside)
+        for rule in rules:
+            if isinstance(rule, Requires):
+                if rule.term in inside:
+                    for parent in rule.parents:
+                        _put(parent, rule, inside, outside)
+                for parent in rule.parents:
+                    if parent in outside:
+                        _put(rule.term, rule, outside, inside, outside[parent])
+            elif isinstance(rule, Together):
+                for here, there in ((inside, outside), (outside, inside)):
+                    if any(term in here for term in rule.terms):
+                        for term in rule.terms:
+                            _put(term, rule, here, there)
+            elif isinstance(rule, AtMostOne):
+                standing = [term for term in rule.terms if term in inside]
+                if len(standing) > 1:
+                    raise _contradiction(standing[1], inside[standing[1]], rule)
+                for term in rule.terms:
+                    if standing and term != standing[0]:
+                        _put(term, rule, outside, inside)
+
+
+def _put(term: str, rule: Rule, here: dict[str, Rule], there: dict[str, Rule], because: Rule | None = None) -> None:
+    if term in there:
+        raise _contradiction(term, there[term], because or rule)
+    here.setdefault(term, rule)
+
+
+def _check_possible(term: str, rules: Sequence[Rule]) -> None:
+    """Refuse a term that no allowed structure has: everything it requires, in turn, must not break a rule of rivals."""
+    needed: dict[str, Rule | None] = {term: None}
+    before = 0
+    while before != len(needed):
+        before = len(needed)
+        for rule in rules:
+            if isinstance(rule, Requires) and rule.term in needed:
+                needed.update({parent: rule for parent in rule.parents if parent not in needed})
+            if isinstance(rule, Together) and any(one in needed for one in rule.terms):
+                needed.update({one: rule for one in rule.terms if one not in needed})
+    for rule in rules:
+        if isinstance(rule, AtMostOne):
+            standing = [one for one in rule.terms if one in needed]
+            if len(standing) > 1:
+                reason = next(needed[one] for one in reversed(standing) if needed[one] is not None)
+                raise _contradiction(term, reason, rule, "could never stand")
+
+
+def _contradiction(
+    term: str, one: Rule | None, other: Rule, what: str = "can neither stand nor be left out"
+) -> InputError:
+    return InputError(
+        f'rules "{one}" and "{other}"',
+        found=f"{term} {what}",
+        expected="rules that some structure with each optional term obeys",
+        remedy="drop one of the two rules, or leave the term out of the library",
+    )

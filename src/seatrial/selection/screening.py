@@ -7,24 +7,22 @@ sensors is in the regressors too: the bias that is left is estimated, and the sh
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.estimation.regressor_noise import RegressorBias, regressor_noise_bias
 from seatrial.estimation.row_fit import RowFit, independent_rows
 from seatrial.estimation.rows import Rows
-from seatrial.selection.compiled_rules import CompiledRules
+from seatrial.selection.rules import CompiledRules
 from seatrial.selection.subsets.average import SubsetPosterior
+from seatrial.selection.subsets.conjugate import Prior, evidence_of, physical_prior, unit_information
 from seatrial.selection.subsets.gram import Gram, gram
-from seatrial.selection.subsets.prior import physical_prior, unit_information
-from seatrial.selection.subsets.rules import Rules
 from seatrial.selection.subsets.sampler import subset_posterior
-from seatrial.selection.subsets.sensitivity import Sensitivity, sensitivity
 from seatrial.vehicles.axis_equation import AxisEquation
 
 SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -35,7 +33,31 @@ PAIRS = 8
 """Pairs of simulated repetitions that estimate the bias."""
 
 
-class Believed(NamedTuple):
+class Sensitivity(NamedTuple):
+    """Along factors on the prior standard deviations of the coefficients.
+
+    Attributes:
+        names: terms.
+        scales: factors, shape (s,).
+        inclusion: inclusion probabilities, shape (s, d).
+        mean: averaged coefficients, shape (s, d).
+        top: most probable structure at each factor, bit i for term i, shape (s,).
+        probability: its probability, shape (s,).
+        pair: the two most probable structures at factor 1, best first, or one if there is no other.
+        log_bayes_factor: of the first of `pair` against the second, nats, shape (s,); empty if there is one only.
+    """
+
+    names: tuple[str, ...]
+    scales: Float[np.ndarray, " s"]
+    inclusion: Float[np.ndarray, "s d"]
+    mean: Float[np.ndarray, "s d"]
+    top: UInt64[np.ndarray, " s"]
+    probability: Float[np.ndarray, " s"]
+    pair: tuple[tuple[str, ...], ...]
+    log_bayes_factor: Float[np.ndarray, " s"]
+
+
+class TermPrior(NamedTuple):
     """Prior of a coefficient where its term is present, SI."""
 
     mean: float
@@ -75,12 +97,51 @@ class Screening:
         return tuple(self.posterior.terms(rank) for rank in range(min(enough, most, self.posterior.structures.size)))
 
 
+def sensitivity(
+    stats: Gram, prior: Prior, names: Sequence[str], scales: Sequence[float], **options: Any
+) -> Sensitivity:
+    """Repeat `subset_posterior` along prior scales: a Bayes factor never forgets the width of the prior.
+
+    Args:
+        stats: of the regression on all terms.
+        prior: of its coefficients and noise, at factor 1.
+        names: of the terms, one for each column.
+        scales: factors on the prior standard deviations of the coefficients.
+        options: of `subset_posterior`, except `top`.
+
+    Returns:
+        Inclusion, coefficients and the best structure at each factor.
+
+    Raises:
+        InputError, NumericalError: as `subset_posterior`.
+    """
+    options = {**options, "top": 2}
+    base = subset_posterior(stats, prior, names, **options)
+    pair = [base.numbers(rank) for rank in range(base.structures.size)]
+    found, factors = [], []
+    for scale in scales:
+        scaled = prior.scaled(scale)
+        found.append(subset_posterior(stats, scaled, names, **options))
+        logs = [evidence_of(stats, scaled, structure).log_evidence for structure in pair]
+        factors += [logs[0] - logs[1]] if len(logs) == 2 else []
+    return Sensitivity(
+        base.names,
+        np.asarray(scales, float),
+        np.array([one.inclusion for one in found]),
+        np.array([one.mean for one in found]),
+        np.array([one.structures[0] for one in found]),
+        np.array([one.probability[0] for one in found]),
+        tuple(base.terms(rank) for rank in range(len(pair))),
+        np.array(factors),
+    )
+
+
 def screen(
     equations: Sequence[AxisEquation],
     rules: CompiledRules,
     records: Sequence[Record],
     noise: Mapping[str, float],
-    prior: Mapping[str, Believed],
+    prior: Mapping[str, TermPrior],
     key: jax.Array,
     narrowest: float = 1.0,
     g: float | Literal["rows"] | None = None,
@@ -109,7 +170,7 @@ def screen(
     one_row = unit_information(stats, 1.0)
     stated = physical_prior(sds, 1.0, mean=means)
     believed = stated if g is None else one_row if g == "rows" else replace(one_row, g=g)
-    options = {"always": rules.always, "rules": Rules(rules.parents, rules.groups, rules.exclusive)}
+    options = {"always": rules.always, "rules": rules.masks}
     return Screening(
         rules,
         rows,
@@ -128,7 +189,7 @@ def worth(stats: Gram, rows: float) -> Gram:
 
 
 def _check(
-    names: Sequence[str], rules: CompiledRules, equations: Sequence[AxisEquation], prior: Mapping[str, Believed]
+    names: Sequence[str], rules: CompiledRules, equations: Sequence[AxisEquation], prior: Mapping[str, TermPrior]
 ) -> None:
     sought = {term.text for equation in equations for term in equation.terms}
     if sought != set(names):

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import numpy as np
+
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.selection.compiled_rules import CompiledRules, compile_rules
 from seatrial.selection.library import TermLibrary
-from seatrial.selection.rules import Always, parse_rules
-from seatrial.selection.structure_count import count_structures
+from seatrial.selection.rule_masks import allowed_mass
+from seatrial.selection.rules import Always, CompiledRules, compile_rules, parse_rules
 
 MAX_STRUCTURES = 64
 """Structures beyond which simulating each takes too long, and a screening has to choose a shortlist."""
@@ -57,6 +58,23 @@ def structure_rules(always: Sequence[str], optional: Sequence[str], lines: Seque
     return compile_rules(library, [*map(Always, always), *parse_rules(lines, library)])
 
 
+def count_structures(rules: CompiledRules) -> int:
+    """Count the structures that the rules allow, exactly, with nothing enumerated.
+
+    Raises:
+        InputError: no term at all.
+    """
+    k = len(rules.optional)
+    if not k and not rules.always:
+        raise InputError(
+            "library and rules",
+            found="no term that may stand",
+            expected="at least one",
+            remedy="drop a rule that excludes terms, or widen the library",
+        )
+    return allowed_mass(rules.masks, (), [0.5] * k)[0]
+
+
 def all_structures(rules: CompiledRules) -> tuple[Structure, ...]:
     """Return all structures that the rules allow, by number of optional terms left out: the full one first, where it is allowed.
 
@@ -64,10 +82,10 @@ def all_structures(rules: CompiledRules) -> tuple[Structure, ...]:
         InputError: too many structures for simulation-based evidence.
     """
     count = count_structures(rules)
-    if count.structures > MAX_STRUCTURES:
+    if count > MAX_STRUCTURES:
         raise InputError(
             "structure.optional",
-            found=f"{len(rules.optional)} optional terms, {count.structures} structures",
+            found=f"{len(rules.optional)} optional terms, {count} structures",
             expected=f"at most {MAX_STRUCTURES} structures",
             remedy="screen them first, move terms that are certain to `always`, or add rules",
         )
@@ -77,9 +95,11 @@ def all_structures(rules: CompiledRules) -> tuple[Structure, ...]:
         for size in range(k + 1)
         for left_out in combinations(range(k), size)
     ]
-    return label_structures([rules.terms(mask) for mask in masks if rules.allows(mask) and rules.terms(mask)])
+    allowed = rules.masks.allowed(np.array(masks, np.uint64))
+    sets = [rules.terms(mask) for mask, keeps in zip(masks, allowed, strict=True) if keeps]
+    return label_structures([terms for terms in sets if terms])
 
 
 def label_structures(sets: Sequence[Sequence[str]]) -> tuple[Structure, ...]:
-    """Structures M-0, M-1, … of these terms, in order."""
+    """Return structures M-0, M-1, … of these terms, in order."""
     return tuple(Structure(f"M-{index}", tuple(terms)) for index, terms in enumerate(sets))

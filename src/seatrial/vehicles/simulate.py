@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once
-from seatrial.numerics.integrate import Integrator, rk4_step
+from seatrial.numerics.integrate import Integrator, Move, rk4_step, time_loop
 from seatrial.vehicles.model import Params, VehicleModel
 
 BLOCK = 64
@@ -65,6 +65,11 @@ def by_blocks(function: Callable[[Any], Any], lanes: Any) -> Any:
     return jax.tree.map(lambda x: x.reshape(blocks * width, *x.shape[2:])[:count], found)
 
 
+def move_by(model: VehicleModel, params: Params, integrator: Integrator = rk4_step) -> Move:
+    """Return what moves a vehicle of given coefficients from sample to sample; traced."""
+    return lambda state, held, h: integrator(lambda x: model.derivative(params, x, held), state, h)
+
+
 @lru_cache(maxsize=64)
 def _trajectories(model: VehicleModel, integrator: Integrator):
     @jax.jit
@@ -78,13 +83,9 @@ def _trajectories(model: VehicleModel, integrator: Integrator):
 def _trajectory(model: VehicleModel, integrator: Integrator):
     @jax.jit
     def trajectory(params: dict, control: Array, step: Array, initial: Array) -> Array:
-        def advance(state: tuple, sample: tuple) -> tuple:
-            held, h = sample
-            return integrator(lambda x: model.derivative(params, x, tuple(held)), state, h), state
-
         columns = tuple(control[:, i] for i in range(control.shape[1]))
-        start = tuple(jnp.asarray(initial, float))
-        _, states = jax.lax.scan(advance, start, (columns, step))
+        start, move = tuple(jnp.asarray(initial, float)), move_by(model, params, integrator)
+        _, states = time_loop(move, start, columns, step, lambda state, *_: ((), state))
         return jnp.stack(states, axis=-1)
 
     return trajectory

@@ -14,8 +14,6 @@ from seatrial.vehicles.coriolis import entry_products
 from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, asymmetric_pairs, rigid_mass_matrix
 from seatrial.vehicles.thrusters import Thruster
 
-_AXIS_OF = dict(zip(RATES, AXES, strict=True))
-
 
 def check_whole(
     hull: Hull, terms: Sequence[str], freedom: tuple, added_coriolis: str, thrusters: Sequence[Thruster]

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from studies.remus100.compute.designs import PERIODS
-from studies.remus100.compute.iteration import FITS
+from studies.remus100.designs import PERIODS
+from studies.remus100.iteration import FITS
 from studies.remus100.study import Study
 from studies.remus100.tests.studies import TINY, A
 from studies.remus100.vehicle_file import NAMES, Reading

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from studies.remus100.compute.iteration import FITS
-from studies.remus100.compute.tuning import CHANGES
-from studies.remus100.items import Item, Number
+from studies.remus100.iteration import FITS
 from studies.remus100.registry import ENTRIES
-from studies.remus100.study import QUICK, Part, Sizes, Study
+from studies.remus100.study import QUICK, Item, Number, Part, Sizes, Study
+from studies.remus100.tuning import CHANGES
 from studies.remus100.vehicle_file import NAMES, READINGS, Reading
 
 A = READINGS["A"]

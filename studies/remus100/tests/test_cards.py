@@ -3,10 +3,9 @@
 import pytest
 
 from seatrial.report.numbers import plain, typeset
-from studies.remus100.cards import LONG, card
-from studies.remus100.items import Item, Number
+from studies.remus100.page import LONG, card, settings_rows
+from studies.remus100.study import Item, Number
 from studies.remus100.tests.page_studies import A
-from studies.remus100.unprinted import settings_rows
 
 
 def printed(*numbers: Number, **settings):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from seatrial.numerics.integrate import rk4_step
-from studies.remus100.compute.designs import ACTIVE, design_space, true_state
+from studies.remus100.design_verdicts import ridges
+from studies.remus100.designs import ACTIVE, design_space, true_state
 from studies.remus100.tests.studies import A, B, study
-from studies.remus100.verdicts.designs import ridges
 from tests.cases import N0, RPM, U0, naive_rk4, surge_rate
 from tests.estimation_cases import naive_doublets, naive_speed
 

@@ -6,10 +6,10 @@ import pytest
 
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.importance import importance_evidence
-from studies.remus100.compute import evidence
-from studies.remus100.compute.trial import around, paper_posterior, paper_trial, wide
+from studies.remus100 import evidence
+from studies.remus100.evidence import probability
 from studies.remus100.tests.studies import TINY, A, study
-from studies.remus100.verdicts.evidence import probability
+from studies.remus100.trial import around, paper_posterior, paper_trial, wide
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE
 
 GOLDEN = np.array([GOLDEN_LOG_EVIDENCE["M-0 narrow"], GOLDEN_LOG_EVIDENCE["M-1"]])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.display_units import shown_unit
-from studies.remus100.compute.filters import BOUND_SHARE
-from studies.remus100.figures.evidence import PRINTED
-from studies.remus100.figures.registry import FIGURES, chosen_figures
+from studies.remus100.evidence import PRINTED
+from studies.remus100.figures import FIGURES, chosen_figures
+from studies.remus100.filters import BOUND_SHARE
 from studies.remus100.registry import ENTRIES
 from studies.remus100.study import Study
 from studies.remus100.tests.page_studies import FILTERS, METHODS, A, make_study

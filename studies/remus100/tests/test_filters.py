@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from studies.remus100.compute.filters import (
+from studies.remus100.filters import (
     filter_space,
     in_printed_units,
     make_trials,

@@ -3,10 +3,10 @@
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
-from studies.remus100.compute.trial import paper_posterior, paper_trial, wide
-from studies.remus100.figures.model_graph import model_graph
-from studies.remus100.figures.panels import printed_unit
+from studies.remus100.model_graph import model_graph
+from studies.remus100.panels import printed_unit
 from studies.remus100.tests.page_studies import A
+from studies.remus100.trial import paper_posterior, paper_trial, wide
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from studies.remus100.figures.registry import FIGURES
+from studies.remus100.figures import FIGURES
 from studies.remus100.page import SECTIONS, SIZES, write_paper
 from studies.remus100.registry import ENTRIES, PAPER_ONLY
 from studies.remus100.study import FULL, QUICK, Sizes

@@ -6,11 +6,20 @@ import re
 import pytest
 
 from seatrial.core.errors import InputError
+from studies.remus100 import (
+    chain_verdicts,
+    design_verdicts,
+    equations,
+    evidence,
+    filter_verdicts,
+    iteration,
+    tuning,
+    vehicle,
+)
 from studies.remus100.registry import ENTRIES, PAPER_ONLY, PARTS, chosen_items
-from studies.remus100.verdicts import designs, equations, estimation, evidence, filters, iteration, tuning
-from studies.remus100.verdicts import information_criteria as criteria
+from studies.remus100.study import Item
 
-MODULES = (criteria, designs, equations, estimation, evidence, filters, iteration, tuning)
+MODULES = (chain_verdicts, design_verdicts, equations, evidence, filter_verdicts, iteration, tuning, vehicle)
 IN_THE_PAPER = [
     *("table-1", "figure-1", "table-2", "figure-2", "figure-3", "figure-4", "figure-5", "figure-6", "table-3"),
     *("listing-1", "table-4", "table-5", "table-6", "figure-7", "figure-8"),
@@ -22,7 +31,8 @@ def judges():
     for module in MODULES:
         for name, function in inspect.getmembers(module, inspect.isfunction):
             own = function.__module__ == module.__name__ and not name.startswith("_")
-            if own and list(inspect.signature(function).parameters) == ["study"]:
+            signature = inspect.signature(function)
+            if own and list(signature.parameters) == ["study"] and signature.return_annotation is Item:
                 yield function
 
 

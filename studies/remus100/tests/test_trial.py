@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from studies.remus100.compute.trial import around, doublets, paper_posterior, paper_trial, stamps, wide
 from studies.remus100.tests.studies import A, B
+from studies.remus100.trial import around, doublets, paper_posterior, paper_trial, stamps, wide
 from tests.cases import RPM
 from tests.estimation_cases import golden_motion, golden_noise, golden_posterior, naive_doublets
 

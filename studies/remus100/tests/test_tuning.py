@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
-from studies.remus100.compute.filters import filter_space, in_printed_units, make_trials, run_over_seeds
-from studies.remus100.compute.tuning import CHANGES
+from studies.remus100.filters import filter_space, in_printed_units, make_trials, run_over_seeds
 from studies.remus100.tests.studies import TINY, A, study
+from studies.remus100.tuning import CHANGES
 
 PRINTED = np.array([-1.21, -2.93, 6.28])
 

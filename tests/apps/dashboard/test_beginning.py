@@ -21,8 +21,8 @@ def test_every_template_can_be_begun_from_with_each_vehicle_that_is_offered(tmp_
         for vehicle in vehicles or ("",):
             text = thinking.begun(str(tmp_path), template, "my boat", vehicle)
             (tmp_path / "campaign.toml").write_text(text)
-            source = load_campaign(tmp_path).source
-            assert (source.campaign.name, source.vehicle.catalogue or "") == ("my boat", vehicle)
+            campaign = load_campaign(tmp_path)
+            assert (campaign.name, campaign.vehicle.catalogue) == ("my boat", vehicle)
 
 
 def test_a_vehicle_that_a_template_cannot_be_of_is_refused(tmp_path):

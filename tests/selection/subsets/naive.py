@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 from scipy import stats
 
+from seatrial.selection.subsets.conjugate import IndependentPrior
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import IndependentPrior
 
 NAMES = tuple("abcdefghijklmnopqrstuvwxy")
 

@@ -3,12 +3,11 @@ import pytest
 
 import seatrial.selection.subsets.all_subsets as engine
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.selection.rule_masks import RuleMasks
+from seatrial.selection.screening import sensitivity
 from seatrial.selection.subsets.all_subsets import all_subsets
-from seatrial.selection.subsets.conjugate import evidence_of
+from seatrial.selection.subsets.conjugate import GPrior, evidence_of, unit_information
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import GPrior, unit_information
-from seatrial.selection.subsets.rules import Rules
-from seatrial.selection.subsets.sensitivity import sensitivity
 from tests.selection.subsets.naive import NAMES, agree, naive_all, problem, some_prior
 
 
@@ -85,10 +84,10 @@ def test_order_of_the_terms_does_not_matter_beyond_a_block():
 
 
 RULES = {
-    "parents": Rules(parents=(0, 0, 0b11, 0b1, 0, 0b1000100, 0b1)),
-    "groups": Rules(groups=(0b110, 0b1110000)),
-    "exclusive": Rules(exclusive=(0b1010100, 0b11)),
-    "all": Rules(parents=(0, 0b1, 0, 0b10000000), groups=(0b110000,), exclusive=(0b1001100,)),
+    "parents": RuleMasks(parents=(0, 0, 0b11, 0b1, 0, 0b1000100, 0b1)),
+    "groups": RuleMasks(groups=(0b110, 0b1110000)),
+    "exclusive": RuleMasks(exclusive=(0b1010100, 0b11)),
+    "all": RuleMasks(parents=(0, 0b1, 0, 0b10000000), groups=(0b110000,), exclusive=(0b1001100,)),
 }
 
 
@@ -208,9 +207,9 @@ def test_data_that_cannot_tell(how, said):
         ({"inclusion": 1.0}, "between 0 and 1"),
         ({"inclusion": (0.5, 0.5)}, "between 0 and 1"),
         ({"top": 0}, "best structures"),
-        ({"rules": Rules(parents=(0b10000,))}, "term number 5"),
-        ({"rules": Rules(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
-        ({"rules": Rules(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
+        ({"rules": RuleMasks(parents=(0b10000,))}, "term number 5"),
+        ({"rules": RuleMasks(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
+        ({"rules": RuleMasks(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
     ],
 )
 def test_bad_question(options, said):

@@ -7,8 +7,8 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.conjugate import unit_information
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import unit_information
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4)])

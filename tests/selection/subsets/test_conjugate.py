@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.selection.subsets.conjugate import evidence_of
+from seatrial.selection.subsets.conjugate import GPrior, IndependentPrior, evidence_of, physical_prior, unit_information
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import GPrior, IndependentPrior, physical_prior, unit_information
 from tests.selection.subsets.naive import naive_fit, naive_log_evidence, problem, some_prior
 
 GOLDEN = {

@@ -2,15 +2,15 @@
 
 import numpy as np
 
+from seatrial.selection.rule_masks import RuleMasks
 from seatrial.selection.subsets.all_subsets import all_subsets
+from seatrial.selection.subsets.conjugate import IndependentPrior
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import IndependentPrior
-from seatrial.selection.subsets.rules import Rules
 
 NAMES = tuple("abcde")
 MEAN = np.array([1.0, 0.0, 0.0, -0.5, 0.0])
 PRIOR = IndependentPrior(np.array([0.02, 0.05, 0.1, 0.2, 0.5]), 3.0, 2.0, MEAN)
-RULES = Rules(parents=(0, 0, 0b11))
+RULES = RuleMasks(parents=(0, 0, 0b11))
 """The third term requires the first two."""
 REPLICATES = 600
 

@@ -7,18 +7,23 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.selection.rule_masks import RuleMasks, _bit_numbers, allowed_mass, closure
 from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
-from seatrial.selection.subsets.chain_statistics import half_of, presence_r_hat
+from seatrial.selection.subsets.conjugate import GPrior, physical_prior
 from seatrial.selection.subsets.gram import gram
-from seatrial.selection.subsets.prior import GPrior, physical_prior
-from seatrial.selection.subsets.prior_mass import allowed_mass
-from seatrial.selection.subsets.rules import Rules
-from seatrial.selection.subsets.sampler import sample_subsets, subset_posterior
+from seatrial.selection.subsets.sampler import (
+    MAX_R_HAT,
+    _status,
+    half_of,
+    presence_r_hat,
+    sample_subsets,
+    subset_posterior,
+)
 from seatrial.selection.subsets.structure_chains import _alike
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
-RULES = Rules(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
+RULES = RuleMasks(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
 SHORT = {"chains": 32, "moves": 500}
 MANY = [f"t{i}" for i in range(64)]
 
@@ -61,7 +66,7 @@ def test_against_all_structures(prior, options):
     exact = all_subsets(stats, prior, NAMES[:10], **options)
     found = sample_subsets(stats, prior, NAMES[:10], **options, **SHORT)
     agrees(found, exact)
-    assert options.get("rules", Rules()).allowed(found.structures).all()
+    assert options.get("rules", RuleMasks()).allowed(found.structures).all()
 
 
 def test_a_collinear_pair_is_swapped():
@@ -124,7 +129,7 @@ def two_valleys():
     mix = np.array([[1.0, 2.0, 1.0, -1.0], [2.0, -1.0, 1.0, 1.0], [1.0, 1.0, -2.0, 1.0], [-1.0, 1.0, 1.0, 2.0]])
     phi[:, 4:] = phi[:, :4] @ mix + 0.001 * random.normal(size=(400, 4))
     stats = gram(phi, phi[:, :4] @ np.ones(4) + 0.01 * random.normal(size=400))
-    rules = Rules(groups=(0b1111,), exclusive=tuple(1 << i | 1 << j for i, j in product(range(4), range(4, 8))))
+    rules = RuleMasks(groups=(0b1111,), exclusive=tuple(1 << i | 1 << j for i, j in product(range(4), range(4, 8))))
     return stats, physical_prior(np.ones(8), 0.01), NAMES[:8], rules
 
 
@@ -186,9 +191,9 @@ def test_mass_of_the_rules_against_enumeration(sure):
         ({"top": 0}, "best structures"),
         ({"chains": 2}, "2 chains of"),
         ({"moves": 100}, "100 moves"),
-        ({"rules": Rules(parents=(0b10000,))}, "term number 5"),
-        ({"rules": Rules(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
-        ({"rules": Rules(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
+        ({"rules": RuleMasks(parents=(0b10000,))}, "term number 5"),
+        ({"rules": RuleMasks(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
+        ({"rules": RuleMasks(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
     ],
 )
 def test_bad_question(options, said):
@@ -228,3 +233,52 @@ def test_likeness_is_the_squared_cosine_of_regressors():
     assert alike == pytest.approx(np.array(cosines), rel=1e-12)
     pair = _alike(SimpleNamespace(matrix=matrix), np.array([[0, 3], [1, 2]]))
     assert pair[0, 1] == pytest.approx(max(cosines[0][1], cosines[0][2]), rel=1e-12)
+
+
+def test_rules_term_by_term_by_a_naive_twin():
+    """What each of nine terms wants and cannot stand, in sets: parents, the others of a group, and rivals."""
+    wants, rivals = RULES.required(9), RULES.rivals(9)
+    assert (len(wants), len(rivals)) == (9, 9)
+    for i in range(9):
+        parents = set(_bit_numbers(RULES.parents[i])) if i < len(RULES.parents) else set()
+        group = {j for g in RULES.groups for j in _bit_numbers(g) if i in _bit_numbers(g)}
+        rival = {j for e in RULES.exclusive for j in _bit_numbers(e) if i in _bit_numbers(e)}
+        assert set(_bit_numbers(wants[i])) == (parents | group) - {i}
+        assert set(_bit_numbers(rivals[i])) == rival - {i}
+    assert RuleMasks().required(3) == RuleMasks().rivals(3) == [0, 0, 0]
+    chain = RuleMasks(parents=(0, 0b1, 0b10, 0, 0b1000)).required(5)
+    assert closure(chain, 0b100) == 0b111
+    assert closure(chain, 0b10000) == 0b11000
+    assert closure(chain, 0b1) == 0b1
+
+
+def test_what_the_chains_did_is_counted():
+    """Of 8 chains of 400 moves, 300 of each after warm-up are visits; what is evaluated and covered is at most all."""
+    stats, prior = problem(6)[2], some_prior(6)
+    found = sample_subsets(stats, prior, NAMES[:6], chains=8, moves=400).monte_carlo
+    assert found.visits == 8 * 300
+    assert 2 < found.evaluated <= 2**6
+    assert 0.99 < found.covered <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "r_hat", "error", "covered", "said"),
+    [
+        (0.5, 1.0, 0.0, 1.0, ""),
+        (0.5, MAX_R_HAT + 0.001, 0.0, 1.0, "the chains disagree about b"),
+        (0.5, MAX_R_HAT - 0.001, 0.0, 1.0, ""),
+        (0.511, 1.0, 0.0, 1.0, "the probabilities of b by visits and by evidences differ by up to 0.011"),
+        (0.489, 1.0, 0.0, 1.0, "differ by up to 0.011"),
+        (0.509, 1.0, 0.0, 1.0, ""),
+        (0.559, 1.0, 0.01, 1.0, ""),
+        (0.561, 1.0, 0.01, 1.0, "differ by up to 0.061"),
+        (0.609, 1.0, 0.0, 0.9, ""),
+        (0.611, 1.0, 0.0, 0.9, "differ by up to 0.111"),
+    ],
+)
+def test_what_is_wrong_with_the_chains_is_said(inclusion, r_hat, error, covered, said):
+    """Beyond five errors, what was not evaluated and one hundredth."""
+    errors = {"r_hat": np.array([1.0, r_hat]), "inclusion_error": np.array([0.0, error])}
+    found = _status(("a", "b"), np.array([0.3, inclusion]), np.array([0.3, 0.5]), covered, errors)
+    assert said in found
+    assert bool(found) == bool(said)

@@ -10,7 +10,7 @@ def vehicle(
 ) -> None:
     """Show a published vehicle: body, coefficients with units, sources and errata."""
     from seatrial.report.vehicle_page import vehicle_page
-    from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+    from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
     if name is None:
         typer.echo("\n".join(f"{one:<24} {load_vehicle(one).hull.name}" for one in vehicle_names()))

@@ -19,7 +19,7 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
         from seatrial.report.figure_files import write_check_picture
 
         trials = Workflow(campaign, reporter).get("trials")
-        pictures = [write_check_picture(campaign, record) for record in (*trials.fit, *trials.predict)]
+        pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
         judged = check_records(campaign, trials)
         for one, picture in zip(judged, pictures, strict=True):
             typer.echo("\n".join(one.lines()))
@@ -78,7 +78,7 @@ def calibrate(
 
         found = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
         typer.echo("\n".join(found.lines()))
-        typer.echo(f"picture: {write_calibration_picture(campaign, found)}")
+        typer.echo(f"picture: {write_calibration_picture(campaign.folder, campaign.name, found)}")
         return Exit.ALARMS if found.calibration.outside() else Exit.OK
 
     with_campaign(folder, quiet, work)

@@ -68,7 +68,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
 
     if not campaign.has_records:
         raise no_record(campaign)
-    if campaign.source.imported is None:
+    if campaign.imports is None:
         raise InputError("--start, --end", found="a simulated vehicle", expected="[import]", remedy="leave them out")
     given = [(option, text) for option, text in (("--start", start), ("--end", end)) if text is not None]
     seconds = [quantity(text, "s", option) for option, text in given]
@@ -87,7 +87,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     text = with_trim(campaign.folder, seen, run, start, end)
     trials = import_trials(check_text(campaign.folder, text), reporter)
     write_file(campaign.folder, text, seen)
-    for own in campaign.source.imported.trim if run is None else ():
+    for own in campaign.imports.own_ends if run is None else ():
         typer.echo(f"caution: run {own} keeps ends of its own; --run {own} changes them", err=True)
     return trials
 
@@ -115,8 +115,9 @@ def _smooth(campaign: Any, trials: Any, channels: str) -> None:
     for record in records:
         check_names(record, names, "--accelerations")
     for record in records:
-        found = smooth_channels(campaign, record, names)
+        found = smooth_channels(campaign.noise, record, names)
         for channel in found:
             typer.echo(f"record {record.label}, {channel.line}")
-        paths = (write_accelerations(campaign, record, found), write_accelerations_picture(campaign, record, found))
+        folder = campaign.folder
+        paths = (write_accelerations(folder, record, found), write_accelerations_picture(folder, record, found))
         typer.echo(f"  written: {', '.join(map(str, paths))}")

@@ -58,7 +58,7 @@ def profile(
 
         found = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
         typer.echo("\n".join(found.lines()))
-        typer.echo(f"picture: {write_profile_picture(campaign, found)}")
+        typer.echo(f"picture: {write_profile_picture(campaign.folder, campaign.name, campaign.truth, found)}")
         return Exit.OK
 
     with_campaign(folder, quiet, work)
@@ -90,7 +90,7 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo("\n".join(contenders.lines(selection)))
         if screened is not None or contenders is not None:
             typer.echo(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
-        never = [term for term in campaign.rules.never if term in campaign.source.structure.optional]
+        never = [term for term in campaign.rules.never if term in campaign.structure.optional]
         if never:
             cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
         return finish(list(selection.alarms), cautions)

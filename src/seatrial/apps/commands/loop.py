@@ -58,9 +58,9 @@ def next_trial(
             proposal = propose(outcome)
         typer.echo("\n".join(proposal.lines))
         if proposal.trial is not None:
-            typer.echo(
-                f"schedule: {write_schedule(Store(folder).proposed, proposal.trial.manoeuvre(campaign), campaign.family.sample_time)}"
-            )
+            manoeuvre = proposal.trial.manoeuvre(campaign.families)
+            path = write_schedule(Store(folder).proposed, manoeuvre, campaign.family.sample_time)
+            typer.echo(f"schedule: {path}")
         return finish(outcome.summary["alarms"], outcome.summary["cautions"])
 
     with_campaign(folder, quiet, work)

@@ -39,7 +39,7 @@ def prior(folder: Folder, quiet: Quiet = False) -> None:
 
         found = Workflow(campaign, reporter).get("prior")
         typer.echo("\n".join(prior_lines(found)))
-        typer.echo(f"picture: {write_prior_picture(campaign, found)}")
+        typer.echo(f"picture: {write_prior_picture(campaign.folder, campaign.name, found)}")
         return finish(prior_alarms(found), prior_cautions(found))
 
     with_campaign(folder, quiet, work)

@@ -13,9 +13,10 @@ from seatrial.apps.dashboard.result_plots import as_plot, as_recorded
 from seatrial.apps.dashboard.view_models import Beginning, Clicked, FormData, Limit, Margin, Recorded, Stage
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.limits import TRACKS
+from seatrial.campaign.config.design_table import TRACKS
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.templates import TEMPLATES, template_text
+from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.data.import_logs import read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
@@ -32,10 +33,11 @@ from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.records import control_over_time
 from seatrial.report.figures.style import own_settings
-from seatrial.vehicles.catalogue.whole import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -58,26 +60,26 @@ def whole_vehicles() -> tuple[str, ...]:
 def form_data(folder: str) -> FormData:
     """Read a campaign for the forms."""
     campaign = load_campaign(folder)
-    source, control = campaign.source, campaign.source.design.control
+    control, imports = campaign.family.control, campaign.imports
+    stated = toml_content(campaign.path, campaign.text).get("limits", {})
     states = campaign.model(campaign.full).states
     known, limits = [control, *states, *TRACKS], []
-    for name in [control, *(one for one in source.limits if one != control)]:
-        table = source.limits.get(name)
+    for name in [control, *(one for one in stated if one != control)]:
         unit = "m" if name in TRACKS else shown_unit(name)[1]
-        written = [str(getattr(table, part) or "") for part in ("lower", "upper", "rate")]
+        written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
         limits.append(Limit(name, unit, *written, has_rate=name == control))
-    table, shown = source.imported, {term: source.truth.get(term, 0.0) for term in campaign.full.terms}
+    shown = {term: campaign.truth.get(term, 0.0) for term in campaign.full.terms}
     return FormData(
-        source.campaign.name,
-        table is not None,
+        campaign.name,
+        imports is not None,
         campaign.is_simulated,
         control,
         (*campaign.model(campaign.full).controls, *campaign.channels),
         tuple(limits),
-        tuple(one for one in dict.fromkeys(known) if one not in source.limits and one != control),
-        tuple(shown.items()) if source.truth else (),
-        tuple(table.fit) if table else (),
-        tuple(table.predict) if table else (),
+        tuple(one for one in dict.fromkeys(known) if one not in stated and one != control),
+        tuple(shown.items()) if campaign.is_simulated else (),
+        () if imports is None else imports.fit,
+        () if imports is None else imports.predict,
     )
 
 
@@ -137,17 +139,17 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     if not (0 <= row < sweep.amplitude.size and 0 <= column < sweep.period.size):
         raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
     chosen = chosen_of(sweep, (row, column))
-    manoeuvre = chosen.manoeuvre(campaign)
+    manoeuvre = chosen.manoeuvre(campaign.families)
     time, values = manoeuvre.sample(sweep.family.sample_time)
     factor, _ = shown_unit(manoeuvre.control)
-    limits = campaign.limits()
+    limits = campaign.limits
     low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
     with own_settings():
         figure = control_over_time(time, values * factor, signal_axis(manoeuvre.control), (low, high))
         plot = as_plot(figure, "control", "Control of the design over time")
     with tempfile.TemporaryDirectory() as place:
         schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
-    margins = (*_of_control(campaign, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
+    margins = (*_of_control(campaign.limits, sweep, values), *_of_motion(campaign, which, sweep, (row, column)))
     return Clicked(design_words(sweep.family, chosen.amplitude, chosen.period), plot, margins, schedule)
 
 
@@ -167,8 +169,8 @@ def _usable(template: str, vehicle: str) -> bool:
         return False
 
 
-def _of_control(campaign: Campaign, sweep: Sweep, values: np.ndarray) -> list[Margin]:
-    limits, control = campaign.limits(), sweep.family.control
+def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:
+    control = sweep.family.control
     factor, unit = shown_unit(control)
     fastest = float(np.abs(np.diff(values)).max(initial=0.0) / sweep.family.sample_time)
     rows = [
@@ -206,7 +208,7 @@ def _of_motion(campaign: Campaign, which: str, sweep: Sweep, at: tuple[int, int]
             else plan.until(round(float(sweep.length[at]) / sweep.family.sample_time))
         )
     controls = sweep.controls(*at)[: plan.step.shape[0]][None]
-    probability = campaign.source.design.probability
+    probability = campaign.design.probability
     safety = judge_safety(plan, controls, draws, campaign.motion_limits, probability)
     found = []
     for i, limit in enumerate(safety.limits):

@@ -1,4 +1,4 @@
-"""Work that the server itself does not do: drawing in one process, thinking (with JAX) in another, each question once.
+"""Work that the server itself does not do: figures in one process, the vehicle (with JAX) in another, each question once.
 
 The server only passes answers on, so that it always has time for its viewers; answers are kept until the files change that they
 were made from.
@@ -31,16 +31,16 @@ class WorkerPool:
         self.answers: OrderedDict[tuple, Future] = OrderedDict()
 
     async def draw(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
-        """Ask a function of `drawings`; the answer is kept while the files stay as they are."""
-        return await self._ask("drawings", question, about, files)
+        """Ask a function of `result_plots`; the answer is kept while the files stay as they are."""
+        return await self._ask("result_plots", question, about, files)
 
     async def think(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
-        """Ask a function of `thinking`; kept likewise."""
-        return await self._ask("thinking", question, about, files)
+        """Ask a function of `model_queries`; kept likewise."""
+        return await self._ask("model_queries", question, about, files)
 
     def warm(self) -> None:
         """Start both processes, so that the first viewer does not wait for what they import."""
-        for pool in ("drawings", "thinking"):
+        for pool in ("result_plots", "model_queries"):
             self._submit(pool, "ready", ())
 
     def close(self) -> None:

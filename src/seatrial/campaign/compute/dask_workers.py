@@ -21,6 +21,7 @@ from distributed.comm.core import CommClosedError
 
 from seatrial.campaign.compute.machine import environment, processor
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
+from seatrial.core import engine
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
 from seatrial.core.progress import Reporter
 
@@ -66,6 +67,7 @@ def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[
     Returns:
         What the work returns, `Failed`, or `Stranger`.
     """
+    engine.configure()
     worker, said = get_worker(), time.monotonic()
     if other := differing(ours, environment()):
         return Stranger(worker.address, other)

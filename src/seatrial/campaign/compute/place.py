@@ -14,7 +14,7 @@ from dask_jobqueue.slurm import SLURMCluster
 
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.schema import SlurmTable
+from seatrial.campaign.config.settings import SlurmJobs
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
 
@@ -22,24 +22,24 @@ from seatrial.core.progress import SILENT, Reporter
 # process.
 
 
-def job_options(table: SlurmTable) -> dict[str, Any]:
+def job_options(asked: SlurmJobs) -> dict[str, Any]:
     """Options of `SLURMCluster`: one process of one thread for each core."""
     return {
-        "queue": table.queue,
-        "account": table.account,
-        "cores": table.cores,
-        "processes": table.cores,
-        "memory": table.memory,
-        "walltime": table.walltime,
-        "interface": table.interface,
+        "queue": asked.queue,
+        "account": asked.account,
+        "cores": asked.cores,
+        "processes": asked.cores,
+        "memory": asked.memory,
+        "walltime": asked.walltime,
+        "interface": asked.interface,
         "python": sys.executable,
         "job_name": "seatrial",
         "worker_extra_args": ["--no-dashboard"],
     }
 
 
-def submit_jobs(table: SlurmTable) -> SLURMCluster:
-    """Submit the jobs that the table asks for; their workers join as SLURM starts them.
+def submit_jobs(asked: SlurmJobs) -> SLURMCluster:
+    """Submit the jobs that are asked for; their workers join as SLURM starts them.
 
     Raises:
         InputError: there is no SLURM here.
@@ -51,8 +51,8 @@ def submit_jobs(table: SlurmTable) -> SLURMCluster:
             expected="a machine from which jobs are submitted to SLURM",
             remedy='run on the cluster\'s login node, give the address of a scheduler, or set SEATRIAL_WORKERS="local"',
         )
-    cluster = SLURMCluster(**job_options(table))
-    cluster.scale(jobs=table.jobs)
+    cluster = SLURMCluster(**job_options(asked))
+    cluster.scale(jobs=asked.jobs)
     return cluster
 
 
@@ -72,15 +72,15 @@ def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
     if place == "local":
         return LocalWorkers()
     if place == "slurm":
-        table = campaign.source.compute.slurm
-        if table is None:
+        asked = campaign.compute.slurm
+        if asked is None:
             raise InputError(
                 campaign.where("compute.slurm"),
                 found="nothing",
                 expected="what to ask SLURM for",
                 remedy='add [compute.slurm] with memory = "8GB", walltime = "02:00:00", cores and jobs',
             )
-        return _joined("slurm", table, reporter).bound(reporter)
+        return _joined("slurm", asked, reporter).bound(reporter)
     if ADDRESS.fullmatch(place):
         return _joined(place, None, reporter).bound(reporter)
     raise InputError(
@@ -96,7 +96,7 @@ def _place(campaign: Campaign) -> tuple[str, str]:
     asked = os.environ.get(VARIABLE, "").strip()
     if asked:
         return asked, f"environment variable {VARIABLE}"
-    written, where = campaign.source.compute.workers, campaign.where("compute.workers")
+    written, where = campaign.compute.workers, campaign.where("compute.workers")
     if "://" in written:
         raise InputError(
             where,
@@ -107,11 +107,11 @@ def _place(campaign: Campaign) -> tuple[str, str]:
     return written, where
 
 
-_JOINED: dict[tuple[str, SlurmTable | None], Any] = {}
+_JOINED: dict[tuple[str, SlurmJobs | None], Any] = {}
 """Clusters that this process has joined."""
 
 
-def _joined(place: str, table: SlurmTable | None, reporter: Reporter) -> Any:
+def _joined(place: str, asked: SlurmJobs | None, reporter: Reporter) -> Any:
     try:
         from seatrial.campaign.compute.dask_workers import DaskWorkers
     except ImportError as cause:
@@ -121,10 +121,10 @@ def _joined(place: str, table: SlurmTable | None, reporter: Reporter) -> Any:
             expected="Dask, to reach other machines",
             remedy='pip install "seatrial[cluster]"',
         ) from cause
-    found = _JOINED.get((place, table))
+    found = _JOINED.get((place, asked))
     if found is None or not found.is_there:
-        found = DaskWorkers(place if table is None else submit_jobs(table), place)
+        found = DaskWorkers(place if asked is None else submit_jobs(asked), place)
         atexit.register(found.close)
         found.greet(reporter)
-        _JOINED[place, table] = found
+        _JOINED[place, asked] = found
     return found

@@ -1,55 +1,95 @@
-"""A campaign's configuration as objects in SI; every error names the file and the key."""
+"""A campaign as plain data in SI; where it was read from a file, errors name the key and its line."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
-from math import inf
 from pathlib import Path
 
 import numpy as np
 
-from seatrial.campaign.config.goal import Goal, read_goal
-from seatrial.campaign.config.limits import read_control_limits, read_family, read_motion_limits, read_power
-from seatrial.campaign.config.priors import read_prior
-from seatrial.campaign.config.schema import CampaignFile, RangeTable
+from seatrial.campaign.config.nuisance_parameters import Nuisance, nuisances
+from seatrial.campaign.config.settings import (
+    ComputeSettings,
+    DesignSettings,
+    EstimationSettings,
+    Goal,
+    Imports,
+    Power,
+    SelectionSettings,
+    SensorSettings,
+    StructureSettings,
+)
 from seatrial.campaign.config.toml import key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
-from seatrial.campaign.config.whole_vehicle import read_vehicle
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import signal_unit
-from seatrial.core.units import quantity
+from seatrial.core.errors import InputError, located
 from seatrial.design.motion_limits import MotionLimit
+from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
-from seatrial.estimation.priors import Prior, Uniform
-from seatrial.estimation.sensors import Sensor, bias_name, noise_name
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.sensors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family, check_family
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.selection.compiled_rules import CompiledRules
-from seatrial.selection.structure_count import count_structures
-from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, structure_rules
+from seatrial.selection.rules import CompiledRules
+from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, count_structures
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
 
 FILE_NAME = "campaign.toml"
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Sizes of a quantity, SI, whose products and quotients double precision still holds."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """A campaign's configuration. `source` holds the file as written, in its own units; properties give SI objects.
+    """What a vehicle is, what is believed and measured, and what is to be done; all of it in SI.
 
-    `text` is the file itself, which says on what line a key stands; it is no part of what is computed. Where there are too many
-    structures to simulate each, `shortlist` is what a screening has left of them.
+    Attributes:
+        name: in headings.
+        seed: of everything random.
+        vehicle: what is known about it.
+        structure: which terms its model may have.
+        priors: of coefficients, delay and nuisances, by name, SI.
+        sensors: by the channel that each measures.
+        design: which trials are tried.
+        limits: of the designed control.
+        motion_limits: of the motion.
+        power: what a trial draws; None where nobody asks.
+        goal: what ends the campaign; None where nothing is said.
+        truth: of a simulated vehicle, by coefficient, and beside them its current and lag, SI; empty for real ones.
+        imports: runs and their logs; None where trials are simulated, or none has been run.
+        process_noise: standard deviation that a state or coefficient gains in one second, SI; 0 where nothing is said.
+        estimation: likelihood and chains.
+        selection: effort behind each evidence.
+        compute: where work is done.
+        known_from: folders of earlier campaigns, of which priors and fixed coefficients are.
+        folder: of results, and of files that are named relative to it.
+        text: the campaign file, which says on what line a key stands; empty where there is none. No part of what is computed.
+        shortlist: what a screening has left of the structures, where there are too many to simulate each.
     """
 
-    folder: Path
-    source: CampaignFile
-    shortlist: tuple[Structure, ...] = ()
+    name: str
+    seed: int
+    vehicle: CampaignVehicle
+    structure: StructureSettings
+    priors: Mapping[str, Prior]
+    sensors: Mapping[str, SensorSettings]
+    design: DesignSettings
+    limits: Limits = Limits()
+    motion_limits: tuple[MotionLimit, ...] = ()
+    power: Power | None = None
+    goal: Goal | None = None
+    truth: Mapping[str, float] = field(default_factory=dict)
+    imports: Imports | None = None
+    process_noise: Mapping[str, float] = field(default_factory=dict)
+    estimation: EstimationSettings = EstimationSettings()
+    selection: SelectionSettings = SelectionSettings()
+    compute: ComputeSettings = ComputeSettings()
+    known_from: tuple[str, ...] = ()
+    folder: Path = Path()
     text: str = ""
+    shortlist: tuple[Structure, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -57,31 +97,14 @@ class Campaign:
         return self.folder / FILE_NAME
 
     def where(self, key: str) -> str:
-        """Name a key and its line, for errors."""
-        return key_place(self.path, self.text, key)
-
-    def si(self, text: str | float, unit: str, key: str) -> float:
-        """Read a quantity of this file.
-
-        Raises:
-            InputError: no quantity of this dimension, or one of a size that nothing has.
-        """
-        value = quantity(text, unit, self.where(key))
-        if value == 0 or SMALLEST <= abs(value) <= LARGEST:
-            return value
-        raise InputError(
-            self.where(key),
-            found=f'"{text}", which is {value:.3g} {unit}',
-            expected=f"0, or a size from {SMALLEST:g} to {LARGEST:g} in SI",
-            remedy="correct the number or its unit",
-        )
+        """Name a key, and its line where there is a file, for errors."""
+        return key_place(self.path, self.text, key) if self.text else f'campaign "{self.name}", key {key}'
 
     @cached_property
     def rules(self) -> CompiledRules:
         """Which terms may stand together."""
-        table = self.source.structure
         with located(self.where("structure")):
-            return structure_rules(table.always, table.optional, table.rules)
+            return self.structure.compiled()
 
     @cached_property
     def full(self) -> Structure:
@@ -94,18 +117,13 @@ class Campaign:
     @property
     def is_large(self) -> bool:
         """Whether there are more structures than can be simulated, so that a screening has to come first."""
-        return count_structures(self.rules).structures > MAX_STRUCTURES
+        return count_structures(self.rules) > MAX_STRUCTURES
 
     @cached_property
     def structures(self) -> tuple[Structure, ...]:
         """Candidate structures, those of most terms first."""
         with located(self.where("structure")):
             return self.shortlist or all_structures(self.rules)
-
-    @cached_property
-    def vehicle(self) -> CampaignVehicle:
-        """The vehicle."""
-        return read_vehicle(self)
 
     @property
     def hull(self) -> SurgeHull | Hull:
@@ -114,7 +132,14 @@ class Campaign:
 
     def model(self, structure: Structure) -> VehicleModel:
         """Vehicle model of one candidate."""
-        return self.vehicle.model(structure)
+        with located(self.where("vehicle")):
+            return self.vehicle.model(structure)
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """SI unit of every coefficient that any structure may have."""
+        model = self.model(self.full)
+        return {term.text: model.unit_of(term) for term in model.coefficients}
 
     @property
     def leading(self) -> str:
@@ -136,152 +161,97 @@ class Campaign:
                 remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
             )
 
-    @cached_property
+    @property
     def channels(self) -> tuple[str, ...]:
         """Measured channels."""
-        known = self.model(self.full).channel_units()
-        for name in self.source.sensors:
-            if name not in known:
-                raise InputError(
-                    self.where(f"sensors.{name}"),
-                    found=f'channel "{name}"',
-                    expected="one of " + ", ".join(known),
-                    remedy=nearest(name, known),
-                )
-        return tuple(self.source.sensors)
+        return tuple(self.sensors)
+
+    @property
+    def noise(self) -> Mapping[str, float]:
+        """Nominal noise of every channel, SI."""
+        return {channel: sensor.noise for channel, sensor in self.sensors.items()}
 
     @cached_property
-    def sensors(self) -> tuple[Sensor, ...]:
+    def sensor_models(self) -> tuple[Sensor, ...]:
         """Measured channels with what is unknown about them."""
-        shared = self.source.estimation.residuals
+        shared = self.estimation.residuals
         return tuple(
-            Sensor(channel, table.residuals or shared, table.bias != "none", table.lag, table.over == "ground")
-            for channel, table in ((channel, self.source.sensors[channel]) for channel in self.channels)
+            Sensor(channel, one.residuals or shared, one.bias != "none", one.lag, one.over == "ground")
+            for channel, one in self.sensors.items()
         )
 
     @cached_property
     def own(self) -> tuple[str, ...]:
         """Names of the unknowns of which every trial has its own."""
-        biases = [bias_name(channel) for channel in self.channels if self.source.sensors[channel].bias == "own"]
-        return tuple(biases + [CURRENT] * (self.source.estimation.current == "own"))
-
-    def noise(self, channel: str) -> float:
-        """Nominal noise of a sensor, SI."""
-        value = self.si(self.source.sensors[channel].noise, signal_unit(channel), f"sensors.{channel}.noise")
-        if not value > 0:
-            raise InputError(
-                self.where(f"sensors.{channel}.noise"),
-                found=f"{value:g}",
-                expected="more than 0",
-                remedy="estimate it from a quiet stretch of the record",
-            )
-        return value
-
-    def rate(self, channel: str) -> float:
-        """Samples a second of a sensor, infinitely many where it gives one whenever there is one."""
-        text = self.source.sensors[channel].rate
-        rate = inf if text is None else self.si(text, "1/s", f"sensors.{channel}.rate")
-        if not rate > 0:
-            raise InputError(
-                self.where(f"sensors.{channel}.rate"),
-                found=f'"{text}"',
-                expected="more than 0",
-                remedy='for example "5 Hz", or leave the key out for a sample in each step',
-            )
-        return rate
-
-    def process_noise(self) -> np.ndarray:
-        """Standard deviation that each state and coefficient of the full structure gains in one second, SI; 0 if not given."""
-        table, model = self.source.filter.process_noise, self.model(self.full)
-        units = {state: signal_unit(state) for state in model.states}
-        units |= {term.text: model.unit_of(term) for term in model.coefficients}
-        values = dict.fromkeys(units, 0.0)
-        for name, written in table.items():
-            key = f"filter.process_noise.{name}"
-            if name not in units:
-                raise InputError(
-                    self.where(key),
-                    found=f'"{name}"',
-                    expected="a state or a coefficient: " + ", ".join(units),
-                    remedy=nearest(name, units),
-                )
-            values[name] = written if isinstance(written, float) else self.si(written, units[name], key)
-            if not 0 <= values[name] < inf:
-                raise InputError(
-                    self.where(key), found=f"{written}", expected="0 or more", remedy="0 says that the model is perfect"
-                )
-        return np.array(list(values.values()))
+        biases = [bias_name(channel) for channel, one in self.sensors.items() if one.bias == "own"]
+        return tuple(biases + [CURRENT] * (self.estimation.current == "own"))
 
     def measured_mask(self, time: np.ndarray) -> np.ndarray:
         """1 where each sensor gives a sample, 0 between, shape (n, m)."""
         columns = []
-        for channel in self.channels:
-            every = round(1.0 / (self.rate(channel) * (time[1] - time[0])))
+        for sensor in self.sensors.values():
+            every = round(1.0 / (sensor.rate * (time[1] - time[0])))
             columns.append((np.arange(time.size) % max(every, 1) == 0).astype(float))
         return np.column_stack(columns)
 
-    def prior(self, name: str, unit: str) -> Prior:
-        """Prior of a coefficient or nuisance, SI.
+    def process_sds(self) -> np.ndarray:
+        """Standard deviation that each state and coefficient of the full structure gains in one second, SI."""
+        names = (*self.model(self.full).states, *self.units)
+        return np.array([self.process_noise.get(name, 0.0) for name in names])
+
+    def prior(self, name: str) -> Prior:
+        """Prior of a coefficient or of the delay, SI.
 
         Raises:
-            InputError: no prior under that name, missing or inconsistent numbers, or none that are physical where `physical` is set.
+            InputError: none is stated.
         """
-        table = self.source.prior.get(name)
-        if table is None:
-            unused = [other for other in self.source.prior if other not in self.full.terms]
-            meant = f" (is [prior.{close[0]}] meant for it?)" if (close := get_close_matches(name, unused, 1)) else ""
-            raise InputError(
-                self.where(f"prior.{name}"),
-                found="nothing",
-                expected=f"a prior of {name}, SI unit {unit}",
-                remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper{meant}',
-            )
-        inertia = 1.0 if self.hull.mass is None else self.hull.mass
-        return read_prior(table, unit, self.where(f"prior.{name}"), name=name, inertia=inertia)
+        if name not in self.priors:
+            unused = [other for other in self.priors if other not in self.units]
+            raise no_prior(self.where(f"prior.{name}"), name, self.units.get(name, "s"), unused)
+        return self.priors[name]
 
-    def noise_prior(self, channel: str) -> Prior:
-        """Prior of a channel's noise: as given, else uniform up to five times the nominal noise."""
-        name = noise_name(channel)
-        if name in self.source.prior:
-            return self.prior(name, signal_unit(channel))
-        return Uniform(0.0, 5.0 * self.noise(channel))
+    def nuisances(self, model: VehicleModel) -> list[tuple[Nuisance, Prior]]:
+        """Unknowns of a model beside coefficients and initial states, each with its prior.
+
+        Raises:
+            InputError: a prior that is missing.
+        """
+        found = []
+        for one in nuisances(self.estimation, self.sensor_models, self.noise, model, self.has_delay):
+            prior = self.priors.get(one.name, one.default)
+            if prior is None:
+                raise one.no_prior(self.where(f"prior.{one.name}"))
+            found.append((one, prior))
+        return found
 
     @property
     def is_simulated(self) -> bool:
         """Whether its trials are run on a simulated vehicle."""
-        return bool(self.source.truth)
+        return bool(self.truth)
 
     @property
     def has_records(self) -> bool:
         """Whether its trials are simulated or imported; without either it designs, from what is believed."""
-        return self.is_simulated or self.source.imported is not None
+        return self.is_simulated or self.imports is not None
 
     @property
     def has_delay(self) -> bool:
         """Whether the delay between command and action is estimated."""
-        return "delay" in self.source.prior
+        return "delay" in self.priors
 
     @cached_property
     def families(self) -> tuple[Family, ...]:
         """Families that are swept; all of one control, trim and timing."""
-        kinds, seed = self.source.design.families, self.source.campaign.seed
-        if len(set(kinds)) < len(kinds):
-            raise InputError(
-                self.where("design.families"),
-                found=", ".join(kinds),
-                expected="each family once",
-                remedy="remove the repetition",
-            )
         with located(self.where("design.families")):
-            return tuple(check_family(replace(self.family, kind=kind, seed=seed)) for kind in kinds)
+            return tuple(check_family(replace(self.family, kind=kind, seed=self.seed)) for kind in self.design.kinds)
 
-    @cached_property
+    @property
     def family(self) -> Family:
         """Control, trim and timing that all designs share."""
-        return read_family(self)
+        return self.design.family
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
-        """Trim value of every state of a model, SI; level and 0 where [vehicle.trim] says nothing."""
+        """Trim value of every state of a model, SI; level and 0 where nothing is said."""
         return level_start(model, self.hull.trim)
 
     def control_trim(self, model: VehicleModel) -> Trim:
@@ -301,43 +271,32 @@ class Campaign:
                 )
         return tuple((name, known[name]) for name in model.controls)
 
-    @cached_property
-    def goal(self) -> Goal | None:
-        """What ends the campaign; None where nothing is said."""
-        table = self.source.goal
-        if table is None:
+    def prediction(self, model: VehicleModel) -> Prediction | None:
+        """What the coefficients are wanted for, by one structure's model; None where nothing is stated.
+
+        Raises:
+            InputError: something the vehicle cannot predict, or a control without a trim value.
+        """
+        stated, family = self.design.prediction, self.family
+        if stated is None:
             return None
-        model = self.model(self.full)
-        return read_goal(table, {term.text: model.unit_of(term) for term in model.coefficients}, self.where("goal"))
+        controls = [stated.control if name == family.control else value for name, value in self.control_trim(model)]
+        with located(self.where("design.prediction.of")):
+            start = self.state_trim(model)
+            return prediction(model, stated.of, start, controls, stated.after, family.sample_time)
 
-    def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Amplitudes (SI) and periods (s) of the sweep."""
-        table = self.source.design
-        return self.range(table.amplitude, signal_unit(table.control), "design.amplitude"), self.range(
-            table.period, "s", "design.period"
-        )
 
-    def limits(self) -> Limits:
-        """Limits of the designed control."""
-        return read_control_limits(self)
+def no_prior(where: str, name: str, unit: str, unused: Sequence[str]) -> InputError:
+    """Return the error of a coefficient without a prior; one of those that nothing uses may be meant for it."""
+    meant = f" (is [prior.{close[0]}] meant for it?)" if (close := get_close_matches(name, unused, 1)) else ""
+    return InputError(
+        where,
+        found="nothing",
+        expected=f"a prior of {name}, SI unit {unit}",
+        remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper{meant}',
+    )
 
-    @cached_property
-    def motion_limits(self) -> tuple[MotionLimit, ...]:
-        """Limits of the motion."""
-        return read_motion_limits(self)
 
-    def power(self) -> tuple[float, float, float]:
-        """Propulsion, W, the control at which it is drawn, SI, and the hotel load, W."""
-        return read_power(self)
-
-    def range(self, table: RangeTable, unit: str, key: str) -> np.ndarray:
-        """An evenly spaced range of positive quantities, SI."""
-        start, stop = self.si(table.start, unit, f"{key}.from"), self.si(table.stop, unit, f"{key}.to")
-        if not 0 < start <= stop:
-            raise InputError(
-                self.where(key),
-                found=f"from {table.start} to {table.stop}",
-                expected="0 < from <= to",
-                remedy="swap or correct them",
-            )
-        return np.linspace(start, stop, table.points)
+def actuator_lag(control: str) -> str:
+    """Name of the lag of a control's actuator in the truth of a simulated vehicle, s."""
+    return f"lag_{control}"

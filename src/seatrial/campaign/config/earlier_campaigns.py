@@ -5,60 +5,38 @@ again, and fixed where it is not. Their correlations are left behind. Records th
 fitted again with its result as prior: they would count twice.
 """
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.schema import PriorTable
+from seatrial.campaign.config.schema import PriorTable, VehicleTable
 from seatrial.campaign.store.files import Store
 from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 
+Found = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation of coefficients, SI."""
 
-def with_earlier(campaign: Campaign) -> Campaign:
-    """The campaign with those priors and values written out, so that every key of its results knows them.
+
+def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
+    """Return what earlier campaigns found of every coefficient; the last one counts.
+
+    Args:
+        folder: of this campaign.
+        items: folders of the others, as written.
+        keys: of the file.
 
     Raises:
-        InputError: an earlier campaign without results, a share that is not positive, or a published value of zero.
+        InputError: an earlier campaign that is not there or has no results.
     """
-    vehicle, found = campaign.source.vehicle, _found_before(campaign)
-    sought = {CoefficientName.parse(term): CoefficientName.parse(term).text for term in campaign.full.terms}
-    priors, fixed = dict(campaign.source.prior), {}
-    for name, (mean, sd) in found.items():
-        text = sought.get(CoefficientName.parse(name))
-        if text is None:
-            fixed[name] = mean
-        elif text not in priors:
-            priors[text] = PriorTable(distribution="normal", mean=mean, sd=sd)
-    if vehicle.published_to is not None:
-        before = len(priors)
-        for name, value in campaign.vehicle.published.items():
-            text = sought.get(CoefficientName.parse(name))
-            if text is not None and text not in priors:
-                priors[text] = _about(campaign, vehicle.published_to, text, value)
-        if len(priors) == before:
-            raise InputError(
-                campaign.where("vehicle.published_to"),
-                found="a key without effect: no coefficient that is sought is both published and without a prior of its own",
-                expected="keys that something reads",
-                remedy="remove it, or the priors that it is to stand for",
-            )
-    if priors == campaign.source.prior and not fixed:
-        return campaign
-    known = vehicle.model_copy(update={"fixed": {**fixed, **vehicle.fixed}}) if fixed else vehicle
-    return replace(campaign, source=campaign.source.model_copy(update={"prior": priors, "vehicle": known}))
-
-
-def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation of every coefficient that earlier campaigns found, SI; the last one counts."""
-    found = {}
-    for item in campaign.source.vehicle.known_from:
-        where = campaign.where("vehicle.known_from")
-        folder = find(campaign.folder, item, where)
-        store = Store(folder)
-        if not folder.is_dir():
+    found: dict[str, tuple[float, float]] = {}
+    for item in items:
+        where = keys.where("vehicle.known_from")
+        there = find(folder, item, where)
+        store = Store(there)
+        if not there.is_dir():
             raise InputError(
                 where,
                 found=f"the file {item}",
@@ -66,17 +44,68 @@ def _found_before(campaign: Campaign) -> dict[str, tuple[float, float]]:
                 remedy="correct the path",
             )
         if store.summary.exists():  # a link may lead outside
-            find(campaign.folder, str(Path(item) / store.summary.relative_to(folder)), where)
-        summary = read_summary(store.summary, f"seatrial run {folder}")
+            find(folder, str(Path(item) / store.summary.relative_to(there)), where)
+        summary = read_summary(store.summary, f"seatrial run {there}")
         found |= {row.name: (row.mean, row.sd) for row in summary.coefficients if row.name in summary.terms}
     return found
 
 
-def _about(campaign: Campaign, text: str | float, name: str, value: float) -> PriorTable:
-    share = campaign.si(text, "1", "vehicle.published_to")
+def with_fixed(table: VehicleTable, found: Found, terms: Sequence[str]) -> VehicleTable:
+    """Return `[vehicle]` with what earlier campaigns found and this one does not seek fixed."""
+    sought = {CoefficientName.parse(term) for term in terms}
+    fixed = {name: mean for name, (mean, _) in found.items() if CoefficientName.parse(name) not in sought}
+    return table.model_copy(update={"fixed": {**fixed, **table.fixed}}) if fixed else table
+
+
+def with_known(
+    tables: Mapping[str, PriorTable],
+    found: Found,
+    published: Mapping[str, float],
+    published_to: str | float | None,
+    keys: FileKeys,
+    terms: Sequence[str],
+) -> dict[str, PriorTable]:
+    """Return the tables of priors, with one for each coefficient that is known from elsewhere and has none.
+
+    Args:
+        tables: as written.
+        found: by earlier campaigns.
+        published: coefficients of the vehicle, SI.
+        published_to: share to which those are believed; None where they are not.
+        keys: of the file.
+        terms: that are sought.
+
+    Raises:
+        InputError: a share that is not positive, a published value of zero, or none that a prior could be made of.
+    """
+    sought = {CoefficientName.parse(term): CoefficientName.parse(term).text for term in terms}
+    priors = dict(tables)
+    for name, (mean, sd) in found.items():
+        text = sought.get(CoefficientName.parse(name))
+        if text is not None and text not in priors:
+            priors[text] = PriorTable(distribution="normal", mean=mean, sd=sd)
+    if published_to is None:
+        return priors
+    before = len(priors)
+    for name, value in published.items():
+        text = sought.get(CoefficientName.parse(name))
+        if text is not None and text not in priors:
+            priors[text] = _about(keys, published_to, text, value)
+    if len(priors) == before:
+        raise InputError(
+            keys.where("vehicle.published_to"),
+            found="a key without effect: no coefficient that is sought is both published and without a prior of its own",
+            expected="keys that something reads",
+            remedy="remove it, or the priors that it is to stand for",
+        )
+    return priors
+
+
+def _about(keys: FileKeys, text: str | float, name: str, value: float) -> PriorTable:
+    share = keys.si(text, "1", "vehicle.published_to")
     if not (0 < share < 10 and value != 0):
         raise InputError(
-            campaign.where("vehicle.published_to"),
+            keys.where("vehicle.published_to"),
             found=f"{text} of {name} = {value:g}",
             expected="a positive share of a value that is not zero",
             remedy=f'for example "30 %", and [prior.{name}] of its own where nothing is published',

@@ -1,121 +1,42 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
 from pathlib import Path
-from typing import NamedTuple
 
-from seatrial.campaign.config.campaign import FILE_NAME, Campaign
-from seatrial.campaign.config.earlier_campaigns import with_earlier
-from seatrial.campaign.config.nuisance_parameters import nuisances
-from seatrial.campaign.config.schema import CampaignFile
+from seatrial.campaign.config.campaign import FILE_NAME, Campaign, actuator_lag
+from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_power
+from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed, with_known
+from seatrial.campaign.config.file_keys import FileKeys
+from seatrial.campaign.config.idle_keys import check_idle_keys
+from seatrial.campaign.config.import_table import read_imports
+from seatrial.campaign.config.priors import read_priors
+from seatrial.campaign.config.schema import (
+    CampaignFile,
+    ComputeTable,
+    EstimationTable,
+    FilterTable,
+    GoalTable,
+    SensorTable,
+)
+from seatrial.campaign.config.settings import (
+    ComputeSettings,
+    EstimationSettings,
+    Goal,
+    SelectionSettings,
+    SensorSettings,
+    SlurmJobs,
+    StructureSettings,
+)
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
-from seatrial.campaign.data.import_logs import check_import
-from seatrial.campaign.data.simulate import actuator_lag, beyond_structures
-from seatrial.campaign.design.utility import check_utility
-from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError, nearest
-from seatrial.estimation.priors import Uniform
-from seatrial.estimation.sensors import correlation_name
+from seatrial.campaign.config.vehicle_table import read_vehicle
+from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.simulation import CURRENT
-from seatrial.selection.structures import MAX_STRUCTURES
-
-# Keys of a campaign file that nothing reads beside the others that stand there: refused, for their author expects
-# something of them.
-
-
-class Idle(NamedTuple):
-    """A key, why it has no effect, and what to do about it."""
-
-    key: str
-    because: str
-    remedy: str = "remove it"
-
-
-def check_idle_keys(campaign: Campaign, fixed: Iterable[str]) -> None:
-    """Check that every key that is written has an effect; what stands in two places at once is refused where it is read.
-
-    Args:
-        campaign: with what earlier campaigns found.
-        fixed: coefficients that its file fixes.
-
-    Raises:
-        InputError: the first key that has none.
-    """
-    for idle in (
-        *_vehicle(campaign),
-        *_fixed(campaign, fixed),
-        *_structure(campaign),
-        *_current(campaign),
-        *_design(campaign),
-    ):
-        raise InputError(
-            campaign.where(idle.key),
-            found=f"a key without effect: {idle.because}",
-            expected="keys that something reads",
-            remedy=idle.remedy,
-        )
-
-
-def _vehicle(campaign: Campaign) -> Iterator[Idle]:
-    table = campaign.source.vehicle
-    thrusts = {CoefficientName.parse(name).axis for name in (*campaign.full.terms, *campaign.hull.fixed)}
-    for key in sorted({"thrust_deduction", "wake"} & table.model_fields_set):
-        if "T" not in thrusts:
-            yield Idle(f"vehicle.{key}", "no thrust T_… is sought or fixed", "remove it, or add thrust such as T_nabsn")
-    if "attitude" in table.model_fields_set and table.moves and not set(table.moves) & set("pqr"):
-        yield Idle("vehicle.attitude", "nothing that moves turns the vehicle", "remove it, or add p, q or r to `moves`")
-    if table.actuators == "published" and table.catalogue is None:
-        yield Idle("vehicle.actuators", "nothing is published of a vehicle by hand", "give a table for each actuator")
-
-
-def _fixed(campaign: Campaign, fixed: Iterable[str]) -> Iterator[Idle]:
-    table = campaign.source.vehicle
-    sought = {CoefficientName.parse(name) for name in campaign.full.terms}
-    vehicle = campaign.vehicle
-    axes = set() if vehicle.is_surge else {one.axis for one in vehicle.equations(campaign.full)}
-    for name in fixed:
-        term = CoefficientName.parse(name)
-        if term in sought and table.published_to is None:
-            yield Idle(f"vehicle.fixed.{name}", f"[structure] has {name} sought", "remove it here, or there")
-        elif axes and ("X" if term.axis == "T" else term.axis) not in axes:
-            yield Idle(f"vehicle.fixed.{name}", f"no term of [structure] is on the axis {term.axis}")
-
-
-def _structure(campaign: Campaign) -> Iterator[Idle]:
-    for key in sorted({"shortlist", "g"} & campaign.source.structure.model_fields_set):
-        if 2 ** len(campaign.source.structure.optional) <= MAX_STRUCTURES:
-            yield Idle(
-                f"structure.{key}", f"all of {MAX_STRUCTURES} structures or fewer are simulated, and none screened"
-            )
-    for channel, table in campaign.source.sensors.items():
-        if "over" in table.model_fields_set and channel != "u":
-            yield Idle(f"sensors.{channel}.over", "only the speed u is measured over ground or through the water")
-
-
-def _current(campaign: Campaign) -> Iterator[Idle]:
-    """A current along the course adds to the speed over the ground, and to nothing else that is measured."""
-    sensor, because = campaign.source.sensors.get("u"), "no sensor measures the speed u over ground"
-    if sensor is None or sensor.over == "water":
-        if campaign.source.estimation.current != "none":
-            yield Idle("estimation.current", because)
-        if CURRENT in campaign.source.truth:
-            yield Idle(f"truth.{CURRENT}", because)
-
-
-def _design(campaign: Campaign) -> Iterator[Idle]:
-    table = campaign.source.design
-    if "probability" in table.model_fields_set and not campaign.motion_limits:
-        yield Idle(
-            "design.probability", "[limits] bounds no motion", "remove it, or limit the motion: [limits.distance]"
-        )
-    if table.over != "mean" and table.utility == "entropy" and table.per != "second":
-        yield Idle(
-            "design.over",
-            "the entropy reduction is that of the filter, at the mean",
-            'remove it, or set utility = "fisher-d"',
-        )
-
+from seatrial.selection.structures import Structure
+from seatrial.vehicles.model import VehicleModel
 
 PROPULSION = {"n": "1200 rpm", "tau_X": "20 N"}
 """Controls that hold a speed, each with an example of a value."""
@@ -146,111 +67,190 @@ def check_text(folder: Path, text: str) -> Campaign:
     Raises:
         InputError: as `load_campaign`.
     """
-    written = Campaign(folder, parse_toml(folder / FILE_NAME, text, CampaignFile, example_of), text=text)
-    campaign = with_earlier(written)
-    _check(campaign)
-    check_idle_keys(campaign, written.source.vehicle.fixed)
+    keys = FileKeys(folder / FILE_NAME, text)
+    file = parse_toml(keys.path, text, CampaignFile, example_of)
+    campaign = _campaign(file, keys)
+    check_idle_keys(file, campaign)
     return campaign
 
 
-def _check(campaign: Campaign) -> None:
-    """Resolve everything once, so that mistakes are found before any work is done."""
-    full = campaign.full
-    model = campaign.model(full)
-    names = {term.text for term in model.coefficients}
-    for term in model.coefficients:
-        campaign.prior(term.text, model.unit_of(term))
-    unknown = nuisances(campaign, model)
-    allowed = names | set(campaign.rules.never) | {nuisance.name for nuisance in unknown} | {"delay"}
-    for name in campaign.source.prior:
-        if name not in allowed:
-            raise InputError(
-                campaign.where(f"prior.{name}"),
-                found=f'"{name}", which nothing uses',
-                expected="one of " + ", ".join(sorted(allowed)),
-                remedy="remove it: white residuals have no correlation time"
-                if name in map(correlation_name, campaign.channels)
-                else nearest(name, allowed),
-            )
-    if campaign.has_delay and not isinstance(campaign.prior("delay", "s"), Uniform):
+def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
+    """Everything in SI, so that mistakes are found before any work is done."""
+    folder, known_from = keys.path.parent, tuple(file.vehicle.known_from)
+    found = found_before(folder, known_from, keys)
+    table = file.structure
+    structure = StructureSettings(
+        tuple(table.always), tuple(table.optional), tuple(table.rules), table.shortlist, table.g
+    )
+    with located(keys.where("structure")):
+        rules = structure.compiled()
+    terms = rules.always + rules.optional
+    angles = tuple(angle for angle in ANGLES if angle in (*file.sensors, *file.limits))
+    vehicle = read_vehicle(with_fixed(file.vehicle, found, terms), keys, terms, angles)
+    tables = with_known(file.prior, found, vehicle.published, file.vehicle.published_to, keys, terms)
+    with located(keys.where("vehicle")):
+        model = vehicle.model(Structure("full", terms))
+    sensors = _sensors(file.sensors, keys, model)
+    design = read_design(file.design, keys, model, vehicle.hull.trim, tuple(sensors))
+    limits, motion_limits = read_limits(file.limits, keys, file.design.control, model.states)
+    is_powered = file.power is not None or design.per == "joule"
+    campaign = Campaign(
+        name=file.campaign.name,
+        seed=file.campaign.seed,
+        vehicle=vehicle,
+        structure=structure,
+        priors={},
+        sensors=sensors,
+        design=design,
+        limits=limits,
+        motion_limits=motion_limits,
+        power=read_power(file.power, keys, file.design.control) if is_powered else None,
+        truth=file.truth,
+        process_noise=_process_noise(file.filter, keys, model),
+        estimation=_estimation(file.estimation, keys, model),
+        selection=SelectionSettings(file.selection.particles, file.selection.repeats),
+        compute=_compute(file.compute),
+        known_from=known_from,
+        folder=folder,
+        text=keys.text,
+    )
+    campaign = replace(
+        campaign,
+        priors=read_priors(tables, keys, campaign),
+        goal=None if file.goal is None else _goal(file.goal, keys, campaign.units),
+    )
+    _ = campaign.families, campaign.prediction(model)
+    check_utility(design, keys, not rules.optional)
+    if file.truth and file.imported is not None:
         raise InputError(
-            campaign.where("prior.delay"),
-            found=f"a {type(campaign.prior('delay', 's')).__name__} prior",
-            expected="a uniform prior from 0 s",
-            remedy="give lower and upper",
-        )
-    for channel in campaign.channels:
-        _ = campaign.noise(channel), campaign.rate(channel)
-    _ = campaign.process_noise()
-    for nuisance in unknown:
-        if not nuisance.signed and nuisance.prior.bounds[0] < 0:
-            raise InputError(
-                campaign.where(f"prior.{nuisance.name}"),
-                found="a support that reaches below 0",
-                expected="a prior from 0 up",
-                remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
-            )
-    _ = campaign.families, campaign.grid(), campaign.limits(), campaign.motion_limits, campaign.goal
-    if campaign.source.design.per == "joule":
-        campaign.power()
-    check_utility(campaign)
-    _check_ranges(campaign)
-    _check_late_quantities(campaign)
-    _check_source(campaign, names | beyond_structures(campaign))
-
-
-def _check_ranges(campaign: Campaign) -> None:
-    """A range of one point has one end."""
-    table = campaign.source.design
-    ranges = {"amplitude": table.amplitude, "period": table.period}
-    if table.relay is not None:
-        ranges["relay.threshold"] = table.relay.threshold
-    for name, one in ranges.items():
-        if one.points == 1 and one.start != one.stop:
-            raise InputError(
-                campaign.where(f"design.{name}"),
-                found=f"1 point from {one.start} to {one.stop}",
-                expected="2 points or more, or `from` and `to` the same",
-                remedy="ask for more points",
-            )
-
-
-def _check_late_quantities(campaign: Campaign) -> None:
-    """Quantities that are first needed when much has been done."""
-    campaign.process_noise()
-    if campaign.source.power is not None:
-        campaign.power()
-    for channel, sensor in campaign.source.sensors.items():
-        if sensor.rate is not None and not campaign.si(sensor.rate, "1/s", f"sensors.{channel}.rate") > 0:
-            raise InputError(
-                campaign.where(f"sensors.{channel}.rate"),
-                found=f"{sensor.rate}",
-                expected="more than 0 Hz",
-                remedy="leave it out where the sensor gives every sample",
-            )
-
-
-def _check_source(campaign: Campaign, names: set[str]) -> None:
-    source = campaign.source
-    if campaign.is_simulated and source.imported is not None:
-        raise InputError(
-            str(campaign.path),
+            str(keys.path),
             found="both [truth] and [import]",
             expected="one of them: a simulated vehicle or a real log",
             remedy="remove one of the two; without both a trial is designed before there are any data",
         )
-    check_import(campaign)
-    if source.imported is not None:
-        runs = (*source.imported.fit, *source.imported.predict)
-        for run in source.imported.trim:
-            if run not in runs:
-                raise InputError(
-                    campaign.where(f"import.trim.{run}"),
-                    found=f'run "{run}"',
-                    expected="one of " + ", ".join(runs),
-                    remedy=nearest(run, runs),
-                )
-    for name in source.truth:
+    if file.imported is not None:
+        recorded = (*model.controls, *model.channel_units())
+        campaign = replace(campaign, imports=read_imports(file.imported, keys, recorded))
+    _check_truth(campaign)
+    _check_start(campaign, is_trim_stated=file.design.trim is not None)
+    return campaign
+
+
+def _sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: VehicleModel) -> dict[str, SensorSettings]:
+    found, known = {}, model.channel_units()
+    for channel, table in tables.items():
+        if channel not in known:
+            raise InputError(
+                keys.where(f"sensors.{channel}"),
+                found=f'channel "{channel}"',
+                expected="one of " + ", ".join(known),
+                remedy=nearest(channel, known),
+            )
+        noise = keys.si(table.noise, signal_unit(channel), f"sensors.{channel}.noise")
+        if not noise > 0:
+            raise InputError(
+                keys.where(f"sensors.{channel}.noise"),
+                found=f"{noise:g}",
+                expected="more than 0",
+                remedy="estimate it from a quiet stretch of the record",
+            )
+        rate = inf if table.rate is None else keys.si(table.rate, "1/s", f"sensors.{channel}.rate")
+        if not rate > 0:
+            raise InputError(
+                keys.where(f"sensors.{channel}.rate"),
+                found=f'"{table.rate}"',
+                expected="more than 0",
+                remedy='for example "5 Hz", or leave the key out for a sample in each step',
+            )
+        found[channel] = SensorSettings(noise, rate, table.residuals, table.bias, table.lag, table.over)
+    return found
+
+
+def _process_noise(table: FilterTable, keys: FileKeys, model: VehicleModel) -> dict[str, float]:
+    """Standard deviation that states and coefficients gain in one second, SI, of those that are named."""
+    units = {state: signal_unit(state) for state in model.states}
+    units |= {term.text: model.unit_of(term) for term in model.coefficients}
+    found = {}
+    for name, written in table.process_noise.items():
+        key = f"filter.process_noise.{name}"
+        if name not in units:
+            raise InputError(
+                keys.where(key),
+                found=f'"{name}"',
+                expected="a state or a coefficient: " + ", ".join(units),
+                remedy=nearest(name, units),
+            )
+        found[name] = written if isinstance(written, float) else keys.si(written, units[name], key)
+        if not 0 <= found[name] < inf:
+            raise InputError(
+                keys.where(key), found=f"{written}", expected="0 or more", remedy="0 says that the model is perfect"
+            )
+    return found
+
+
+def _estimation(table: EstimationTable, keys: FileKeys, model: VehicleModel) -> EstimationSettings:
+    known = [term.text for term in model.coefficients]
+    for name in table.varying:
+        if name not in known:
+            raise InputError(
+                keys.where("estimation.varying"),
+                found=f'"{name}"',
+                expected="a coefficient: " + ", ".join(known),
+                remedy=nearest(name, known),
+            )
+    if table.initial == "estimated" and set(QUATERNION) <= set(model.states):
+        raise InputError(
+            keys.where("estimation.initial"),
+            found='"estimated" with the attitude as a quaternion',
+            expected="an attitude of independent numbers",
+            remedy='set vehicle.attitude = "euler", or initial = "measured"',
+        )
+    return EstimationSettings(**{**table.model_dump(), "varying": tuple(table.varying)})
+
+
+def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:
+    """Read what ends the campaign; `units` are those of the coefficients that may be named, SI."""
+    shares, sds = {}, {}
+    for name, written in table.sd.items():
+        key = f"goal.sd.{name}"
+        if name not in units:
+            raise InputError(
+                keys.where(key),
+                found=f'"{name}"',
+                expected="one of " + ", ".join(units),
+                remedy=nearest(name, units),
+            )
+        relative = isinstance(written, str) and written.rstrip().endswith("%")
+        value = _percentage(written) if relative else written
+        if isinstance(value, str):
+            value = keys.si(value, units[name], key)
+        if not 0 < value < inf:
+            raise InputError(
+                keys.where(key),
+                found=f"{written}",
+                expected=f'a positive standard deviation in {units[name]}, or a percentage such as "10 %"',
+                remedy="say how well the controller or the simulator needs to know it",
+            )
+        (shares if relative else sds)[name] = value
+    return Goal(shares, sds, table.decided, table.trials)
+
+
+def _percentage(written: str) -> float:
+    try:
+        return float(written.rstrip().removesuffix("%")) / 100
+    except ValueError:
+        return -1.0
+
+
+def _compute(table: ComputeTable) -> ComputeSettings:
+    return ComputeSettings(table.workers, None if table.slurm is None else SlurmJobs(**table.slurm.model_dump()))
+
+
+def _check_truth(campaign: Campaign) -> None:
+    """Check the names of a simulated truth: coefficients, and what no structure has."""
+    lag = actuator_lag(campaign.family.control)
+    names = {*campaign.units, lag, CURRENT}
+    for name in campaign.truth:
         if name not in names:
             raise InputError(
                 campaign.where(f"truth.{name}"),
@@ -260,46 +260,41 @@ def _check_source(campaign: Campaign, names: set[str]) -> None:
                 if name in campaign.rules.never
                 else nearest(name, names),
             )
-    lag = actuator_lag(source.design.control)
-    if source.truth.get(lag, 0.0) < 0:
+    if campaign.truth.get(lag, 0.0) < 0:
         raise InputError(
             campaign.where(f"truth.{lag}"),
-            found=f"{source.truth[lag]:g} s",
+            found=f"{campaign.truth[lag]:g} s",
             expected="0 s or more",
             remedy="give the time constant of the actuator; 0 s is none",
         )
-    _check_start(campaign)
 
 
-def _check_start(campaign: Campaign) -> None:
-    """Where trials begin, as far as no record shows it."""
-    trim, moves_ahead = campaign.hull.trim, "u" in campaign.model(campaign.full).states
-    if not campaign.has_records:
-        _check_stated_start(campaign, trim, moves_ahead)
-    elif campaign.source.estimation.initial == "trim" and moves_ahead and "u" not in trim:
-        raise InputError(
-            campaign.where("estimation.initial"),
-            found='"trim"',
-            expected="a vehicle whose trim speed is known",
-            remedy='give vehicle.trim.u, or set initial = "measured" or "estimated"',
-        )
-
-
-def _check_stated_start(campaign: Campaign, trim: Mapping[str, float], moves_ahead: bool) -> None:
-    """Without a record the speed at which a trial begins is stated, and where every control is held."""
-    if moves_ahead and "u" not in trim:
-        raise InputError(
-            campaign.where("vehicle.trim.u"),
-            found="nothing",
-            expected="the speed at which a trial begins, which no record shows yet",
-            remedy='add trim = { u = "1.5 m/s" } to [vehicle]; "0 m/s" begins at rest',
-        )
-    control = campaign.source.design.control
-    if control in PROPULSION and trim.get("u") and campaign.source.design.trim is None and control not in trim:
+def _check_start(campaign: Campaign, is_trim_stated: bool) -> None:
+    """Check where trials begin, as far as no record shows it."""
+    trim, model = campaign.hull.trim, campaign.model(campaign.full)
+    if "u" in model.states and "u" not in trim:
+        if not campaign.has_records:
+            raise InputError(
+                campaign.where("vehicle.trim.u"),
+                found="nothing",
+                expected="the speed at which a trial begins, which no record shows yet",
+                remedy='add trim = { u = "1.5 m/s" } to [vehicle]; "0 m/s" begins at rest',
+            )
+        if campaign.estimation.initial == "trim":
+            raise InputError(
+                campaign.where("estimation.initial"),
+                found='"trim"',
+                expected="a vehicle whose trim speed is known",
+                remedy='give vehicle.trim.u, or set initial = "measured" or "estimated"',
+            )
+    if campaign.has_records:
+        return
+    control = campaign.family.control
+    if control in PROPULSION and trim.get("u") and not is_trim_stated and control not in trim:
         raise InputError(
             campaign.where(f"vehicle.trim.{control}"),
             found="nothing",
             expected=f"the value of {control} that holds the {trim['u']:g} m/s at which a trial begins",
             remedy=f'add {control} = "{PROPULSION[control]}" to the trim of [vehicle]; `seatrial prior` shows what the priors make of it',
         )
-    campaign.control_trim(campaign.model(campaign.full))
+    campaign.control_trim(model)

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from seatrial.campaign.config.schema import CampaignFile
+from seatrial.campaign.config.settings import Imports
 from seatrial.core.errors import InputError
 
 VARIABLE = "SEATRIAL_WITHIN"
@@ -76,25 +76,24 @@ def place_of(folder: Path, written: str, where: str, run: str, limits: Sequence[
     )
 
 
-def named_in(source: CampaignFile) -> Iterator[tuple[str, str, str]]:
-    """Key, text and run of every file and folder that a campaign file names."""
-    for item in source.vehicle.known_from:
+def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tuple[str, str, str]]:
+    """Key, text and run of every file and folder that a campaign names."""
+    for item in known_from:
         yield "vehicle.known_from", item, ""
-    table = source.imported
-    if table is None:
+    if imports is None:
         return
-    for index, file in enumerate(table.files):
-        for run in (*table.fit, *table.predict):
+    for index, file in enumerate(imports.files):
+        for run in imports.runs:
             yield f"import.files[{index}].path", file.path, run
         for name, column in file.channels.items():
             if column.curve is not None:
                 yield f"import.files[{index}].channels.{name}.curve", column.curve, ""
 
 
-def folders_outside(folder: Path, source: CampaignFile) -> list[str]:
+def folders_outside(folder: Path, known_from: Sequence[str], imports: Imports | None) -> list[str]:
     """Folders outside a campaign's own from which it reads files, and earlier campaigns; what is missing is left out."""
     found = dict[str, None]()
-    for key, written, run in named_in(source):
+    for key, written, run in named_in(known_from, imports):
         try:
             path = find(folder, written, key, run)
         except InputError:  # is said when it is read

@@ -1,11 +1,14 @@
-"""From a `[prior.NAME]` table to a prior in SI."""
+"""From `[prior.NAME]` tables to priors in SI."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf, isfinite
 
+from seatrial.campaign.config.campaign import Campaign, no_prior
+from seatrial.campaign.config.file_keys import FileKeys
+from seatrial.campaign.config.nuisance_parameters import nuisances
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.core.coefficients import AXES, CoefficientName
-from seatrial.core.errors import InputError, located
+from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
 from seatrial.estimation.priors import (
     LogNormal,
@@ -18,6 +21,7 @@ from seatrial.estimation.priors import (
     restricted,
     truncated_normal,
 )
+from seatrial.estimation.sensors import correlation_name
 
 _BOUNDS = ("lower", "upper")
 _NUMBERS = (*_BOUNDS, "mean", "sd", "scale", "median", "factor")
@@ -34,6 +38,62 @@ _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
     ),
 }
 """Distribution to the numbers it needs, how many bounds it may have beside them (one at least), and what makes it."""
+
+
+def read_priors(tables: Mapping[str, PriorTable], keys: FileKeys, campaign: Campaign) -> dict[str, Prior]:
+    """Read every prior that something uses.
+
+    Args:
+        tables: as written, with those of what is known from elsewhere.
+        keys: of the file.
+        campaign: of which all but the priors is known.
+
+    Raises:
+        InputError: a prior that is missing, that nothing uses, or that is none; a support below 0 of what has no sign.
+    """
+    found, units, model = {}, campaign.units, campaign.model(campaign.full)
+    inertia = 1.0 if campaign.hull.mass is None else campaign.hull.mass
+    unknown = tuple(
+        nuisances(campaign.estimation, campaign.sensor_models, campaign.noise, model, has_delay="delay" in tables)
+    )
+    for name, unit in units.items():
+        if name not in tables:
+            unused = [other for other in tables if other not in campaign.full.terms]
+            raise no_prior(keys.where(f"prior.{name}"), name, unit, unused)
+        found[name] = read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
+    for one in unknown:
+        where = keys.where(f"prior.{one.name}")
+        if one.name in tables:
+            found[one.name] = read_prior(tables[one.name], one.unit, where, name=one.name, inertia=inertia)
+        elif one.default is None:
+            raise one.no_prior(where)
+    allowed = {*units, *campaign.rules.never, "delay", *(one.name for one in unknown)}
+    for name in tables:
+        if name not in allowed:
+            raise InputError(
+                keys.where(f"prior.{name}"),
+                found=f'"{name}", which nothing uses',
+                expected="one of " + ", ".join(sorted(allowed)),
+                remedy="remove it: white residuals have no correlation time"
+                if name in map(correlation_name, campaign.channels)
+                else nearest(name, allowed),
+            )
+    if "delay" in found and not isinstance(found["delay"], Uniform):
+        raise InputError(
+            keys.where("prior.delay"),
+            found=f"a {type(found['delay']).__name__} prior",
+            expected="a uniform prior from 0 s",
+            remedy="give lower and upper",
+        )
+    for one in unknown:
+        if not one.signed and one.name in found and found[one.name].bounds[0] < 0:
+            raise InputError(
+                keys.where(f"prior.{one.name}"),
+                found="a support that reaches below 0",
+                expected="a prior from 0 up",
+                remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
+            )
+    return found
 
 
 def read_prior(table: PriorTable, unit: str, where: str, *, name: str = "", inertia: float = 1.0) -> Prior:

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from seatrial.campaign.config.settings import DesignFilter, Residuals, Scope, Utility
 from seatrial.sampling.names import DEFAULT, SamplerName
 
 Quantity = str | float
@@ -115,11 +116,6 @@ class PriorTable(Table):
     physical: bool = False
 
 
-Residuals = Literal["white", "coloured", "heavy"]
-Scope = Literal["none", "shared", "own"]
-"""Whether something is unknown, and if so whether all trials share it or every one has its own."""
-
-
 class SensorTable(Table):
     """`[sensors.CHANNEL]`: standard deviation of its noise, its rate if lower than the sample rate, and what is unknown about it.
 
@@ -178,9 +174,6 @@ class PredictionTable(Table):
     after: Quantity
 
 
-Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
-
-
 class DesignTable(Table):
     """`[design]`: families of inputs that are swept over one grid of amplitudes and periods, and what makes one of them the best.
 
@@ -194,7 +187,7 @@ class DesignTable(Table):
     control: str
     families: list[str] = Field(default=["repeated-doublet"], min_length=1)
     utility: Utility = "entropy"
-    filter: Literal["square-root-unscented", "unscented", "extended"] = "square-root-unscented"
+    filter: DesignFilter = "square-root-unscented"
     over: Literal["mean", "local", "worst"] = "mean"
     per: Literal["trial", "joule", "second"] = "trial"
     turnaround: Quantity = "0 s"

@@ -1,12 +1,11 @@
 """Measured channels of a campaign's records smoothed, with their rates: as a table beside the campaign, and in words."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from seatrial.campaign.config.campaign import Campaign
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
@@ -47,13 +46,13 @@ class SmoothedChannel:
         )
 
 
-def smooth_channels(campaign: Campaign, record: Record, names: Sequence[str]) -> list[SmoothedChannel]:
-    """Smooth some channels of a record; where a channel's noise cannot be found, with that of its sensor.
+def smooth_channels(noise: Mapping[str, float], record: Record, names: Sequence[str]) -> list[SmoothedChannel]:
+    """Smooth some channels of a record; where a channel's noise cannot be found, with that of its sensor, SI.
 
     Raises:
         InputError: no such measured channel, or one with too few samples.
     """
-    return [_smooth_channel(campaign, record, name) for name in names]
+    return [_smooth_channel(record, name, noise.get(name)) for name in names]
 
 
 def check_names(record: Record, names: Sequence[str], where: str) -> None:
@@ -73,8 +72,8 @@ def check_names(record: Record, names: Sequence[str], where: str) -> None:
             )
 
 
-def write_accelerations(campaign: Campaign, record: Record, channels: Sequence[SmoothedChannel]) -> Path:
-    """Write `accelerations-LABEL.csv` in the campaign's folder, atomically, and return its path.
+def write_accelerations(folder: Path, record: Record, channels: Sequence[SmoothedChannel]) -> Path:
+    """Write `accelerations-LABEL.csv` in a campaign's folder, atomically, and return its path.
 
     A row for each sample of the record, SI: time, and for each channel its value and rate, each followed by its standard deviation.
     """
@@ -85,7 +84,7 @@ def write_accelerations(campaign: Campaign, record: Record, channels: Sequence[S
             head += [f"{text} [{unit}]", f"{text}_sd [{unit}]"]
         columns += [found.value, found.value_sd, found.rate, found.rate_sd]
     rows = [",".join([f"{row[0]:.6f}", *(f"{value:.8g}" for value in row[1:])]) for row in np.column_stack(columns)]
-    path = campaign.folder / f"accelerations-{record.label}.csv"
+    path = folder / f"accelerations-{record.label}.csv"
     write_text(path, "\n".join([",".join(head), *rows]) + "\n")
     return path
 
@@ -95,9 +94,8 @@ def rate_unit(name: str) -> str:
     return signal_unit(name + RATE) if is_signal(name + RATE) else f"({signal_unit(name)})/s"
 
 
-def _smooth_channel(campaign: Campaign, record: Record, name: str) -> SmoothedChannel:
+def _smooth_channel(record: Record, name: str, stated: float | None) -> SmoothedChannel:
     where, values = f'record "{record.label}", channel "{name}"', record.channel(name)
-    stated = campaign.noise(name) if name in campaign.source.sensors else None
     found = smooth(record.time, values, where=where)
     used = found.hidden and stated is not None
     if used:

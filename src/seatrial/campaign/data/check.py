@@ -74,13 +74,13 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     step = np.append(np.diff(record.time), 0.0)
     control = np.column_stack([record.channel(name) for name in model.controls])
     measured = {name: record.channel(name) for name in campaign.channels}
-    weight = np.column_stack([np.isfinite(column) / campaign.noise(name) for name, column in measured.items()])
+    weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
     plan = TrialPlan(model, campaign.channels, np.array(initial_state(campaign, model, record)), step, weight)
     alone = TrialPlan(model, campaign.channels, plan.start, step, np.ones_like(weight))
-    tried = np.vstack([mean, draw_values(priors, random_key(campaign, "vehicles of the priors"), DRAWS)])
+    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
     expected, *drawn = np.asarray(_shown(alone, tried, control))
     findings = [
-        finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise(name))
+        finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise[name])
     ]
     if not np.isfinite(expected).all():
         remedy = "narrow the priors, so that the vehicle at their means can be simulated over this record"
@@ -91,7 +91,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     usual, unsaid = float(np.median(step[:-1])), []
     for index, (name, column) in enumerate(measured.items()):
         ways = np.array([one[:, index] for one in drawn])
-        if says_direction(expected[:, index], ways, campaign.noise(name)):
+        if says_direction(expected[:, index], ways, campaign.noise[name]):
             findings += check_motion(name, usual, column, expected[:, index])
         else:
             unsaid.append(name)

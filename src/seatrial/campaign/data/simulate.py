@@ -4,7 +4,7 @@ The truth may hold what no structure has: a lag of the actuator, dn/dt = (comman
 which the speed over ground shows and the speed through the water does not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import exp
 
@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.campaign import Campaign, actuator_lag
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
@@ -24,6 +24,7 @@ from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.simulation import CURRENT
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.vehicles.simulate import simulate
 
@@ -56,7 +57,7 @@ def import_example(campaign: Campaign) -> str:
 def truth_example(campaign: Campaign) -> str:
     """Return a [truth] at the prior means of the coefficients, SI."""
     model = campaign.model(campaign.full)
-    values = [(term.text, campaign.prior(term.text, model.unit_of(term)).mean) for term in model.coefficients]
+    values = [(term.text, campaign.prior(term.text).mean) for term in model.coefficients]
     return "\n".join(["[truth]", *(f"{name} = {float(mean):.4g}" for name, mean in values)])
 
 
@@ -78,9 +79,9 @@ class Chosen:
     period: float
     length: float | None = None
 
-    def manoeuvre(self, campaign: Campaign) -> Manoeuvre:
-        """The trial itself."""
-        family = next(one for one in campaign.families if one.kind == self.kind)
+    def manoeuvre(self, families: Sequence[Family]) -> Manoeuvre:
+        """The trial itself; its family is one of those that are swept."""
+        family = next(one for one in families if one.kind == self.kind)
         made = family.manoeuvre(self.amplitude, self.period)
         return made if self.length is None else replace(made, duration=self.length)
 
@@ -91,23 +92,13 @@ def chosen_of(sweep: Sweep, at: tuple[int, int]) -> Chosen:
     return Chosen(sweep.family.kind, float(sweep.amplitude[at[0]]), float(sweep.period[at[1]]), length)
 
 
-def actuator_lag(control: str) -> str:
-    """Name of the lag of a control's actuator in `[truth]`, s."""
-    return f"lag_{control}"
-
-
-def beyond_structures(campaign: Campaign) -> set[str]:
-    """What `[truth]` may hold beside coefficients."""
-    return {actuator_lag(campaign.source.design.control), CURRENT}
-
-
 def simulated_records(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[tuple[Record, ...], str]:
     """Run every trial that is not current; returns the records and the key of them all.
 
     Raises:
         InputError: a true vehicle that runs away.
     """
-    current, ahead = abs(campaign.source.truth.get(CURRENT, 0.0)), campaign.hull.trim.get("u")
+    current, ahead = abs(campaign.truth.get(CURRENT, 0.0)), campaign.hull.trim.get("u")
     if ahead is not None and current > abs(ahead):
         reporter.say(f"caution: the current of {current:g} m/s is faster than the vehicle at trim, {ahead:g} m/s")
     keys, records = record_keys(campaign), []
@@ -171,26 +162,25 @@ def check_simulated(campaign: Campaign) -> None:
 
 
 def _begun(campaign: Campaign) -> str:
-    source = campaign.source
-    return key_of("begun", design_key(campaign), source.truth, source.campaign.seed)
+    return key_of("begun", design_key(campaign), campaign.truth, campaign.seed)
 
 
 def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
-    family, manoeuvre = campaign.family, chosen.manoeuvre(campaign)
+    family, manoeuvre = campaign.family, chosen.manoeuvre(campaign.families)
     time, command = manoeuvre.sample(family.sample_time)
     trim = campaign.control_trim(campaign.model(campaign.full))
     columns = {name: command if name == family.control else np.full(command.size, value) for name, value in trim}
     mask = campaign.measured_mask(time)
     for index, (channel, exact) in enumerate(_shown(campaign, command, family.sample_time).items()):
         purpose = f"noise {channel}" if label == FIRST else f"noise {channel} {label}"
-        noise = campaign.noise(channel) * np.asarray(jax.random.normal(random_key(campaign, purpose), exact.shape))
+        noise = campaign.noise[channel] * np.asarray(jax.random.normal(random_key(campaign.seed, purpose), exact.shape))
         columns[channel] = np.where(mask[:, index] > 0, exact + noise, np.nan)
     settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
     told = {
         "manoeuvre": manoeuvre.name,
         **settings,
-        "truth": campaign.source.truth,
-        "seed": campaign.source.campaign.seed,
+        "truth": campaign.truth,
+        "seed": campaign.seed,
     }
     channels = tuple(
         Channel(name, signal_unit(name), "control" if name in dict(trim) else "measurement") for name in columns
@@ -201,7 +191,7 @@ def _run(campaign: Campaign, chosen: Chosen, label: str, key: str) -> None:
 
 def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) -> Mapping[str, Float[np.ndarray, " n"]]:
     """What each sensor would show of the true vehicle without noise."""
-    model, truth = campaign.model(campaign.full), campaign.source.truth
+    model, truth = campaign.model(campaign.full), campaign.truth
     published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
     params = {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
     start = np.array(campaign.state_trim(model))
@@ -218,7 +208,7 @@ def _shown(campaign: Campaign, command: Float[np.ndarray, " n"], step: float) ->
             remedy="check signs: negative damping coefficients dissipate",
         )
     shown = {}
-    for sensor in campaign.sensors:
+    for sensor in campaign.sensor_models:
         drift = truth.get(CURRENT, 0.0) if sensor.channel == "u" and sensor.over_ground else 0.0
         shown[sensor.channel] = drift + np.asarray(model.output(sensor.channel, params, tuple(states.T), shown_control))
     return shown

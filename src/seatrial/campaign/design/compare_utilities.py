@@ -66,13 +66,13 @@ def _compute(campaign: Campaign, count: int, reporter: Reporter) -> xr.Dataset:
     mean = np.array([float(prior.mean) for prior in priors])
     for name in FISHER:
         measures[f"{name} at the prior means"] = local_utility(plan, held, mean, find_criterion(name, cov))
-    draws = draw_values(priors, random_key(campaign, "draws of the measures"), UTILITY_DRAWS)
+    draws = draw_values(priors, random_key(campaign.seed, "draws of the measures"), UTILITY_DRAWS)
     averaged = utility_table(plan, held, draws, find_criterion("fisher-d", cov)).mean
     measures[f"fisher-d over {UTILITY_DRAWS} draws"] = averaged
     progress, gains, refused = reporter.progress(f"expected gain of {len(names)} designs"), [], []
     for done, control in enumerate(held):
         progress(done, len(names))
-        gains.append(importance_gain(plan, priors, control, random_key(campaign, "expected gain"), SETTINGS))
+        gains.append(importance_gain(plan, priors, control, random_key(campaign.seed, "expected gain"), SETTINGS))
         if gains[-1].status:
             refused.append(f"{names[done]}: {gains[-1].status}")
     progress(len(names), len(names))

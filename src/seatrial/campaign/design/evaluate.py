@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.settings import DesignSettings
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
 from seatrial.core.errors import InputError
 from seatrial.design.cost import PropellerPower, expected_cost, gain_per_cost, in_joules
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.stopping import best_stops
@@ -28,7 +30,7 @@ def plan_of(campaign: Campaign, model: VehicleModel) -> TrialPlan:
     """Plan of the campaign's trials: from trim, with its sensors."""
     time = campaign.family.time()
     start = campaign.state_trim(model)
-    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    noise = campaign.noise
     return plan_trial(model, start, noise, time.size, campaign.family.sample_time, campaign.measured_mask(time))
 
 
@@ -54,28 +56,34 @@ def weigh(
         InputError: no design keeps the limits of the motion with the probability asked for, or limits the vehicle cannot have.
         NumericalError: the motion diverges at a draw that a utility is averaged over.
     """
-    limits, table = campaign.motion_limits, campaign.source.design
-    if not limits and table.utility == "entropy" and table.per == "trial":
+    limits, design, power = campaign.motion_limits, campaign.design, campaign.power
+    if not limits and design.utility == "entropy" and design.per == "trial":
         return sweep
-    if table.per == "second":
+    if design.per == "second":
         sweep = _by_the_second(campaign, plan, sweep, draws, scales)
     rows, columns, controls = sweep.inside()
     if limits:
         samples = None if sweep.length is None else _samples(sweep, sweep.length[rows, columns])
-        safety = judge_safety(plan, controls, _for_choice(draws), limits, table.probability, samples=samples)
+        safety = judge_safety(plan, controls, _for_choice(draws), limits, design.probability, samples=samples)
         places = zip(rows, columns, strict=True)
         words = tuple(design_words(sweep.family, sweep.amplitude[i], sweep.period[j]) for i, j in places)
         check_some_allowed(replace(safety, names=words))
         sweep = _only(sweep, rows, columns, safety.allowed)
         rows, columns, controls = sweep.inside()
-    if table.per == "second":
+    if design.per == "second":
         return sweep
     utility = sweep.gain[rows, columns]
-    if table.utility != "entropy":
+    if design.utility != "entropy":
         utility = _utility(campaign, plan, controls, draws)
-    if table.per == "joule":
-        power, at, hotel = campaign.power()
-        cost = in_joules(hotel, PropellerPower(power, at, sweep.family.control))
+    if design.per == "joule":
+        if power is None:
+            raise InputError(
+                campaign.where("design.per"),
+                found='"joule" without what the vehicle draws',
+                expected="the power of the propulsion and of the hotel load",
+                remedy='state them, or count by the "trial"',
+            )
+        cost = in_joules(power.hotel, PropellerPower(power.propulsion, power.at, sweep.family.control))
         utility = gain_per_cost(
             utility - _of_no_trial(campaign, plan, draws),
             expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean,
@@ -85,14 +93,20 @@ def weigh(
     return replace(sweep, utility=found)
 
 
-def safety_lines(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: Float[np.ndarray, "S k"]) -> Sequence[str]:
+def safety_lines(
+    limits: Sequence[MotionLimit],
+    probability: float,
+    plan: TrialPlan,
+    sweep: Sweep,
+    draws: Float[np.ndarray, "S k"],
+) -> Sequence[str]:
     """How surely the best design keeps each limit of the motion, on draws that had no part in choosing it."""
-    if not campaign.motion_limits:
+    if not limits:
         return ()
-    fresh, probability = draws[len(_for_choice(draws)) :], campaign.source.design.probability
+    fresh = draws[len(_for_choice(draws)) :]
     samples = None if sweep.length is None else _samples(sweep, sweep.length[[sweep.best[0]], [sweep.best[1]]])
     controls = sweep.best_controls()[None]
-    return judge_safety(plan, controls, fresh, campaign.motion_limits, probability, samples=samples).words(0)
+    return judge_safety(plan, controls, fresh, limits, probability, samples=samples).words(0)
 
 
 def plan_as_run(plan: TrialPlan, sweep: Sweep) -> TrialPlan:
@@ -116,7 +130,7 @@ def check_whole_trials(campaign: Campaign, option: str, joules: bool = False) ->
     Raises:
         InputError: the campaign counts seconds, or joules where the option cannot.
     """
-    per = campaign.source.design.per
+    per = campaign.design.per
     if per == "second" or (per == "joule" and not joules):
         why = "knows trials of full length only" if per == "second" else "does not count joules"
         raise InputError(
@@ -127,33 +141,31 @@ def check_whole_trials(campaign: Campaign, option: str, joules: bool = False) ->
         )
 
 
-def utility_unit(campaign: Campaign) -> str:
+def utility_unit(design: DesignSettings) -> str:
     """Unit of the utility that is maximised."""
-    table = campaign.source.design
     units = {"entropy": "nat", "fisher-d": "nat", "fisher-me": "nat", "fisher-c": "nat", "discrimination": "nat"}
-    unit = units.get(table.utility, "")
-    return unit + {"joule": "/J", "second": "/s", "trial": ""}[table.per]
+    unit = units.get(design.utility, "")
+    return unit + {"joule": "/J", "second": "/s", "trial": ""}[design.per]
 
 
 def _of_no_trial(campaign: Campaign, plan: TrialPlan, draws: np.ndarray) -> float:
     """Utility without information: what is counted for a joule is the gain beyond it."""
-    if campaign.source.design.utility == "entropy":
+    if campaign.design.utility == "entropy":
         return 0.0
-    few, k = utility_draws(campaign, draws), draws.shape[1]
+    few, k = utility_draws(campaign.design, draws), draws.shape[1]
     return float(np.mean(np.asarray(criterion_of(campaign, plan, draws)(np.zeros((len(few), k, k))))))
 
 
 def _utility(campaign: Campaign, plan: TrialPlan, controls: np.ndarray, draws: np.ndarray) -> np.ndarray:
-    found = utility_table(plan, controls, utility_draws(campaign, draws), criterion_of(campaign, plan, draws))
-    return found.worst() if campaign.source.design.over == "worst" else found.mean
+    found = utility_table(plan, controls, utility_draws(campaign.design, draws), criterion_of(campaign, plan, draws))
+    return found.worst() if campaign.design.over == "worst" else found.mean
 
 
 def _by_the_second(campaign: Campaign, plan: TrialPlan, sweep: Sweep, draws: np.ndarray, scales: np.ndarray) -> Sweep:
     """Each design ended when that is worth most for the time it takes; its gain is the D criterion of what is measured by then."""
     rows, columns, controls = sweep.inside()
-    table, shape = campaign.source.design, sweep.gain.shape
-    turnaround = campaign.si(table.turnaround, "s", "design.turnaround")
-    few, cov = utility_draws(campaign, draws), np.atleast_2d(np.cov(draws, rowvar=False))
+    shape, turnaround = sweep.gain.shape, campaign.design.turnaround
+    few, cov = utility_draws(campaign.design, draws), np.atleast_2d(np.cov(draws, rowvar=False))
     stops = best_stops(plan, controls, few, criterion_of(campaign, plan, draws), turnaround)
     left = np.linalg.inv(stops.information + np.linalg.inv(cov))
     utility, length, gain, peak = (np.full(shape, np.nan) for _ in range(4))

@@ -25,8 +25,9 @@ from seatrial.design.free_form_problem import FreeFormProblem
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
-from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
 POINTS = 4
 """Draws of the priors over which the utility is averaged."""
@@ -57,7 +58,7 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
     check_free_trial(campaign)
     kept = stored_free_trial(campaign, levels)
     found = kept.read_or_make(lambda: asdict(_search(campaign, levels, reporter)))
-    manoeuvre = _form(campaign, levels).manoeuvre(np.array(found.levels))
+    manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
     return found, write_schedule(Store(campaign.folder).schedule(kept.path), manoeuvre, campaign.family.sample_time)
 
 
@@ -69,7 +70,7 @@ def check_free_trial(campaign: Campaign) -> None:
     """
     campaign.check_surge("a free form")
     check_whole_trials(campaign, "--free-form")
-    limits, control = campaign.limits(), campaign.family.control
+    limits, control = campaign.limits, campaign.family.control
     if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
         unit = shown_unit(control)[1]
         raise InputError(
@@ -81,28 +82,28 @@ def check_free_trial(campaign: Campaign) -> None:
 
 
 def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
-    model, form = campaign.model(campaign.full), _form(campaign, levels)
+    model, form = campaign.model(campaign.full), _form(campaign.family, levels)
     priors = coefficient_priors(campaign, model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
-    draws = draw_values(priors, random_key(campaign, "draws of the free form"), 2 * HALF)
+    draws = draw_values(priors, random_key(campaign.seed, "draws of the free form"), 2 * HALF)
     best = design_first(campaign, reporter).best
     family = best.best_manoeuvre()
     problem = FreeFormProblem(
         plan,
         form,
-        campaign.limits(),
+        campaign.limits,
         draws[:POINTS],
         cov,
         motion=campaign.motion_limits,
         draws=draws[:SAFE_FOR],
-        risk=RISK * (1.0 - campaign.source.design.probability),
+        risk=RISK * (1.0 - campaign.design.probability),
     )
     time, control = family.sample(best.family.sample_time)
     near = nearest_levels(form, time, control)
     found = design_free_form(
         problem,
-        campaign.source.campaign.seed,
-        {f"the best {family.name}": near, **_random(campaign, form)},
+        campaign.seed,
+        {f"the best {family.name}": near, **_random(campaign.limits, campaign.seed, form.size)},
         progress=reporter.progress("free-form design"),
     )
     utility, beside = _judged(plan, cov, draws, found.manoeuvre, family, best.family.sample_time)
@@ -132,19 +133,18 @@ def _safety(campaign: Campaign, plan: Any, found: FreeFormDesign, draws: np.ndar
     if not campaign.motion_limits:
         return ()
     control = found.manoeuvre.sample(campaign.family.sample_time)[1]
-    probability = campaign.source.design.probability
+    probability = campaign.design.probability
     return judge_safety(plan, control[None, :, None], draws[HALF:], campaign.motion_limits, probability).words(0)
 
 
-def _form(campaign: Campaign, levels: int) -> SteppedInput:
+def _form(family: Family, levels: int) -> SteppedInput:
     """Levels over the active time of the families, and the way back to trim after it, or before the end of the trial."""
-    family = campaign.family
     active = min(family.active, family.duration - family.start - family.ramp)
     return SteppedInput(family.control, family.trim, family.duration, family.start, active, levels, edge=family.ramp)
 
 
-def _random(campaign: Campaign, form: SteppedInput) -> dict[str, np.ndarray]:
-    limits, random = campaign.limits(), np.random.default_rng(campaign.source.campaign.seed)
+def _random(limits: Limits, seed: int, size: int) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(seed)
     assert limits.lower is not None
     assert limits.upper is not None
-    return {f"random levels {i + 1}": random.choice([limits.lower, limits.upper], form.size) for i in range(2)}
+    return {f"random levels {i + 1}": random.choice([limits.lower, limits.upper], size) for i in range(2)}

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.settings import DesignSettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
@@ -78,7 +79,7 @@ def check_search(campaign: Campaign, budget: int) -> None:
         InputError: a grid of one amplitude or period, too small a budget, or designs that are counted by the second or joule.
     """
     check_whole_trials(campaign, "--search")
-    lower, upper = _box(campaign)
+    lower, upper = _box(campaign.design)
     for name, low, high in zip(("amplitude", "period"), lower, upper, strict=True):
         if not low < high:
             raise InputError(
@@ -97,14 +98,14 @@ def check_search(campaign: Campaign, budget: int) -> None:
 
 
 def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
-    lower, upper = _box(campaign)
+    lower, upper = _box(campaign.design)
     model = campaign.model(campaign.full)
     plan, best = plan_of(campaign, model), design_first(campaign, reporter).best
     draws = prior_draws(campaign, model)
     found, refused = [], []
     for family in campaign.families:
         worth = _worth_of(campaign, plan, family, draws[:HALF])
-        share, seed = budget // len(campaign.families), campaign.source.campaign.seed
+        share, seed = budget // len(campaign.families), campaign.seed
         progress = reporter.progress(f"global search: {family.words}")
         try:
             found.append((family, search_globally(worth, lower, upper, share, seed, POPULATION, progress=progress)))
@@ -124,11 +125,11 @@ def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
     controls = np.stack([all_controls(family, trim, *(x[None] for x in optimum.settings))[0], best.best_controls()])
     fresh = draws[HALF:]
     utility, beside = utility_table(
-        plan, controls, utility_draws(campaign, fresh), criterion_of(campaign, plan, fresh)
+        plan, controls, utility_draws(campaign.design, fresh), criterion_of(campaign, plan, fresh)
     ).mean
     safety: tuple[str, ...] = ()
     if campaign.motion_limits:
-        probability = campaign.source.design.probability
+        probability = campaign.design.probability
         safety = judge_safety(plan, controls[:1], fresh, campaign.motion_limits, probability).words(0)
     row, column = best.best
     grid = design_words(best.family, float(best.amplitude[row]), float(best.period[column]))
@@ -145,21 +146,21 @@ def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
         optimum.settled,
         safety,
         tuple(refused),
-        utility_unit(campaign),
+        utility_unit(campaign.design),
         budget,
     )
 
 
-def _box(campaign: Campaign) -> tuple[np.ndarray, np.ndarray]:
+def _box(design: DesignSettings) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest amplitude and period of the grid."""
-    amplitude, period = campaign.grid()
+    amplitude, period = design.grid()
     return np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
 
 
 def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.ndarray):
     """Utility of designs by amplitude and period; NaN where one does not fit or may leave the limits."""
-    criterion, few = criterion_of(campaign, plan, draws), utility_draws(campaign, draws)
-    trim, limits, worst = campaign.control_trim(plan.model), campaign.limits(), campaign.source.design.over == "worst"
+    criterion, few = criterion_of(campaign, plan, draws), utility_draws(campaign.design, draws)
+    trim, limits, worst = campaign.control_trim(plan.model), campaign.limits, campaign.design.over == "worst"
     place = [name for name, _ in trim].index(family.control)
 
     def worth(settings: np.ndarray) -> np.ndarray:
@@ -169,9 +170,7 @@ def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.nda
         if campaign.motion_limits:
             # Designs that are refused stand in with the trim, which is quick to judge and not looked at.
             held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
-            allowed &= judge_safety(
-                plan, held, draws, campaign.motion_limits, campaign.source.design.probability
-            ).allowed
+            allowed &= judge_safety(plan, held, draws, campaign.motion_limits, campaign.design.probability).allowed
         held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
         found = utility_table(plan, held, few, criterion)
         return np.where(allowed, found.worst() if worst else found.mean, np.nan)

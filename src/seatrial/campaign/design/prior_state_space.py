@@ -22,12 +22,12 @@ HALF = 400
 
 def coefficient_priors(campaign: Campaign, model: VehicleModel) -> tuple[Prior, ...]:
     """Prior of every coefficient of a model, SI."""
-    return tuple(campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients)
+    return tuple(campaign.prior(term.text) for term in model.coefficients)
 
 
 def prior_draws(campaign: Campaign, model: VehicleModel) -> Float[np.ndarray, "S k"]:
     """Coefficients drawn from the priors, SI: the first half chooses designs, the second judges the one that is chosen."""
-    return draw_values(coefficient_priors(campaign, model), random_key(campaign, "draws of the design"), 2 * HALF)
+    return draw_values(coefficient_priors(campaign, model), random_key(campaign.seed, "draws of the design"), 2 * HALF)
 
 
 def believed(priors: Sequence[Prior]) -> Gaussian:
@@ -48,6 +48,6 @@ def belief_space(campaign: Campaign, model: VehicleModel, belief: Gaussian) -> t
     chol[range(d), range(d)] = STATE_SD
     chol[d:, d:] = np.asarray(belief.chol_cov) / scales[:, None]
     initial = Gaussian(np.concatenate([campaign.state_trim(model), np.asarray(belief.mean) / scales]), chol)
-    noise = np.array([campaign.noise(channel) for channel in campaign.channels])
+    noise = np.array(list(campaign.noise.values()))
     space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
     return space, scales

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.schema import RelayTable
+from seatrial.campaign.config.settings import RelaySettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, coefficient_priors
 from seatrial.campaign.design.schedule import write_schedule
@@ -21,9 +21,8 @@ from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import RelayTrial, read_relay_trial
 from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
-from seatrial.core.signals import signal_unit
 from seatrial.core.state_space import StateSpace
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
@@ -82,73 +81,64 @@ def relay_loop(campaign: Campaign) -> RelayLoop:
     Raises:
         InputError: no such table, or an output that is not measured or does not answer the control.
     """
-    table, model = check_relay(campaign), campaign.model(campaign.full)
-    shared, plan, rate = campaign.family, plan_of(campaign, model), campaign.limits().rate
+    relay, model = check_relay(campaign), campaign.model(campaign.full)
+    shared, plan, rate = campaign.family, plan_of(campaign, model), campaign.limits.rate
     priors, trim = coefficient_priors(campaign, model), campaign.control_trim(model)
     space, scales = belief_space(campaign, model, believed(priors))
-    trimmed = dict(zip(model.states, campaign.state_trim(model), strict=True)).get(table.output, 0.0)
+    trimmed = dict(zip(model.states, campaign.state_trim(model), strict=True)).get(relay.output, 0.0)
     family = RelayFamily(
         trim,
         shared.control,
-        table.output,
+        relay.output,
         trimmed,
         shared.duration,
         shared.sample_time,
         shared.start,
         shared.active,
-        _effect(campaign, plan, trim, trimmed, np.array([prior.mean for prior in priors])),
+        _effect(campaign, relay.output, plan, trim, trimmed, np.array([prior.mean for prior in priors])),
         inf if rate is None else rate,
     )
-    thresholds = campaign.range(table.threshold, signal_unit(table.output), "design.relay.threshold")
-    return RelayLoop(family, space, scales, plan, thresholds)
+    return RelayLoop(family, space, scales, plan, np.array(relay.thresholds))
 
 
-def check_relay(campaign: Campaign) -> RelayTable:
-    """`[design.relay]`, found before any work to be there and to feed back what is measured.
+def check_relay(campaign: Campaign) -> RelaySettings:
+    """Return the self-oscillating test that is asked for, found before any work to be there.
 
     Raises:
-        InputError: no such table, an output that is not measured, or designs that are counted by the second.
+        InputError: none is, or designs that are counted by the second.
     """
     check_whole_trials(campaign, "--self-oscillation", joules=True)
-    table = campaign.source.design.relay
-    if table is None:
+    relay = campaign.design.relay
+    if relay is None:
         raise InputError(
             campaign.where("design.relay"),
             found="nothing",
             expected="the output that is fed back, and its thresholds",
             remedy='add [design.relay] with output = "r" and threshold = { from = "2 deg/s", to = "10 deg/s", points = 8 }',
         )
-    if table.output not in campaign.channels:
-        raise InputError(
-            campaign.where("design.relay.output"),
-            found=f'"{table.output}"',
-            expected="a measured channel: " + ", ".join(campaign.channels),
-            remedy=nearest(table.output, campaign.channels),
-        )
-    return table
+    return relay
 
 
 def sensor_noise(campaign: Campaign, output: str, count: int) -> Float[np.ndarray, "S n"]:
     """Noise of the output that is fed back in so many runs, SI, NaN where it is not measured."""
     time, at = campaign.family.time(), campaign.channels.index(output)
-    drawn = jax.random.normal(random_key(campaign, "noise of the output fed back"), (count, time.size))
-    return np.where(campaign.measured_mask(time)[:, at] > 0, campaign.noise(output) * np.asarray(drawn), np.nan)
+    drawn = jax.random.normal(random_key(campaign.seed, "noise of the output fed back"), (count, time.size))
+    return np.where(campaign.measured_mask(time)[:, at] > 0, campaign.noise[output] * np.asarray(drawn), np.nan)
 
 
-def _effect(campaign: Campaign, plan: TrialPlan, trim: tuple, trimmed: float, values: np.ndarray) -> float:
+def _effect(campaign: Campaign, output: str, plan: TrialPlan, trim: tuple, trimmed: float, values: np.ndarray) -> float:
     """Sign of the output's answer to a step of the control, where it first is half of what it comes to."""
-    table, family = campaign.source.design.relay, campaign.family
-    assert table is not None
+    family = campaign.family
     control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
-    control[:, [name for name, _ in trim].index(family.control)] += campaign.grid()[0][0]
-    at = plan.channels.index(table.output)
+    control[:, [name for name, _ in trim].index(family.control)] += campaign.design.amplitudes[0]
+    at = plan.channels.index(output)
     measured = np.asarray(plan.weight)[:, at] > 0
     answer = np.asarray(plan.outputs(values, control))[measured, at] / np.asarray(plan.weight)[measured, at] - trimmed
     most = np.abs(answer).max()
     if not most > 1e-9:
         raise InputError(
             campaign.where("design.relay.output"),
-            found=f"{table.output}, which {family.control} does not move at the prior means",
+            found=f"{output}, which {family.control} does not move at the prior means",
             expected="an output that answers the control",
             remedy="feed another output back, or drive another control",
         )
@@ -195,12 +185,12 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
 
 def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTrial:
     priors = coefficient_priors(campaign, campaign.model(campaign.full))
-    draws = draw_values(priors, random_key(campaign, "draws of the self-oscillation"), 2 * HALF)
+    draws = draw_values(priors, random_key(campaign.seed, "draws of the self-oscillation"), 2 * HALF)
     noise = sensor_noise(campaign, loop.family.output, len(draws))
-    amplitudes = campaign.grid()[0]
+    amplitudes = campaign.design.grid()[0]
     mask = campaign.measured_mask(loop.family.time())
     sweep = sweep_relay(
-        loop.space, loop.family, amplitudes, loop.thresholds, campaign.limits(), measured=mask, noise=noise[0]
+        loop.space, loop.family, amplitudes, loop.thresholds, campaign.limits, measured=mask, noise=noise[0]
     )
     row, column, passed_over = _sure_best(campaign, loop, sweep, draws[:HALF], noise[:HALF], reporter)
     chosen = float(amplitudes[row]), float(loop.thresholds[column])
@@ -208,7 +198,7 @@ def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTri
     controls, outputs = loop.runs(*chosen, fresh, errors)
     safety: tuple[str, ...] = ()
     if campaign.motion_limits:
-        probability = campaign.source.design.probability
+        probability = campaign.design.probability
         safety = tuple(judge_runs(loop.plan, controls, fresh, campaign.motion_limits, probability).words(0))
     shown = oscillation(loop.family, outputs, outputs + errors, chosen[1])
     oscillates = shown.reversals >= 2
@@ -241,7 +231,7 @@ def _sure_best(
     Returns:
         row, column, and how many more informative designs were passed over.
     """
-    gain, probability = np.where(sweep.oscillates, sweep.gain, np.nan), campaign.source.design.probability
+    gain, probability = np.where(sweep.oscillates, sweep.gain, np.nan), campaign.design.probability
     order = [int(i) for i in np.argsort(-gain, axis=None) if np.isfinite(gain.ravel()[i])]
     report, most = reporter.progress("self-oscillation"), (-1.0, "")
     for tried, place in enumerate(order):

@@ -1,8 +1,10 @@
 """Are the sensors enough? The best design weighed with each sensor at other rates, with half its noise, and without it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.prior_state_space import prior_draws
@@ -57,10 +59,12 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorTable
         NumericalError: the motion diverges at a draw of the priors.
     """
     best, model, family = design_first(campaign, reporter).best, campaign.model(campaign.full), campaign.family
-    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    noise = campaign.noise
     controls = best.best_controls()
     plan = plan_trial(model, campaign.state_trim(model), noise, len(controls), family.sample_time)
-    words, choices = zip(*_choices(campaign), strict=True)
+    words, choices = zip(
+        *_choices(campaign.noise, campaign.measured_mask(family.time()), family.sample_time), strict=True
+    )
     draws = prior_draws(campaign, model)
     cov = np.atleast_2d(np.cov(draws, rowvar=False))
     found = sensor_worth(plan, controls, draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices)
@@ -73,22 +77,24 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorTable
     return SensorTable(plan.names, units, tuple(zip(words, found, strict=True)), meets)
 
 
-def _choices(campaign: Campaign) -> list[tuple[str, SensorChoice]]:
-    """As the campaign says, and each sensor changed by itself."""
-    mask, step = campaign.measured_mask(campaign.family.time()), campaign.family.sample_time
+def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: float) -> list[tuple[str, SensorChoice]]:
+    """The sensors as they are, and each changed by itself.
+
+    Args:
+        noise: of each channel, SI.
+        mask: 1 where it is measured.
+        step: s.
+    """
     every = tuple(round(len(mask) / column.sum()) for column in mask.T)
     ones = (1.0,) * len(every)
-    rates = (
-        f"{channel} at {1.0 / (samples * step):.3g} Hz"
-        for channel, samples in zip(campaign.channels, every, strict=True)
-    )
+    rates = (f"{channel} at {1.0 / (samples * step):.3g} Hz" for channel, samples in zip(noise, every, strict=True))
     found = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
-    for i, channel in enumerate(campaign.channels):
+    for i, channel in enumerate(noise):
         for rate in RATES:
             samples = round(1.0 / (rate * step))
             if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
                 found.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
-        better = campaign.noise(channel) / 2
+        better = noise[channel] / 2
         found.append(
             (f"{channel} of noise {better:.3g} {signal_unit(channel)}", SensorChoice(every, _with(ones, i, 0.5)))
         )

@@ -77,7 +77,7 @@ def sweep_all(
     Raises:
         NumericalError: the expected motion diverges for a design that is inside the limits.
     """
-    amplitude, period = campaign.grid()
+    amplitude, period = campaign.design.grid()
     every = amplitude.size if on_accelerator() else max(1, -(-LANES // period.size))
     parts = [
         _Rows(family, first, min(first + every, amplitude.size))
@@ -117,7 +117,7 @@ def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Swe
     """Predict and weigh the designs of some rows; an error where none is inside the limits."""
     campaign, believed = study.campaign, study.extra
     known = study.once("belief", lambda: _prepare(campaign, believed))
-    amplitude, period = campaign.grid()
+    amplitude, period = campaign.design.grid()
     try:
         sweep = known.predict(campaign.families[rows.family], amplitude[rows.first : rows.last], period)
         return rows, weigh(campaign, known.plan, sweep, believed.draws, known.scales)
@@ -137,7 +137,7 @@ def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     model = campaign.model(believed.structure)
     space, scales = belief_space(campaign, model, believed.belief)
     method, trim = design_filter(campaign, len(space.states)), campaign.control_trim(model)
-    mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits()
+    mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
         return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim)
@@ -173,14 +173,10 @@ SWEPT = {
 
 def design_key(campaign: Campaign) -> str:
     """Key of the first design."""
-    source = campaign.source
     return key_of(
         "design",
-        *(part.model_dump() for part in (source.vehicle, source.structure, source.design)),
-        None if source.power is None else source.power.model_dump(),
-        {name: table.model_dump() for name, table in source.prior.items()},
-        {name: table.model_dump() for name, table in source.sensors.items()},
-        {name: table.model_dump() for name, table in source.limits.items()},
+        *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
+        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits),
     )
 
 
@@ -258,7 +254,7 @@ def design_next(campaign: Campaign, estimate: Estimate, reporter: Reporter = SIL
         draws = estimate.draws([name for name in structure.terms if name in estimate.names])
         belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
         basis = f"the posterior of {structure.label}"
-        order = np.random.default_rng(campaign.source.campaign.seed).permutation(len(draws))[: 2 * HALF]
+        order = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
         return _sweep(campaign, structure, belief, draws[order], basis, reporter)
 
     return stored_next(campaign, estimate).read_or_make(sweep)
@@ -269,7 +265,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     stored, families = read_sweeps(path), {family.kind: family for family in campaign.families}
     sweeps = []
     for i, kind in enumerate(stored.families):
-        ended = stored.length[i] if campaign.source.design.per == "second" else None
+        ended = stored.length[i] if campaign.design.per == "second" else None
         arrays = stored.gain[i], stored.peak_speed[i], stored.final_sd[i], stored.trim, stored.worth[i], ended
         sweeps.append(Sweep(families[kind], stored.amplitude, stored.period, *arrays))
     found = Designs(
@@ -278,7 +274,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
         stored.basis,
         stored.names,
         stored.sd_before,
-        utility_unit(campaign),
+        utility_unit(campaign.design),
         stored.safety,
         stored.prediction,
     )
@@ -295,7 +291,7 @@ def _sweep(
     basis: str,
     reporter: Reporter,
 ) -> xr.Dataset:
-    model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.grid()
+    model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
     scales, plan, trim = (
         belief_space(campaign, model, belief)[1],
         plan_of(campaign, model),
@@ -318,11 +314,12 @@ def _sweep(
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
     units = {
         "gain": "nat",
-        "worth": utility_unit(campaign),
+        "worth": utility_unit(campaign.design),
         "peak_speed": signal_unit(model.states[0]),
         "final_sd": "SI",
         "length": "s",
     }
+    safety = safety_lines(campaign.motion_limits, campaign.design.probability, plan, best, draws)
     return xr.Dataset(
         {
             name: (
@@ -344,7 +341,7 @@ def _sweep(
             "control": campaign.family.control,
             "trim": json.dumps(trim),
             "refused": json.dumps(refused),
-            "safety": json.dumps(safety_lines(campaign, plan, best, draws)),
+            "safety": json.dumps(safety),
             "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         },
     )

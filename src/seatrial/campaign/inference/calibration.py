@@ -138,7 +138,7 @@ def _replicate_all(study: Study, found: _Found, replicates: int, progress: Progr
 
 def _numbered(study: Study, number: int, report: Progress) -> _Replicate:
     """One replicate by its number, by the method that the study says."""
-    key = jax.random.fold_in(random_key(study.campaign, "calibration"), number)
+    key = jax.random.fold_in(random_key(study.campaign.seed, "calibration"), number)
     return _replicate(study.posterior(study.campaign.full), find_method(study.extra), key)
 
 

@@ -44,18 +44,10 @@ CURVE = 241
 
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
-    source = campaign.source
-    priors = {name: table.model_dump() for name, table in source.prior.items()}
-    sensors = {name: table.model_dump() for name, table in source.sensors.items()}
     return key_of(
         "posterior",
-        trials.key,
-        structure.terms,
-        source.vehicle.model_dump(),
-        priors,
-        sensors,
-        source.estimation.model_dump(),
-        source.campaign.seed,
+        *(trials.key, structure.terms, campaign.vehicle),
+        *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
 
 
@@ -76,7 +68,7 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     store, kept = Store(campaign.folder), stored_estimates(campaign, trials)
     missing = [one for one, result in kept.items() if not result.is_current()]
     if missing:
-        total = campaign.source.estimation.warmup + campaign.source.estimation.draws
+        total = campaign.estimation.warmup + campaign.estimation.draws
         shown = [reporter.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]
 
         def done(index: int, result: _Ended | _Unended) -> _Unended | None:
@@ -126,10 +118,10 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     """Run the chains of one structure to the next checkpoint, or to their end."""
     campaign, structure = study.campaign, item.structure
     posterior, mode, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
-    table = campaign.source.estimation
+    table = campaign.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
-    draw_key = random_key(campaign, f"chains {structure.terms}")
+    draw_key = random_key(campaign.seed, f"chains {structure.terms}")
     if item.run is None:
         starts = spread_starts(target, there, settings.chains, jax.random.fold_in(draw_key, 2**31))
         run = sampler.start_chains(target, starts, jnp.asarray(there.cov))
@@ -148,7 +140,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
 def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Target, Mode]:
     """Posterior and mode of a structure, and both in the coordinates in which it is sampled."""
     campaign, posterior = study.campaign, study.posterior(structure)
-    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+    mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     return posterior, mode, *uncouple(posterior, mode)
 

@@ -24,8 +24,7 @@ from seatrial.vehicles.model import VehicleModel
 
 def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[xr.Dataset]:
     """Return where the traces of the filter are kept, and what they depend on."""
-    noise = [campaign.noise(channel) for channel in campaign.channels]
-    key = key_of("filter", estimate.key, noise, campaign.process_noise().tolist())
+    key = key_of("filter", estimate.key, list(campaign.noise.values()), campaign.process_sds().tolist())
     return StoredResult(Store(campaign.folder).filter, key, open_dataset)
 
 
@@ -60,7 +59,7 @@ def filter_complaints(dataset: xr.Dataset) -> list[str]:
 
 def prior_belief(campaign: Campaign, model: VehicleModel) -> tuple[Gaussian, np.ndarray]:
     """Belief about the coefficients before the first record, in units of their prior standard deviations, and these, SI."""
-    priors = [campaign.prior(term.text, model.unit_of(term)) for term in model.coefficients]
+    priors = [campaign.prior(term.text) for term in model.coefficients]
     scales = np.array([prior.sd for prior in priors])
     return Gaussian(np.array([prior.mean for prior in priors]) / scales, np.eye(scales.size)), scales
 
@@ -83,8 +82,8 @@ def filter_record(
     chol[range(d), range(d)] = STATE_SD
     chol[d:, d:] = belief.chol_cov
     initial = Gaussian(np.concatenate([initial_state(campaign, model, record), belief.mean]), chol)
-    gained = campaign.process_noise() * np.sqrt(np.median(record.step)) / np.concatenate([np.ones(d), scales])
-    noise = np.array([campaign.noise(channel) for channel in campaign.channels])
+    gained = campaign.process_sds() * np.sqrt(np.median(record.step)) / np.concatenate([np.ones(d), scales])
+    noise = np.array(list(campaign.noise.values()))
     space = discretise(model, campaign.channels, initial, gained, noise, scales.tolist())
     delay = float(estimate.draws(["delay"]).mean()) if campaign.has_delay else 0.0
     control = np.column_stack(

@@ -94,9 +94,9 @@ def check_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> list
 
 def _true_state(campaign: Campaign, model: VehicleModel, record: Record, scales: np.ndarray) -> np.ndarray | None:
     """State at the last sample of a simulated record, coefficients in units of `scales`; None for a real one."""
-    if campaign.source.imported is not None:
+    if campaign.imports is not None:
         return None
-    truth = {term.text: campaign.source.truth.get(term.text, 0.0) for term in model.coefficients}
+    truth = {term.text: campaign.truth.get(term.text, 0.0) for term in model.coefficients}
     control = np.column_stack([record.channel(name) for name in model.controls])
     start = np.array(initial_state(campaign, model, record))
     states = np.asarray(simulate(model, truth, control, record.step, start))

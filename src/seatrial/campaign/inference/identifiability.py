@@ -63,12 +63,12 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
         model, family = campaign.model(structure), campaign.family
         units = {term.text: model.unit_of(term) for term in model.coefficients}
         parameters = [
-            Parameter(name, unit, CoefficientName.parse(name).label, campaign.prior(name, unit))
+            Parameter(name, unit, CoefficientName.parse(name).label, campaign.prior(name))
             for name, unit in units.items()
         ]
         share = campaign.measured_mask(family.time()).mean(axis=0)
         noise = {
-            channel: campaign.noise(channel) / float(np.sqrt(present))
+            channel: campaign.noise[channel] / float(np.sqrt(present))
             for channel, present in zip(campaign.channels, share, strict=True)
         }
         start = campaign.state_trim(model)

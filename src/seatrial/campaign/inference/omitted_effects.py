@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.estimates import Estimate, LeftOut, OfStructure, read_left_out
@@ -53,7 +54,7 @@ def left_out(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[Le
 
 
 def _left_out(campaign: Campaign, estimate: Estimate, posterior: Posterior) -> tuple[LeftOut, ...]:
-    extra = _extra_forces(campaign, estimate.structure)
+    extra = _extra_forces(campaign.vehicle, estimate.structure)
     wider = Structure("wider", (*estimate.structure.terms, *extra))
     values = dict(zip(posterior.names, estimate.data["mode"].values, strict=True))
     run = _signatures(campaign.model(wider), posterior.likelihood, posterior.names, extra)
@@ -71,7 +72,7 @@ def _left_out(campaign: Campaign, estimate: Estimate, posterior: Posterior) -> t
     step = float(np.asarray(data.step)[0, 0])
     if not campaign.has_delay and np.ptp(np.asarray(data.step)[np.asarray(data.step) > 0]) < 1e-6 * step:
         signatures[DELAY] = (delayed - base) / step
-    for i, sensor in enumerate(campaign.sensors):
+    for i, sensor in enumerate(campaign.sensor_models):
         if not sensor.bias:
             signatures[f"offset of {sensor.channel}"] = np.eye(len(channels))[i] * np.ones_like(base)
     found = score_effects(
@@ -81,10 +82,10 @@ def _left_out(campaign: Campaign, estimate: Estimate, posterior: Posterior) -> t
         {name: (signature * weight).ravel() for name, signature in signatures.items()},
         _worth(residual, weight, np.asarray(data.step)),
     )
-    return _that_matter(campaign, estimate, found)
+    return _that_matter(campaign.vehicle, estimate, found)
 
 
-def _that_matter(campaign: Campaign, estimate: Estimate, found: Sequence[Omitted]) -> tuple[LeftOut, ...]:
+def _that_matter(vehicle: CampaignVehicle, estimate: Estimate, found: Sequence[Omitted]) -> tuple[LeftOut, ...]:
     names = [name for name in estimate.structure.terms if name in estimate.names]
     at = [estimate.names.index(name) for name in names]
     sd = np.array([float(estimate.data.sel(parameter=name)["sd"]) for name in names])
@@ -93,11 +94,11 @@ def _that_matter(campaign: Campaign, estimate: Estimate, found: Sequence[Omitted
         moves = effect.shift[at] / sd
         worst = int(np.argmax(np.abs(moves)))
         if effect.p_value < CHANCE / len(found) and abs(moves[worst]) > MATTERS:
-            missing.append(LeftOut(*_effect_words(campaign, estimate, effect), names[worst], float(moves[worst])))
+            missing.append(LeftOut(*_effect_words(vehicle, estimate, effect), names[worst], float(moves[worst])))
     return tuple(sorted(missing, key=lambda one: -abs(one.by)))
 
 
-def _effect_words(campaign: Campaign, estimate: Estimate, effect: Omitted) -> tuple[str, str]:
+def _effect_words(vehicle: CampaignVehicle, estimate: Estimate, effect: Omitted) -> tuple[str, str]:
     """Name and size of an effect, and how to add it."""
     size = f"{effect.size:.2g} ± {effect.sd:.1g}"
     if effect.name == DELAY:
@@ -109,15 +110,15 @@ def _effect_words(campaign: Campaign, estimate: Estimate, effect: Omitted) -> tu
     if kind == "start":
         words = f"a start that differs from what is assumed in {channel} by about {size} {signal_unit(channel)}"
         return words, 'set estimation.initial = "estimated"'
-    model = campaign.model(Structure("wider", (*estimate.structure.terms, effect.name)))
+    model = vehicle.model(Structure("wider", (*estimate.structure.terms, effect.name)))
     words = f"a force {effect.name} of about {size} {model.unit_of(CoefficientName.parse(effect.name))}"
     return words, f"add {effect.name} to structure.optional, with a prior"
 
 
-def _extra_forces(campaign: Campaign, structure: Structure) -> tuple[str, ...]:
-    if not campaign.vehicle.is_surge:
+def _extra_forces(vehicle: CampaignVehicle, structure: Structure) -> tuple[str, ...]:
+    if not vehicle.is_surge:
         return ()
-    taken = {*structure.terms, *campaign.hull.fixed}
+    taken = {*structure.terms, *vehicle.hull.fixed}
     return tuple(name for name in FORCES if name not in taken)
 
 

@@ -1,13 +1,14 @@
 """From a campaign and its records to the posterior of one structure."""
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.nuisance_parameters import deviations, nuisances, varying
+from seatrial.campaign.config.nuisance_parameters import deviations, varying
+from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
@@ -27,9 +28,9 @@ NARROWEST = 1e-9
 """Standard deviation over value of a prior below which rounding is felt."""
 
 
-def random_key(campaign: Campaign, purpose: str) -> jax.Array:
+def random_key(seed: int, purpose: str) -> jax.Array:
     """Random key of one piece of work, from the campaign's seed and the work's name."""
-    return jax.random.fold_in(jax.random.key(campaign.source.campaign.seed), zlib.crc32(purpose.encode()))
+    return jax.random.fold_in(jax.random.key(seed), zlib.crc32(purpose.encode()))
 
 
 def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[Record]) -> Posterior:
@@ -41,9 +42,9 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     """
     model = campaign.model(structure)
     parameters = build_parameters(campaign, model, records)
-    _check_widths(campaign, parameters)
+    _check_widths(parameters, campaign.where)
     _check_trials(campaign, records)
-    _check_enough(campaign, records, len(parameters))
+    _check_enough(campaign.channels, records, len(parameters))
     return Posterior(
         parameters, *build_likelihood(campaign, model, records), _guess(campaign, model, records, parameters)
     )
@@ -70,16 +71,15 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     """Coefficients and nuisances with their priors, those of each trial under its label."""
     labels, own = tuple(record.label for record in records), campaign.own
     parameters = [
-        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text, model.unit_of(term)))
-        for term in model.coefficients
+        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text)) for term in model.coefficients
     ]
-    for nuisance in nuisances(campaign, model):
+    for nuisance, prior in campaign.nuisances(model):
         one_each = nuisance.name in own
-        parameters += [nuisance.of_trial(label) for label in labels] if one_each else [nuisance.parameter()]
-    parameters += deviations(varying(campaign, model), labels)
-    if _free_initial(campaign):
+        parameters += [nuisance.of_trial(label, prior) for label in labels] if one_each else [nuisance.parameter(prior)]
+    parameters += deviations(varying(campaign.estimation, model), labels)
+    if _free_initial(campaign.estimation):
         starts = [initial_state(campaign, model, record) for record in records]
-        parameters += _initial_states(campaign, model, labels, starts)
+        parameters += _initial_states(campaign.noise, model, labels, starts)
     return tuple(parameters)
 
 
@@ -91,21 +91,23 @@ def build_likelihood(
     Raises:
         InputError: records or sensors that this likelihood cannot use, with the campaign's file.
     """
-    table = campaign.source.estimation
+    table = campaign.estimation
     starts = [initial_state(campaign, model, record) for record in records]
     options = {
         "delay": campaign.has_delay,
         "current": table.current != "none",
         "own": campaign.own,
-        "varying": varying(campaign, model),
+        "varying": varying(campaign.estimation, model),
         "starts_over_ground": table.initial != "trim",
     }
     _check_turns(model, records)
     with located(str(campaign.path)):
         if table.likelihood == "filter-error":
-            spread = [first_sd(campaign, state) for state in model.states]
-            return filter_error(model, records, campaign.sensors, starts, spread, **options)
-        return output_error(model, records, campaign.sensors, starts, free_initial=_free_initial(campaign), **options)
+            spread = [first_sd(campaign.noise, state) for state in model.states]
+            return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
+        return output_error(
+            model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign.estimation), **options
+        )
 
 
 def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
@@ -124,47 +126,35 @@ def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
                 )
 
 
-def first_sd(campaign: Campaign, state: str) -> float:
+def first_sd(noise: Mapping[str, float], state: str) -> float:
     """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
-    return campaign.noise(state) if state in campaign.channels else 1.0
+    return noise.get(state, 1.0)
 
 
-def _free_initial(campaign: Campaign) -> bool:
-    """Whether initial states are parameters; a filter takes them as uncertain anyway.
-
-    Raises:
-        InputError: a quaternion, whose four numbers are not free.
-    """
-    table = campaign.source.estimation
-    if table.initial == "estimated" and set(QUATERNION) <= set(campaign.model(campaign.full).states):
-        raise InputError(
-            campaign.where("estimation.initial"),
-            found='"estimated" with the attitude as a quaternion',
-            expected="an attitude of independent numbers",
-            remedy='set vehicle.attitude = "euler", or initial = "measured"',
-        )
-    return table.initial == "estimated" and table.likelihood == "output-error"
+def _free_initial(estimation: EstimationSettings) -> bool:
+    """Whether initial states are parameters; a filter takes them as uncertain anyway."""
+    return estimation.initial == "estimated" and estimation.likelihood == "output-error"
 
 
 def _initial_states(
-    campaign: Campaign, model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
+    noise: Mapping[str, float], model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
 ) -> list[Parameter]:
     return [
         Parameter(
             initial_name(state, label),
             signal_unit(state),
             rf"{state}_0[{label}]",
-            Normal(value, 5.0 * first_sd(campaign, state) if state in campaign.channels else 1.0),
+            Normal(value, 5.0 * noise[state] if state in noise else 1.0),
         )
         for label, start in zip(labels, starts, strict=True)
         for state, value in zip(model.states, start, strict=True)
     ]
 
 
-def _check_widths(campaign: Campaign, parameters: Sequence[Parameter]) -> None:
+def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str]) -> None:
     for parameter in parameters:
         mean, sd = float(parameter.prior.mean), float(parameter.prior.sd)
-        where = campaign.where(f"prior.{parameter.name.split('[')[0]}")
+        where = name_key(f"prior.{parameter.name.split('[')[0]}")
         if not sd < WIDEST:
             raise InputError(
                 where,
@@ -182,7 +172,7 @@ def _check_widths(campaign: Campaign, parameters: Sequence[Parameter]) -> None:
 
 
 def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
-    if campaign.source.estimation.varying and len(records) < 2:
+    if campaign.estimation.varying and len(records) < 2:
         raise InputError(
             campaign.where("estimation.varying"),
             found=f'one trial, "{records[0].label}"',
@@ -191,8 +181,8 @@ def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
         )
 
 
-def _check_enough(campaign: Campaign, records: Sequence[Record], unknowns: int) -> None:
-    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in campaign.channels)
+def _check_enough(channels: Sequence[str], records: Sequence[Record], unknowns: int) -> None:
+    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in channels)
     if count < 2 * unknowns:
         raise InputError(
             "records " + ", ".join(f'"{record.label}"' for record in records),
@@ -208,7 +198,7 @@ def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tu
     Raises:
         InputError: a state that is not measured and has no trim value; of a whole vehicle such states start at 0 and level.
     """
-    if campaign.source.estimation.initial == "trim":
+    if campaign.estimation.initial == "trim":
         return campaign.state_trim(model)
     known = {**campaign.hull.trim, **first_measured(record)}
     for state in model.states:

@@ -59,7 +59,7 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> list[
     return [
         fit
         for record in trials.predict
-        for fit in _fits(campaign, drawn, record, True, _predict(campaign, drawn, record))
+        for fit in _fits(campaign.channels, drawn, record, True, _predict(campaign, drawn, record))
     ]
 
 
@@ -89,7 +89,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         fits = [
             fit
             for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
-            for fit in _fits(campaign, estimate, record, index >= len(trials.fit), piece)
+            for fit in _fits(campaign.channels, estimate, record, index >= len(trials.fit), piece)
         ]
         lengths = [record.time.size for record in records]
         return xr.Dataset(
@@ -141,8 +141,8 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
     # Under one label for all records, so that records of one length share compiled code.
     anonymous = replace(record, label=ANY)
     likelihood, data = build_likelihood(campaign, model, [anonymous])
-    keys = jax.random.split(random_key(campaign, f"predict {record.label}"), 1 + len(table))
-    starts = {initial_name(state, ANY): first_sd(campaign, state) for state in model.states}
+    keys = jax.random.split(random_key(campaign.seed, f"predict {record.label}"), 1 + len(table))
+    starts = {initial_name(state, ANY): first_sd(campaign.noise, state) for state in model.states}
     values = {}
     for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
         name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
@@ -153,7 +153,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
             prior = Normal(prior.mean, starts[parameter.name])
         values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
     outputs = np.asarray(_outputs(likelihood)(values, data, keys[1:]))
-    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensors])
+    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensor_models])
     noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)
     return {
@@ -185,11 +185,11 @@ def _outputs(likelihood: OutputError | FilterError):
 
 
 def _fits(
-    campaign: Campaign, drawn: Drawn, record: Record, held_back: bool, piece: Mapping[str, np.ndarray]
+    channels: Sequence[str], drawn: Drawn, record: Record, held_back: bool, piece: Mapping[str, np.ndarray]
 ) -> list[Fit]:
     """Every channel of one record, scored and judged."""
     found = []
-    for column, channel in enumerate(campaign.channels):
+    for column, channel in enumerate(channels):
         tau = correlation_name(channel)
         coloured = tau in drawn.names
         score = score_channel(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -91,7 +92,9 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
     if missing:
         progress = reporter.progress(f"profile {structure.label}: {' '.join(missing)}")
         progress(0, len(missing))
-        for done, profile in enumerate(_each(campaign, posterior, structure, missing), 1):
+        for done, profile in enumerate(
+            _each(posterior, random_key(campaign.seed, f"mode {structure.terms}"), missing), 1
+        ):
             found[profile.name] = profile
             kept.write({"profiles": [_as_json(item) for item in found.values()]})
             progress(done, len(missing))
@@ -99,9 +102,9 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
     return Profiled(structure, tuple(found[name] for name in chosen), tuple(labels[name] for name in chosen))
 
 
-def _each(campaign: Campaign, posterior: Posterior, structure: Structure, names: Sequence[str]) -> Iterator[Profile]:
-    """Profiles, a few at a time."""
-    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+def _each(posterior: Posterior, key: Array, names: Sequence[str]) -> Iterator[Profile]:
+    """Profiles, a few at a time; `key` is that of the mode."""
+    mode = find_mode(posterior, key)
     for start in range(0, len(names), TOGETHER):
         yield from profile_likelihood(posterior, mode, names[start : start + TOGETHER])
 

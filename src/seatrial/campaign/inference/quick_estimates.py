@@ -12,7 +12,6 @@ import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.nuisance_parameters import nuisances
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior, is_whole, random_key
 from seatrial.campaign.inference.predict import N_DRAWS, predict_held_back
@@ -135,7 +134,7 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
     posterior = build_posterior(campaign, structure, trials.fit)
     progress(0, 1)
     try:
-        mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     except NumericalError as error:
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
@@ -151,12 +150,12 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         else ""
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
-    held_back = predict_held_back(campaign, _drawn(campaign, structure, posterior, mode), trials)
+    held_back = predict_held_back(campaign, _drawn(campaign.seed, structure, posterior, mode), trials)
     return FirstAnswer(structure, rows, ("mode",), note, caution=caution, held_back=tuple(held_back))
 
 
-def _drawn(campaign: Campaign, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
-    key = random_key(campaign, f"about the mode {structure.terms}")
+def _drawn(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
+    key = random_key(seed, f"about the mode {structure.terms}")
     z = jax.random.multivariate_normal(key, mode.z, mode.cov, (N_DRAWS,), method="eigh")
     return _NormalPosterior(structure, posterior.names, np.asarray(posterior.constrain(z)))
 
@@ -213,5 +212,5 @@ def _how(found: Regression, window: float | None) -> str:
 def left_out(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
     noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
-    names = [nuisance.name for nuisance in nuisances(campaign, campaign.model(structure)) if nuisance.name not in noise]
+    names = [one.name for one, _ in campaign.nuisances(campaign.model(structure)) if one.name not in noise]
     return f"taken as absent, which draws the values aside: {', '.join(names)}" if names else ""

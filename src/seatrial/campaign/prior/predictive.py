@@ -28,7 +28,8 @@ from seatrial.estimation.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
 from seatrial.estimation.sensors import bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT, delay_control
-from seatrial.manoeuvres.manoeuvre import Manoeuvre, check_limits
+from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
@@ -190,18 +191,19 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
     manoeuvre, words = (
         (design_first(campaign, reporter).best.best_manoeuvre(), "the best design")
         if is_designed(campaign)
-        else (_largest(campaign), "the largest input of [design] inside the limits")
+        else (
+            _largest(campaign.families[0], campaign.limits, *campaign.design.grid()),
+            "the largest input of [design] inside the limits",
+        )
     )
     time, driven = manoeuvre.sample(campaign.family.sample_time)
     held = campaign.hull.trim
     columns = [
         driven if name == manoeuvre.control else np.full(time.size, held.get(name, 0.0)) for name in model.controls
     ]
-    priors = {
-        term.text: (campaign.prior(term.text, model.unit_of(term)), model.unit_of(term)) for term in model.coefficients
-    }
+    priors = {term.text: (campaign.prior(term.text), model.unit_of(term)) for term in model.coefficients}
     if campaign.has_delay:
-        priors["delay"] = campaign.prior("delay", "s"), "s"
+        priors["delay"] = campaign.prior("delay"), "s"
     return PriorTrial(
         words,
         "",
@@ -214,9 +216,8 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
     )
 
 
-def _largest(campaign: Campaign) -> Manoeuvre:
-    """Member of the first family of the largest amplitude inside the limits, and of the longest period that fits."""
-    family, limits, (amplitudes, periods) = campaign.families[0], campaign.limits(), campaign.grid()
+def _largest(family: Family, limits: Limits, amplitudes: np.ndarray, periods: np.ndarray) -> Manoeuvre:
+    """Member of a family of the largest amplitude inside the limits, and of the longest period that fits."""
     fitting = periods[family.fits(periods)]
     period = float(fitting.max() if fitting.size else periods.min())
     members = [family.manoeuvre(float(amplitude), period) for amplitude in amplitudes[::-1]]
@@ -305,13 +306,13 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     campaign.check_surge("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
-    key = random_key(campaign, "prior predictive")
+    key = random_key(campaign.seed, "prior predictive")
     drawn = {name: _draw(prior, key, name) for name, prior in trial.priors.items()}
     coefficients = {term.text: drawn[term.text] for term in model.coefficients}
     names = [initial_name(state, trial.label) for state in model.states]
     start = [drawn.get(name, np.full(N_DRAWS, value)) for name, value in zip(names, trial.start, strict=True)]
     current, bias = (_of_trial(drawn, name, trial.label) for name in (CURRENT, bias_name("u")))
-    if trial.label and campaign.source.estimation.initial != "trim":
+    if trial.label and campaign.estimation.initial != "trim":
         start[model.states.index("u")] = start[model.states.index("u")] - current
     keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
     speed, diverged = speeds(
@@ -324,8 +325,9 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     if usable and measured is not None:
         noise = drawn[noise_name("u")][~diverged, None] * np.asarray(jax.random.normal(key, moving.shape))
         held = _held(measured, moving + (bias + current)[~diverged, None] + noise)
-    control, at = _steady_control(campaign, model, trial)
+    control, at = _steady_control(campaign.hull.trim, campaign.family, model, trial)
     cruise = trial.start[model.states.index("u")]
+    mass = 1.0 if campaign.hull.mass is None else campaign.hull.mass
     steady, settling = steady_motion(model, coefficients, control, cruise)
     return PriorPredictive(
         trial.words,
@@ -343,7 +345,7 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
             _believed(model, name, drawn, trial.units[name], control, cruise, diverged | np.isnan(steady))
             for name in drawn
         ),
-        tuple(term.text for term in model.coefficients if _reaches_beyond(campaign, term, trial.priors[term.text])),
+        tuple(term.text for term in model.coefficients if _reaches_beyond(mass, term, trial.priors[term.text])),
     )
 
 
@@ -370,9 +372,11 @@ def _held(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, "draws 
     return float(np.mean((measured[there] >= low) & (measured[there] <= high)))
 
 
-def _steady_control(campaign: Campaign, model: VehicleModel, trial: PriorTrial) -> tuple[list[float], str]:
-    """Controls at trim; where the campaign knows none, the medians of the trial's."""
-    trim = {**campaign.hull.trim, campaign.family.control: campaign.family.trim}
+def _steady_control(
+    known: Mapping[str, float], family: Family, model: VehicleModel, trial: PriorTrial
+) -> tuple[list[float], str]:
+    """Controls at trim; where none is known, the medians of the trial's."""
+    trim = {**known, family.control: family.trim}
     control = [trim.get(name, 0.0) for name in model.controls]
     if not any(control):
         control = [float(value) for value in np.median(trial.control, axis=0)]
@@ -400,6 +404,6 @@ def _believed(
     return Believed(name, unit, (low, middle, high), (float(ends[0]), float(ends[1])), float(blame))
 
 
-def _reaches_beyond(campaign: Campaign, term: CoefficientName, prior: Prior) -> bool:
-    support = physical_support(term, 1.0 if campaign.hull.mass is None else campaign.hull.mass)
+def _reaches_beyond(mass: float, term: CoefficientName, prior: Prior) -> bool:
+    support = physical_support(term, mass)
     return support is not None and not (support[0] <= prior.bounds[0] and prior.bounds[1] <= support[1])

@@ -97,17 +97,17 @@ class DesignSpace:
 
         They keep the limits of the control; those of the motion are not looked at.
         """
-        seed = zlib.crc32(f"{self.campaign.source.campaign.seed} {vehicle} {number}".encode())
-        hold = float(np.mean(self.campaign.grid()[1]))
+        seed = zlib.crc32(f"{self.campaign.seed} {vehicle} {number}".encode())
+        hold = float(np.mean(self.campaign.design.grid()[1]))
         family = replace(self.campaign.family, kind=RANDOM, seed=seed)
         return Design(RANDOM, self.swing, hold, self._sampled(family.manoeuvre(self.swing, hold)))
 
     @cached_property
     def swing(self) -> float:
         """Largest amplitude of the grid from whose one end the control may go to the other."""
-        family, limits = self.campaign.family, self.campaign.limits()
+        family, limits = self.campaign.family, self.campaign.limits
         time = max(family.ramp, family.sample_time)
-        amplitudes = self.campaign.grid()[0]
+        amplitudes = self.campaign.design.grid()[0]
         inside = [a for a in amplitudes if not limits.excess(family.trim + a * np.array([-1.0, 1.0, -1.0]), time)]
         if not inside:
             raise InputError(

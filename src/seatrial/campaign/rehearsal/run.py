@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.goal import Goal
+from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
@@ -32,6 +32,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
 from seatrial.estimation.mode import find_mode
+from seatrial.manoeuvres.family import Family
 
 DOUBLET = "repeated-doublet"
 FEWEST_VEHICLES = 2
@@ -99,13 +100,13 @@ def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
 
 def rehearsal_key(campaign: Campaign) -> str:
     """Key of a rehearsal of any number of vehicles."""
-    source, goal = campaign.source, _goal(campaign)
+    goal = _goal(campaign)
     return key_of(
         "rehearsal",
         design_key(campaign),
         {"shares": dict(goal.shares), "sds": dict(goal.sds), "trials": goal.trials},
-        source.estimation.model_dump(),
-        source.campaign.seed,
+        campaign.estimation,
+        campaign.seed,
     )
 
 
@@ -126,7 +127,7 @@ def _rehearse_one(
     campaign: Campaign, goal: Goal, space: DesignSpace, fixed: Mapping[str, Design], index: int
 ) -> Outcome:
     """Every strategy on one vehicle."""
-    vehicle = draw_vehicle(campaign, space.extremes, jax.random.fold_in(random_key(campaign, "rehearsal"), index))
+    vehicle = draw_vehicle(campaign, space.extremes, jax.random.fold_in(random_key(campaign.seed, "rehearsal"), index))
 
     def adaptive(number: int, values: np.ndarray | None, cov: np.ndarray | None) -> Design:
         return fixed["fixed"] if values is None or cov is None else space.most_informative(values, cov)
@@ -151,7 +152,7 @@ def _rehearse_one(
 def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choose) -> Outcome:
     """Trials of one vehicle until the goal is met."""
     names = [term.text for term in campaign.model(campaign.full).coefficients]
-    most, kinds = goal.trials, _kinds(campaign)
+    most, kinds = goal.trials, _kinds(campaign.families)
     estimate, sd = np.full((2, most, len(names)), np.nan)
     family, (amplitude, period) = np.full(most, -1), np.full((2, most), np.nan)
     records: list[Record] = []
@@ -179,13 +180,13 @@ def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choo
 def _known(campaign: Campaign, records: Sequence[Record], most: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Mode of the k coefficients and their covariance, SI, given all records."""
     posterior = joint_posterior(campaign, records, most)
-    mode = find_mode(posterior, random_key(campaign, "rehearsal mode"))
+    mode = find_mode(posterior, random_key(campaign.seed, "rehearsal mode"))
     slope = np.asarray(jax.jvp(posterior.constrain, (jnp.asarray(mode.z),), (jnp.ones(posterior.dim),))[1])
     return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
 
 
-def _kinds(campaign: Campaign) -> list[str]:
-    kinds = [family.kind for family in campaign.families]
+def _kinds(families: Sequence[Family]) -> list[str]:
+    kinds = [family.kind for family in families]
     return kinds if RANDOM in kinds else [*kinds, RANDOM]
 
 
@@ -198,8 +199,8 @@ def _dataset(campaign: Campaign, strategies: Sequence[str], outcomes: Sequence[O
     names = [term.text for term in campaign.model(campaign.full).coefficients]
     data = xr.Dataset(stacked, {"strategy": list(strategies), "coefficient": names})
     data["family"].attrs = {
-        "flag_values": np.arange(len(_kinds(campaign))),
-        "flag_meanings": " ".join(_kinds(campaign)),
+        "flag_values": np.arange(len(_kinds(campaign.families))),
+        "flag_meanings": " ".join(_kinds(campaign.families)),
     }
     data["amplitude"].attrs, data["period"].attrs = {"units": "SI"}, {"units": "s"}
     return data

@@ -79,7 +79,7 @@ def draw_vehicle(campaign: Campaign, extremes: Float[np.ndarray, "2 n"], key: ja
         )
     first = int(stays[0])
     values = {name: float(column[first]) for name, column in columns.items() if not _is_own(name)}
-    values |= {noise_name(channel): campaign.noise(channel) for channel in campaign.channels}
+    values |= {noise_name(channel): campaign.noise[channel] for channel in campaign.channels}
     return Vehicle(values, trial_key, first)
 
 
@@ -102,7 +102,9 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
         raise NumericalError(f"a vehicle drawn from the prior runs away in its trial {number}: narrow the priors")
     columns = dict(zip((campaign.family.control, *campaign.channels), (control, *measured.T), strict=True))
     provenance = Provenance("rehearsed", "", {"trial": number})
-    return make_record(campaign.family.time(), columns, _channels(campaign), provenance, str(number))
+    return make_record(
+        campaign.family.time(), columns, _channels(campaign.family.control, campaign.channels), provenance, str(number)
+    )
 
 
 def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) -> Posterior:
@@ -144,15 +146,19 @@ def _posterior_of_one(campaign: Campaign, control: np.ndarray) -> Posterior:
     mask = campaign.measured_mask(campaign.family.time())
     nothing = np.where(mask > 0, 0.0, np.nan)
     blank = Record(
-        campaign.family.time(), control[:, None], nothing, _channels(campaign), Provenance("rehearsed", ""), LABEL
+        campaign.family.time(),
+        control[:, None],
+        nothing,
+        _channels(campaign.family.control, campaign.channels),
+        Provenance("rehearsed", ""),
+        LABEL,
     )
     model = campaign.model(campaign.full)
     return Posterior(build_parameters(campaign, model, [blank]), *build_likelihood(campaign, model, [blank]))
 
 
-def _channels(campaign: Campaign) -> tuple[Channel, ...]:
-    control = campaign.family.control
-    measured = (Channel(name, signal_unit(name), "measurement") for name in campaign.channels)
+def _channels(control: str, channels: Sequence[str]) -> tuple[Channel, ...]:
+    measured = (Channel(name, signal_unit(name), "measurement") for name in channels)
     return (Channel(control, signal_unit(control), "control"), *measured)
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -157,15 +158,19 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Datas
     refused, found = "", []
     try:
         table = pointwise_log_likelihood(posterior, draws)
-        found = [*_at_maximum(campaign, posterior, estimate.structure), waic(table), psis_loo(table)]
+        found = [
+            *_at_maximum(posterior, random_key(campaign.seed, f"mode {estimate.structure.terms}")),
+            waic(table),
+            psis_loo(table),
+        ]
     except InputError as error:
         refused = f"AIC, BIC, WAIC and PSIS-LOO need the density of each measurement by itself, but found {error.found}"
     deviance = deviance_criteria(posterior, draws)
     return _dataset(found, refused).assign_attrs(deviance=json.dumps([tuple(one) for one in deviance]))
 
 
-def _at_maximum(campaign: Campaign, posterior: Posterior, structure: Structure) -> list[PredictiveCriterion]:
-    mode = find_mode(posterior, random_key(campaign, f"mode {structure.terms}"))
+def _at_maximum(posterior: Posterior, key: Array) -> list[PredictiveCriterion]:
+    mode = find_mode(posterior, key)
     best = maximise_likelihood(posterior, mode).values
     density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
     return [aic(density, posterior.dim), bic(density, posterior.dim)]
@@ -184,7 +189,7 @@ def _predict(
         return past(time)
 
     try:
-        found = leave_future_out(watched, edges, random_key(campaign, f"future {structure.terms}"))
+        found = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
         dataset = _dataset([found.criterion], "")
     except (InputError, NumericalError) as error:
         reason = error.found if isinstance(error, InputError) else str(error).removeprefix(f"{FUTURE}: ")
@@ -363,7 +368,7 @@ def nested_pairs(
     by_names = {frozenset(estimate.names): estimate for estimate in estimates}
     said = []
     for larger in estimates:
-        terms = [term for term in campaign.source.structure.optional if term in larger.names]
+        terms = [term for term in campaign.structure.optional if term in larger.names]
         pairs = [(term, by_names.get(frozenset(larger.names) - {term})) for term in terms]
         inside = [(term, smaller) for term, smaller in pairs if smaller is not None]
         if inside:

@@ -33,7 +33,7 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
     """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
 
     def compute() -> dict[str, Any]:
-        return _as_json(campaign, _select(campaign, trials, _evidences(campaign, trials, reporter)))
+        return _as_json(_select(campaign, trials, _evidences(campaign, trials, reporter)))
 
     def forget() -> None:
         for path in Store(campaign.folder).checkpoint("evidence").parent.glob("evidence-*.npz"):
@@ -68,9 +68,7 @@ def agreement_words(evidence: Evidence) -> str:
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
-    return key_of(
-        "evidence by agreement", estimate_key(campaign, structure, trials), campaign.source.selection.model_dump()
-    )
+    return key_of("evidence by agreement", estimate_key(campaign, structure, trials), campaign.selection)
 
 
 def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[StoredSelection]:
@@ -90,7 +88,7 @@ def _selection(campaign: Campaign, trials: Trials, stored: StoredSelection) -> S
 
 def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence]) -> Selection:
     shortlist = shortlist_of(campaign, trials)
-    return select(campaign.structures, evidences, campaign.source.structure.optional, shortlist)
+    return select(campaign.structures, evidences, campaign.structure.optional, shortlist)
 
 
 class _Part(NamedTuple):
@@ -122,8 +120,8 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
 
 def _compute(study: Study, part: _Part, report: Progress) -> Run | Weighed:
     """One piece of an evidence."""
-    campaign, terms, table = study.campaign, part.structure.terms, study.campaign.source.selection
-    keys = Keys(random_key(campaign, f"evidence {terms}"), random_key(campaign, f"importance {terms}"))
+    campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
+    keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
     settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles))
     return do(study.posterior(part.structure), part.piece, keys, settings, report)
 
@@ -133,7 +131,7 @@ class _Kept:
 
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
         self.campaign, self.structure, self.key = campaign, structure, key
-        self.gathering = Gathering(campaign.source.selection.repeats)
+        self.gathering = Gathering(campaign.selection.repeats)
         self.shares = np.zeros(self.gathering.most)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
         for repeat in range(self.gathering.most):
@@ -177,7 +175,7 @@ def structure_rows(selection: Selection) -> list[dict[str, Any]]:
     ]
 
 
-def _as_json(campaign: Campaign, selection: Selection) -> dict:
+def _as_json(selection: Selection) -> dict:
     return {
         "structures": structure_rows(selection),
         "inclusion": dict(selection.inclusion),

@@ -130,7 +130,7 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
     return rest
 
 
-def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
+def noise_of(estimate: Estimate, channel: str) -> float:
     """Standard deviation of a sensor's noise, SI: its posterior mean."""
     return float(estimate.draws([noise_name(channel)]).mean())
 
@@ -194,15 +194,15 @@ def _nats(
     simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
     step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
     samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
-    noise = np.array([noise_of(campaign, best, channel) for channel in campaign.channels])
+    noise = np.array([noise_of(best, channel) for channel in campaign.channels])
     memory = [
         _memory(best, channel, step * (at[1] - at[0])) for channel, at in zip(campaign.channels, samples, strict=True)
     ]
     start = np.array(campaign.state_trim(campaign.model(best.structure)))
     every = campaign.model(campaign.full).controls
     places = [tuple(every.index(name) for name in simulator.model.controls) for simulator in simulators]
-    run = _follow(*simulators, *places, campaign.source.estimation.initial != "trim")
-    values = _of_new_trial(campaign, truth), _of_new_trial(campaign, other)
+    run = _follow(*simulators, *places, campaign.estimation.initial != "trim")
+    values = _of_new_trial(truth, campaign.own), _of_new_trial(other, campaign.own)
     fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
     return in_blocks(lambda control: (run(control, *fixed),), controls)[0]
 
@@ -248,12 +248,12 @@ def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[Out
     return (likelihood.output if isinstance(likelihood, FilterError) else likelihood), data
 
 
-def _of_new_trial(campaign: Campaign, estimate: Estimate) -> Mapping[str, Array]:
+def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, Array]:
     """Posterior means of what all trials share; of what each has its own, the mean over the fitted ones."""
     means = dict(zip(estimate.names, estimate.draws().mean(axis=0), strict=True))
     shared = {name: value for name, value in means.items() if "[" not in name}
-    for name in campaign.own:
-        shared[name] = np.mean([value for own, value in means.items() if own.split("[")[0] == name])
+    for name in own:
+        shared[name] = np.mean([value for one, value in means.items() if one.split("[")[0] == name])
     return {name: jnp.asarray(value) for name, value in shared.items()}
 
 
@@ -350,9 +350,7 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "best": best.structure.label,
             "runner_up": runner.structure.label,
             "change": change_words(best.structure.terms, runner.structure.terms),
-            "noise": noise_of(campaign, best, campaign.leading)
-            if campaign.leading in campaign.channels
-            else float("nan"),
+            "noise": noise_of(best, campaign.leading) if campaign.leading in campaign.channels else float("nan"),
             "control": control,
             "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },

@@ -17,9 +17,8 @@ from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.delayed_rows import delayed, likely_delay
 from seatrial.estimation.weak_form import where_measured
 from seatrial.estimation.windows import FEWEST
-from seatrial.selection.screening import Believed, Screening, screen
-from seatrial.selection.structure_count import count_structures
-from seatrial.selection.structures import label_structures
+from seatrial.selection.screening import Screening, TermPrior, screen
+from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist
 
 NARROWEST = 1.0
@@ -43,7 +42,7 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     """
 
     def compute() -> xr.Dataset:
-        progress = reporter.progress(f"screen {count_structures(campaign.rules).structures} structures")
+        progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
         progress(0, 1)
         dataset = _dataset(campaign, *_screen(campaign, trials))
         progress(1, 1)
@@ -81,7 +80,7 @@ def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     if campaign.shortlist or not campaign.is_large:
         return campaign
     found = screen_terms(campaign, trials, reporter)
-    best = [found.terms(rank) for rank in range(min(campaign.source.structure.shortlist, found.data.sizes["model"]))]
+    best = [found.terms(rank) for rank in range(min(campaign.structure.shortlist, found.data.sizes["model"]))]
     order = campaign.full.terms
     sets = [tuple(term for term in order if term in terms) for terms in sorted(best, key=len, reverse=True)]
     return replace(campaign, shortlist=label_structures(sets))
@@ -104,9 +103,8 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
 
 def screening_key(campaign: Campaign, trials: HasKey) -> str:
     """Key of the screening."""
-    source = campaign.source
-    tables = (source.structure, source.vehicle, *source.sensors.values(), *source.prior.values())
-    return key_of("screening", _LAYOUT, trials.key, [table.model_dump() for table in tables], source.campaign.seed)
+    believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.priors
+    return key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
 
 
 def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None]:
@@ -115,7 +113,7 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
     if not equations:
         raise InputError(
             campaign.where("structure.optional"),
-            found=f"{count_structures(campaign.rules).structures} structures of a whole vehicle",
+            found=f"{count_structures(campaign.rules)} structures of a whole vehicle",
             expected="at most 64: its axes are coupled, and only equations of single axes are screened in closed form",
             remedy="move terms to `always`, state rules, or select axis by axis",
         )
@@ -128,20 +126,18 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
             remedy=f"map the channel {missing[0]}, or leave at most 64 structures, which need no screening",
         )
     terms = campaign.full.terms
-    model = campaign.model(campaign.full)
-    units = {term.text: model.unit_of(term) for term in model.coefficients}
-    priors = {name: campaign.prior(name, units[name]) for name in terms}
-    believed = {name: Believed(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
-    noise = {channel: campaign.noise(channel) for channel in campaign.channels}
+    priors = {name: campaign.prior(name) for name in terms}
+    believed = {name: TermPrior(float(prior.mean), float(prior.sd)) for name, prior in priors.items()}
+    noise = campaign.noise
     used = [name for equation in equations for name in equation.signals if name in campaign.channels]
     records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
     slowest = max(float(np.median(record.step)) for record in records)
     narrowest = max(NARROWEST, FEWEST * slowest)
     delay = None
     if campaign.has_delay:
-        delay = likely_delay(records, equations, narrowest, *campaign.prior("delay", "s").bounds)
+        delay = likely_delay(records, equations, narrowest, *campaign.prior("delay").bounds)
         records = [delayed(record, delay) for record in records]
-    key, g = random_key(campaign, "screening"), campaign.source.structure.g
+    key, g = random_key(campaign.seed, "screening"), campaign.structure.g
     return screen(equations, campaign.rules, records, noise, believed, key, narrowest, g), delay
 
 
@@ -176,9 +172,7 @@ def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> xr.Da
         attrs={
             "count": posterior.count,
             "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
-            "prior": ""
-            if campaign.source.structure.g is None
-            else f"under a g-prior, g = {campaign.source.structure.g}",
+            "prior": "" if campaign.structure.g is None else f"under a g-prior, g = {campaign.structure.g}",
             "rows": found.fit.status,
             "noise": found.bias.status,
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,

@@ -9,7 +9,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 from zipfile import ZIP_STORED
@@ -166,8 +166,24 @@ class Store:
 
 
 def key_of(*parts: Any) -> str:
-    """Key of a result: hash of everything it depends on, the package version included."""
-    return sha256_of_json([__version__, *parts])
+    """Key of a result: hash of everything it depends on, the package version included; parts as `as_json` takes them."""
+    return sha256_of_json([__version__, as_json(parts)])
+
+
+def as_json(part: Any) -> Any:
+    """Return a part of a configuration as JSON, so that parts of equal content are equal there.
+
+    Frozen dataclasses go by type and by the fields that they are compared by. Numbers go by twelve digits: a quantity that is written
+    in another unit differs in the sixteenth.
+    """
+    if isinstance(part, float):
+        return float(f"{part:.11e}")
+    if is_dataclass(part) and not isinstance(part, type):
+        content = {field.name: as_json(getattr(part, field.name)) for field in fields(part) if field.compare}
+        return {"": type(part).__name__, **content}
+    if isinstance(part, Mapping):
+        return {name: as_json(value) for name, value in part.items()}
+    return [as_json(one) for one in part] if isinstance(part, list | tuple) else part
 
 
 def stamp_of(path: Path) -> str | None:

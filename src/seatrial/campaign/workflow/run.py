@@ -107,7 +107,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions += [effect.sentence for effect in outcome.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
     return {
-        "name": campaign.source.campaign.name,
+        "name": campaign.name,
         "chosen": chosen.structure.label,
         "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],

@@ -31,7 +31,7 @@ def standing(folder: Path) -> tuple[StepState, ...]:
             name, command = (records, records) if step.name == "trials" else (step.listed, step.command)
             found.append(StepState(name, flow.state(step.name), command))
     design, *others = found
-    found = others if campaign.source.imported is not None and design.state == "missing" else found
+    found = others if campaign.imports is not None and design.state == "missing" else found
     return (*found, StepState("report", _page(campaign, flow), "report"))
 
 

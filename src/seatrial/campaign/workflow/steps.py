@@ -163,20 +163,20 @@ class Workflow:
 
 def _first(campaign: Campaign, reporter: Reporter) -> Any:
     """Return the designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
-    return design_first(campaign, reporter) if campaign.source.imported is None or is_designed(campaign) else None
+    return design_first(campaign, reporter) if campaign.imports is None or is_designed(campaign) else None
 
 
 def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
     """Yield the records; one whose log is missing has no key."""
-    store, table = Store(campaign.folder), campaign.source.imported
+    store, imports = Store(campaign.folder), campaign.imports
     if not campaign.has_records:
         raise NotCurrent
-    if table is None:
+    if imports is None:
         yield from (StoredResult(store.record(label), key, read_record) for label, key in record_keys(campaign).items())
         return
-    for run in (*table.fit, *table.predict):
+    for run in imports.runs:
         try:
-            yield stored_record(campaign, run, _hash_of)
+            yield stored_record(campaign, imports, run, _hash_of)
         except InputError:
             yield StoredResult(store.record(run), "", read_record)
 
@@ -184,7 +184,7 @@ def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
 def _seen_trials(stored: Sequence[StoredResult], campaign: Campaign) -> UnreadTrials:
     _must_be_current(stored)
     keys = [one.key for one in stored]
-    return UnreadTrials(keys[-1] if campaign.source.imported is None else trials_key(campaign, keys))
+    return UnreadTrials(keys[-1] if campaign.imports is None else trials_key(campaign.imports, keys))
 
 
 def _seen_estimates(stored: Sequence[StoredResult], campaign: Campaign, trials: UnreadTrials) -> list[UnreadEstimate]:

@@ -59,10 +59,9 @@ def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " 
         InputError: no stick stands for the control, it does not move the vehicle as the stick would, or either way is possible.
     """
     _, rate, _ = _row(control)
-    model, key = campaign.model(campaign.full), random_key(campaign, "stick")
+    model, key = campaign.model(campaign.full), random_key(campaign.seed, "stick")
     drawn = {
-        term.text: np.asarray(campaign.prior(term.text, model.unit_of(term)).draw(key, (_DRAWS,)), float)
-        for term in model.coefficients
+        term.text: np.asarray(campaign.prior(term.text).draw(key, (_DRAWS,)), float) for term in model.coefficients
     }
     known = {"u": SPEED, **campaign.hull.trim}
     try:
@@ -278,13 +277,15 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
             str(beside),
             found=f"no schedule ({type(cause).__name__}: {cause})",
             expected="a schedule as `seatrial design` writes it, beside its CSV",
-            remedy=_again(campaign),
+            remedy=_again(campaign.folder),
         ) from cause
     _check(trial, path)
-    _check_table(trial, path, _again(campaign))
+    _check_table(trial, path, _again(campaign.folder))
     is_stale = StepState(name, "stale", name) in standing(campaign.folder)
     return (
-        trial._replace(caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign)}")
+        trial._replace(
+            caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign.folder)}"
+        )
         if is_stale
         else trial
     )
@@ -303,27 +304,22 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
     factor, unit = shown_unit(control)
     if content["unit"] != unit:
         raise ValueError(f"unit {content['unit']!r} of {control}, which is shown in {unit}")
-    limits = campaign.limits()
-    motion = [
-        f"{name} " + ", ".join(f"{key} {value}" for key, value in table.model_dump().items() if value is not None)
-        for name, table in campaign.source.limits.items()
-        if name != control
-    ]
+    limits, motion = campaign.limits, tuple(limit.words for limit in campaign.motion_limits)
     time, value = np.array(content["time_s"], float), np.array(content["value"], float) / factor
     whole = time.ndim == 1 and time.shape == value.shape and time.size > 1 and np.isfinite([*time, *value]).all()
     if not (whole and (np.diff(time) >= 0).all()):
         raise ValueError("times and values that are no schedule")
-    own = control == campaign.source.design.control
+    own = control == campaign.family.control
     lower, upper, rate = (getattr(limits, key) if own else None for key in ("lower", "upper", "rate"))
-    name = campaign.source.campaign.name
+    name = campaign.name
     rule = content.get("rule", "")
     find_stick = partial(campaign_stick, campaign, control, value)
     manoeuvre = content["manoeuvre"]
-    return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, tuple(motion), rule, find_stick)
+    return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, motion, rule, find_stick)
 
 
-def _again(campaign: Campaign) -> str:
-    return f"run `seatrial design {campaign.folder}` or `seatrial next {campaign.folder}` again"
+def _again(folder: Path) -> str:
+    return f"run `seatrial design {folder}` or `seatrial next {folder}` again"
 
 
 def _check_table(trial: Trial, path: Path, remedy: str) -> None:

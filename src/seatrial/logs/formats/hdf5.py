@@ -55,16 +55,6 @@ def arrays(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterato
             return
 
 
-def rows_of(dataset: Any, start: int, stop: int, axis: int, element: int | None) -> np.ndarray:
-    """Some rows of an array of one or two axes that may be longer than one, of which `axis` counts the rows."""
-    index: list[Any] = [0] * dataset.ndim
-    index[axis] = slice(start, stop)
-    if element is not None:
-        other = next(k for k in range(dataset.ndim) if k != axis and dataset.shape[k] > 1)
-        index[other] = element
-    return np.asarray(dataset[tuple(index)])
-
-
 def _check_size(dataset: Any) -> None:
     """Refuse an array that claims more than the file can hold, or that opens only in pieces too large for memory."""
     size, kept = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()

@@ -1,20 +1,19 @@
 """MATLAB files: vectors of one length below a variable are a table, their dotted paths its columns.
 
-Versions 4 to 7 are walked by `matlab_arrays`; 7.3 is HDF5. Nothing but numeric arrays is ever built: no objects, no
-functions.
+Versions 4 to 7 are loaded by SciPy, whole variables at a time, in a process of bounded memory; 7.3 is HDF5, read in parts. Objects and
+functions are passed over.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.clock_names import clocks_among
-from seatrial.logs.formats.matlab_arrays import matlab_arrays, version_4_order
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     MOST_ELEMENTS,
@@ -25,8 +24,10 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    clocks_among,
 )
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 WORKSPACE = "workspace"
 """The table of vectors that are variables of their own."""
 
@@ -54,8 +55,17 @@ _RowsOf = Callable[[_Column, int, int], np.ndarray]
 def _recognises(path: Path, head: bytes) -> bool:
     if head.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")):
         return True
-    is_mat = path.name.lower().endswith(".mat")
-    return is_mat and (head.startswith(b"\x89HDF\r\n\x1a\n") or _is_version_4(head) or _is_version_5(head))
+    return path.name.lower().endswith(".mat") and (head.startswith(_HDF5) or _has_version(head))
+
+
+def _has_version(head: bytes) -> bool:
+    """Whether SciPy finds a version in the first bytes, whatever the first line says."""
+    from scipy.io.matlab import MatReadError, matfile_version
+
+    try:
+        return len(head) >= 20 and matfile_version(BytesIO(head)) is not None
+    except (MatReadError, ValueError):
+        return False
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
@@ -77,9 +87,8 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    with _opened(log) as (shapes, load):
+    with _opened(log) as (shapes, rows_of):
         tables = {name: table for name, table in _tables(shapes).items() if name in wanted}
-        rows_of = load({tables[name][1][column].path for name in tables for column in wanted[name]})
         total, read = max(sum(rows for rows, _ in tables.values()), 1), 0
         for name, (rows, columns) in tables.items():
             for start in range(0, rows, BLOCK_ROWS):
@@ -90,18 +99,18 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
 
 
 @contextmanager
-def _opened(log: LogFile) -> Iterator[tuple[list[_Array], Callable[[set[str]], _RowsOf]]]:
-    """Shapes of the arrays, and what makes some of them ready to give rows of a column."""
+def _opened(log: LogFile) -> Iterator[tuple[list[_Array], _RowsOf]]:
+    """Shapes of the arrays, and what gives rows of a column."""
     with log.path.open("rb") as stream:
-        is_hdf5 = stream.read(8).startswith((b"MATLAB 7", b"\x89HDF"))
+        is_hdf5 = stream.read(8).startswith((b"MATLAB 7", _HDF5))
     if not is_hdf5:
+        loaded = _loaded(log.path)
         yield (
-            [_Array(path, shape) for path, shape, _ in matlab_arrays(log.path)],
-            lambda paths: _walked(log.path, paths),
+            [_Array(path, array.shape) for path, array in loaded.items()],
+            lambda column, start, stop: _rows(loaded[column.path], start, stop, column.axis, column.element),
         )
         return
-
-    from seatrial.logs.formats.hdf5 import arrays, opened, rows_of
+    from seatrial.logs.formats.hdf5 import arrays, opened
 
     with opened(log.path) as file:
         datasets = {
@@ -109,28 +118,44 @@ def _opened(log: LogFile) -> Iterator[tuple[list[_Array], Callable[[set[str]], _
             for path, dataset in arrays(file)
             if "MATLAB_empty" not in dataset.attrs and dataset.attrs.get("MATLAB_class") not in (b"char", b"cell")
         }
+        # MATLAB keeps columns together, HDF5 rows: the axes come in reverse.
+        yield (
+            [_Array(path, tuple(reversed(dataset.shape))) for path, dataset in datasets.items()],
+            lambda column, start, stop: _rows(
+                dataset := datasets[column.path], start, stop, dataset.ndim - 1 - column.axis, column.element
+            ),
+        )
 
-        def rows(column: _Column, start: int, stop: int) -> np.ndarray:
-            # MATLAB keeps columns together, HDF5 rows: the axes come in reverse.
-            dataset = datasets[column.path]
-            return rows_of(dataset, start, stop, dataset.ndim - 1 - column.axis, column.element)
 
-        yield [_Array(path, tuple(reversed(dataset.shape))) for path, dataset in datasets.items()], lambda paths: rows
+def _rows(array: Any, start: int, stop: int, axis: int, element: int | None) -> np.ndarray:
+    """Some rows of an array (of HDF5 or of NumPy) of one or two axes that may be longer than one, of which `axis` counts the rows."""
+    index: list[Any] = [0] * array.ndim
+    index[axis] = slice(start, stop)
+    if element is not None:
+        other = next(k for k in range(array.ndim) if k != axis and array.shape[k] > 1)
+        index[other] = element
+    return np.asarray(array[tuple(index)])
 
 
-def _walked(path: Path, paths: set[str]) -> _RowsOf:
-    """Read arrays of a file of version 4 to 7."""
-    kept = {array.path: array.values for array in matlab_arrays(path, frozenset(paths)) if array.values is not None}
+def _loaded(path: Path) -> dict[str, np.ndarray]:
+    """Real numeric arrays of a file of version 4 to 7, by dotted path."""
+    from scipy.io import loadmat
 
-    def rows(column: _Column, start: int, stop: int) -> np.ndarray:
-        array = kept[column.path]
-        index: list[Any] = [0] * array.ndim
-        index[column.axis] = slice(start, stop)
-        if column.element is not None:
-            index[next(k for k in range(array.ndim) if k != column.axis and array.shape[k] > 1)] = column.element
-        return array[tuple(index)]
+    variables = loadmat(path, mat_dtype=True)
+    return dict(
+        found for name, value in variables.items() if not name.startswith("__") for found in _numeric(name, value)
+    )
 
-    return rows
+
+def _numeric(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Numeric arrays of a variable, those within single structs by their fields; objects are arrays of kinds of their own."""
+    if type(value) is not np.ndarray:
+        return
+    if value.dtype.names is not None and value.size == 1:
+        for field in value.dtype.names:
+            yield from _numeric(f"{path}.{field}", value[field].item())
+    elif value.dtype.kind in "biuf":
+        yield path, value
 
 
 def _tables(arrays: Sequence[_Array]) -> Mapping[str, tuple[int, dict[str, _Column]]]:
@@ -182,13 +207,4 @@ def _common(paths: Sequence[str]) -> str:
     return ".".join(shared)
 
 
-def _is_version_4(head: bytes) -> bool:
-    return version_4_order(head) is not None
-
-
-def _is_version_5(head: bytes) -> bool:
-    """Whether it is MATLAB's version 5 in spite of another first line."""
-    return head[126:128] in (b"IM", b"MI") and 1 in (head[124], head[125])
-
-
-FORMAT = LogFormat("a MATLAB file", (".mat",), _recognises, _catalogue, _blocks, is_fragile=True)
+FORMAT = LogFormat("a MATLAB file", (".mat",), _recognises, _catalogue, _blocks, memory=2 << 30)

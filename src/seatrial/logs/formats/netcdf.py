@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.logs.formats.clock_names import TIME_UNITS, clock_unit
+from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     MOST_ELEMENTS,
+    TIME_UNITS,
     Block,
     ColumnInfo,
     LogFile,
@@ -21,6 +22,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    clock_unit,
 )
 
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
@@ -195,6 +197,4 @@ def _text(value: Any) -> str | None:
     return value.strip() if isinstance(value, str) else None
 
 
-FORMAT = LogFormat(
-    "a NetCDF file", (".nc", ".nc4", ".cdf", ".netcdf"), _recognises, _catalogue, _blocks, is_fragile=True
-)
+FORMAT = LogFormat("a NetCDF file", (".nc", ".nc4", ".cdf", ".netcdf"), _recognises, _catalogue, _blocks, memory=MEMORY)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.clock_names import clocks_among
+from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     MOST_ELEMENTS,
@@ -18,6 +18,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    clocks_among,
     optional,
 )
 
@@ -129,4 +130,4 @@ def _check_size(metadata: Any, tops: list[str], log: LogFile) -> None:
             )
 
 
-FORMAT = LogFormat("a Parquet file", (".parquet", ".pq"), _recognises, _catalogue, _blocks, is_fragile=True)
+FORMAT = LogFormat("a Parquet file", (".parquet", ".pq"), _recognises, _catalogue, _blocks, memory=MEMORY)

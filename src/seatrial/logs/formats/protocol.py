@@ -23,6 +23,14 @@ LOG_TIME = "log_time"
 MOST_ELEMENTS = 64
 """Elements of an array that a catalogue lists; any other of them can be asked for by its index."""
 
+TIME_UNITS = ("ns", "us", "ms", "s", "min", "h")
+_NANOSECONDS = re.compile(r"(?:.*[./])?(?:%time|rosbagtimestamp|header\.stamp|stamp)")
+_CLOCK = re.compile(
+    r"(?:.*[./_\s])?(?:t|time|timestamps?|stamp|utime|elapsed(?:_time)?|time_?(?:stamp|boot|since_\w+)?)"
+    r"(?:[\s_]*[\[(]?(?P<unit>ns|nsec|us|usec|ms|msec|s|sec|secs|seconds|min|h)[\])]?)?"
+)
+_SPELLING = {"nsec": "ns", "usec": "us", "msec": "ms", "sec": "s", "secs": "s", "seconds": "s"}
+
 Wanted = Mapping[str, Sequence[str]]
 """For each table the columns to read."""
 
@@ -123,7 +131,8 @@ class LogFormat:
         read: one table whole, where that can be done better than by collecting blocks; the last argument is the
             column of stamps.
         is_text: whether a `TextLayout` means anything.
-        is_fragile: whether a C library reads it that damaged bytes can bring to abort, so that it is read in a process of its own.
+        memory: bytes that the process of its own may take in which it is read, four times those of the file apart, where a library
+            reads it that damaged bytes can bring to abort, to walk in circles or to take gigabytes; 0 where it is read in this one.
     """
 
     name: str
@@ -133,7 +142,7 @@ class LogFormat:
     blocks: Callable[[LogFile, Wanted], Iterator[Block]]
     read: Callable[[LogFile, str, Sequence[str], Sequence[str]], RawTable] | None = None
     is_text: bool = False
-    is_fragile: bool = False
+    memory: int = 0
 
 
 @dataclass(eq=False)
@@ -195,3 +204,27 @@ def as_column(values: np.ndarray) -> np.ndarray:
         return values.astype(np.int64)
     with np.errstate(invalid="ignore"):
         return values.astype(np.int64 if values.dtype.kind in "iu" else float)
+
+
+def clock_unit(name: str, stated: str | None = None) -> str | None:
+    """Unit of a column that may be time by its name or its stated unit; None for one that is no clock."""
+    lower = name.lower()
+    if stated in TIME_UNITS and (_CLOCK.fullmatch(lower) or _NANOSECONDS.fullmatch(lower)):
+        return stated
+    if stated is not None:
+        return None
+    if _NANOSECONDS.fullmatch(lower):
+        return "ns"
+    match = _CLOCK.fullmatch(lower) or re.fullmatch(r"(?P<unit>secs|seconds|sec)", lower)
+    return None if match is None else _SPELLING.get(match["unit"] or "s", match["unit"] or "s")
+
+
+def clocks_among(columns: Sequence[ColumnInfo]) -> tuple[tuple[str, ...], tuple[ColumnInfo, ...]]:
+    """Columns that may be time, that of the measurement first, then the plainest name; and all columns with their units."""
+    units = {column.name: clock_unit(column.name, column.unit) for column in columns}
+    clocks = sorted((name for name, unit in units.items() if unit), key=_order)
+    return tuple(clocks), tuple(ColumnInfo(name, units[name] or unit) for name, unit in columns)
+
+
+def _order(name: str) -> tuple[bool, int, int]:
+    return not name.lower().endswith("header.stamp"), name.count("."), len(name)

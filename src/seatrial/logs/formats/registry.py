@@ -9,8 +9,8 @@ import numpy as np
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of, sha256_of_json
-from seatrial.core.processes import MEMORY, Elsewhere, apart
-from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, table_text, telemetry
+from seatrial.core.processes import Elsewhere, apart
+from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, telemetry, text
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 
 Answer = TypeVar("Answer")
@@ -26,7 +26,7 @@ FORMATS: tuple[LogFormat, ...] = (
     dataflash.FORMAT,
     telemetry.FORMAT,
     moos.FORMAT,
-    table_text.FORMAT,
+    text.FORMAT,
 )
 _HEAD = 512
 
@@ -46,7 +46,7 @@ def format_of(path: Path) -> LogFormat:
     if by_content is not None:
         return by_content
     if by_suffix is None or by_suffix.is_text:
-        return table_text.FORMAT
+        return text.FORMAT
     raise InputError(
         str(path),
         found="an empty file" if not head else f"a file that does not begin as {by_suffix.name} does",
@@ -167,10 +167,10 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 def _asked(form: LogFormat, question: Callable[..., Iterable[Answer]], log: LogFile, *about: Any) -> Iterator[Answer]:
     """Answers of a format, from a process of its own where its library may break."""
-    if not form.is_fragile:
+    if not form.memory:
         return iter(question(log, *about))
-    size = 0 if log.path.is_dir() else log.path.stat().st_size  # which may be mapped into memory
-    return apart(str(log.path), question, log, *about, memory=MEMORY + size)
+    size = 0 if log.path.is_dir() else log.path.stat().st_size
+    return apart(str(log.path), question, log, *about, memory=form.memory + 4 * size)
 
 
 def _head(path: Path) -> bytes:

@@ -65,7 +65,7 @@ def _shown(record: Record, name: str) -> np.ndarray:
 def trial_section(outcome: Outcome) -> dict[str, Any]:
     """What `trial.html` prints."""
     first = outcome.first
-    imported = outcome.campaign.source.imported is not None
+    imported = outcome.campaign.imports is not None
     return {
         "imported": imported,
         "records": record_rows(outcome),
@@ -119,7 +119,7 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
         (unit_label(sweep.family.shape.period_is, "s"), unit_label(f"amplitude of {signal_symbol(control)}", unit)),
     )
     time, values = sweep.best_manoeuvre().sample(sweep.family.sample_time)
-    limits = outcome.campaign.limits()
+    limits = outcome.campaign.limits
     bounds = tuple(None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
     chosen = control_over_time(time, values * factor, signal_axis(control), (bounds[0], bounds[1]))
     return [

@@ -40,7 +40,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "nouns": NOUNS,
         "counts": {level: sum(verdict.level == level for verdict in verdicts.values()) for level in LOOKS},
         "has_held_back": bool(held_back),
-        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensors),
+        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensor_models),
         "structure": outcome.chosen.structure.label,
     }
 

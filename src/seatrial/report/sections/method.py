@@ -26,13 +26,13 @@ SAMPLERS = {
 
 def section(outcome: Outcome) -> dict[str, Any]:
     """What `method.html` prints."""
-    source = outcome.campaign.source
-    estimation, selection = source.estimation, source.selection
+    campaign = outcome.campaign
+    estimation, selection = campaign.estimation, campaign.selection
     measured = outcome.filter["n_measured"].values
     ratio = float(outcome.filter["nis"].values[measured > 0].sum() / max(measured.sum(), 1))
     return {
-        "seed": source.campaign.seed,
-        "vehicle": outcome.campaign.hull.name,
+        "seed": campaign.seed,
+        "vehicle": campaign.hull.name,
         "methods": _methods(outcome),
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
         "likelihood": LIKELIHOODS[estimation.likelihood],
@@ -51,7 +51,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "min_ess": f"{MIN_ESS:.0f}",
         "records": [_provenance(record) for record in (*outcome.trials.fit, *outcome.trials.predict)],
         "files": _files(outcome),
-        "mass": outcome.campaign.hull.mass,
+        "mass": campaign.hull.mass,
     }
 
 

@@ -1,5 +1,6 @@
 """Which terms the data support: probabilities of models and of terms, and the evidence behind them."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,8 @@ def section(outcome: Outcome) -> dict[str, Any]:
     """What `models.html` prints."""
     selection, labels = outcome.selection, labels_of(outcome)
     order = np.argsort(-selection.probability, kind="stable")
-    always = outcome.campaign.source.structure.always
-    optional = outcome.campaign.source.structure.optional
+    always = outcome.campaign.structure.always
+    optional = outcome.campaign.structure.optional
     best = selection.evidences[selection.chosen].log_value
     rows = [_row(outcome, int(index), optional, best) for index in order]
     return {
@@ -31,7 +32,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _row(outcome: Outcome, index: int, optional: list[str], best: float) -> dict[str, Any]:
+def _row(outcome: Outcome, index: int, optional: Sequence[str], best: float) -> dict[str, Any]:
     selection = outcome.selection
     structure, evidence = selection.structures[index], selection.evidences[index]
     p, p_error = float(selection.probability[index]), float(selection.probability_error[index])

@@ -30,7 +30,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
     findings = find(outcome)
     alarms = [item for item in findings if item.kind == "alarm"]
     return {
-        "name": outcome.campaign.source.campaign.name,
+        "name": outcome.campaign.name,
         "answer": answer(outcome),
         "glance": glance(outcome),
         "alarms": alarms[:MOST_SAID],
@@ -87,7 +87,7 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
     scored = [fit for fit in outcome.fits if fit.samples > 0 and not fit.missing]
     held_back = [fit for fit in scored if fit.held_back]
     seconds = sum(float(record.time[-1] - record.time[0]) for record in trials.fit)
-    simulated = outcome.campaign.source.imported is None
+    simulated = outcome.campaign.imports is None
     at = selection.chosen
     certainty = probability(selection.probability[at], selection.probability_error[at])
     return [
@@ -147,7 +147,7 @@ def _span(shares: list[float]) -> str:
 def _basis(outcome: Outcome) -> str:
     trials = outcome.trials
     seconds = sum(float(record.time[-1] - record.time[0]) for record in trials.fit)
-    if outcome.campaign.source.imported is None:
+    if outcome.campaign.imports is None:
         return f"One simulated trial of {seconds:.0f} s"
     return f"{len(trials.fit)} runs of {seconds:.0f} s in all" if len(trials.fit) > 1 else f"One run of {seconds:.0f} s"
 

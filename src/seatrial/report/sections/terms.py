@@ -31,6 +31,6 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "note": sentence_html(SCREENING, labels),
         "figures": [
             draw(item.figure, f"terms-{item.name}", item.heading, item.caption, item.heading)
-            for item in term_figures(outcome.campaign, selection, screened, contenders)
+            for item in term_figures(outcome.campaign.units, selection, screened, contenders)
         ],
     }

@@ -21,7 +21,7 @@ def section(outcome: Outcome) -> dict[str, Any]:
         "structure": outcome.estimates[0].structure.label,
         "records": json.loads(outcome.filter.attrs["records"]),
         "has_truth": bool(truth_of(outcome)),
-        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensors),
+        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensor_models),
         "failures": int(outcome.filter.attrs["failures"]),
     }
 

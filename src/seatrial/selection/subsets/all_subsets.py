@@ -8,26 +8,30 @@ the last ones and keep sums only: the total, joint inclusion, moments of the coe
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt64
 
 from seatrial.core.engine import cores
+from seatrial.selection.rule_masks import Conditions, RuleMasks, bits, conditions, no_structure, spread
 from seatrial.selection.subsets.average import SubsetPosterior
-from seatrial.selection.subsets.best import Best
-from seatrial.selection.subsets.conjugate import evidence_of
+from seatrial.selection.subsets.conjugate import Prior, evidence_of
+from seatrial.selection.subsets.elimination import SubsetElimination
 from seatrial.selection.subsets.gram import Gram
-from seatrial.selection.subsets.prior import Prior
-from seatrial.selection.subsets.problem import Averages, Problem, averages, make_problem
-from seatrial.selection.subsets.rules import Conditions, Rules, bits, conditions, no_structure, spread
-from seatrial.selection.subsets.subset_elimination import Doubling
-from seatrial.selection.subsets.subset_problem import Question, check_question
+from seatrial.selection.subsets.problem import Averages, Candidates, Problem, averages, check_candidates, make_problem
+
+LEVELS, LANES = 10, 64
+"""Doublings and lanes of a block: 65 536 structures, whose arrays fit the cache."""
+NEGLIGIBLE = 40.0
+"""Nats: a block is left out if all structures at its best would weigh exp(-40) of the best one of the first block."""
+
 
 # Sums over all structures: a block of lanes at a time, each relative to its own best, put together at the end.
 
 
-class Sums(NamedTuple):
+class LaneSums(NamedTuple):
     """Over the structures of each lane, of weights exp(score - peak of its block); r levels of doubling in each lane.
 
     Attributes:
@@ -52,7 +56,7 @@ class Sums(NamedTuple):
     allowed: Float[np.ndarray, " lanes"]
     chance: Float[np.ndarray, " lanes"]
 
-    def rescaled(self) -> "Sums":
+    def rescaled(self) -> "LaneSums":
         """The same relative to the highest peak of all."""
         factor = np.exp(self.peak - self.peak.max())
         of_block = factor[:: factor.size // self.pairs.shape[2]]
@@ -93,9 +97,48 @@ class Block(NamedTuple):
     shift: int
 
 
-def no_sums(r: int, lanes: int, blocks: int) -> Sums:
+class Best:
+    """The `most` highest scores offered, ties broken by the smaller number; blocks may come from several threads."""
+
+    def __init__(self, most: int):
+        """Keep nothing yet."""
+        self._most, self._lock, self._threshold, self._held = most, Lock(), -np.inf, 0
+        self._scores: list[np.ndarray] = []
+        self._codes: list[np.ndarray] = []
+
+    def offer(self, scores: Float[np.ndarray, "m lanes"], lane: int, shift: int) -> None:
+        """Look at a block: its structure in row i and lane j has the number (i << shift) + lane + j."""
+        flat = scores.ravel()
+        found = np.flatnonzero((flat >= self._threshold) & (flat > -np.inf))
+        found = found[_top(flat[found], self._most)]
+        if not found.size:
+            return
+        row, column = np.divmod(found, scores.shape[1])
+        with self._lock:
+            self._scores.append(flat[found])
+            self._codes.append((row << shift) + lane + column)
+            self._held += found.size
+            if self._held > 4 * self._most:
+                self._compact()
+
+    def ranked(self) -> tuple[Float[np.ndarray, " n"], UInt64[np.ndarray, " n"]]:
+        """Scores, highest first, and numbers."""
+        self._compact()
+        scores, codes = self._scores[0], self._codes[0]
+        order = np.lexsort((codes, -scores))
+        return scores[order], codes[order].astype(np.uint64)
+
+    def _compact(self) -> None:
+        scores, codes = np.concatenate(self._scores), np.concatenate(self._codes)
+        kept = _top(scores, self._most)
+        self._scores, self._codes, self._held = [scores[kept]], [codes[kept]], kept.size
+        if kept.size == self._most:
+            self._threshold = float(scores[kept].min())
+
+
+def empty_sums(r: int, lanes: int, blocks: int) -> LaneSums:
     """Nothing summed yet, of r levels in lanes that are taken in blocks."""
-    return Sums(
+    return LaneSums(
         peak=np.full(lanes, -np.inf),
         weight=np.zeros(lanes),
         corner=np.zeros(lanes),
@@ -110,12 +153,12 @@ def no_sums(r: int, lanes: int, blocks: int) -> Sums:
 
 def add_block(
     block: Block,
-    tree: Doubling,
+    tree: SubsetElimination,
     matrix: Float[np.ndarray, "r1 r1 lanes"],
     determinant: Float[np.ndarray, " lanes"],
     first: int,
     negligible: float,
-    sums: Sums,
+    sums: LaneSums,
     best: Best,
 ) -> None:
     """Double the last terms in a few lanes, from lane `first` on, and add up, unless the best score is below `negligible`."""
@@ -149,32 +192,13 @@ def add_block(
     sums.weight[here] = weight[0]
 
 
-def _scores(
-    block: Block, corner: Float[np.ndarray, "m lanes"], determinant: Float[np.ndarray, "m lanes"]
-) -> tuple[Float[np.ndarray, "m lanes"], Float[np.ndarray, "m lanes"]]:
-    """-a log(corner) - 1/2 log(determinant), over the latter, and an array as large to be written over."""
-    free = np.empty_like(corner)
-    np.log(determinant, out=determinant)
-    determinant *= -0.5
-    np.log(corner, out=free)
-    free *= block.shape
-    determinant -= free
-    return determinant, free
-
-
-LEVELS, LANES = 10, 64
-"""Doublings and lanes of a block: 65 536 structures, whose arrays fit the cache."""
-NEGLIGIBLE = 40.0
-"""Nats: a block is left out if all structures at its best would weigh exp(-40) of the best one of the first block."""
-
-
 def all_subsets(
     stats: Gram,
     prior: Prior,
     names: Sequence[str],
     *,
     always: Sequence[str] = (),
-    rules: Rules | None = None,
+    rules: RuleMasks | None = None,
     inclusion: float | Sequence[float] = 0.5,
     top: int = 1000,
     threads: int | None = None,
@@ -195,16 +219,16 @@ def all_subsets(
         InputError: terms that the data cannot tell apart, too few data, too many optional terms, or rules that no structure keeps.
         NumericalError: a structure that leaves no noise, or numbers out of range.
     """
-    question = check_question(stats, names, always, rules, inclusion, top)
-    free, chance = question.free, question.chance
-    evidence_of(stats, prior, range(len(question.names)))  # of all structures this one leaves the least noise
-    problem, best = make_problem(stats, prior, question.sure, free, chance), Best(top)
+    candidates = check_candidates(stats, names, always, rules, inclusion, top)
+    free, chance = candidates.free, candidates.chance
+    evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
+    problem, best = make_problem(stats, prior, candidates.sure, free, chance), Best(top)
     fixed = max(len(free) - LEVELS, 0)
-    outer = Doubling(len(free) + 1, fixed, 1)
+    outer = SubsetElimination(len(free) + 1, fixed, 1)
     matrix, determinant = outer.eliminate(
         problem.matrix[..., None], np.array([problem.start]), *_parts(problem, slice(fixed))
     )
-    lane_terms = spread(np.arange(2**fixed), free[:fixed]) | question.certain
+    lane_terms = spread(np.arange(2**fixed), free[:fixed]) | candidates.certain
     block = Block(
         problem.shape,
         *_parts(problem, slice(fixed, None)),
@@ -213,10 +237,10 @@ def all_subsets(
         fixed,
     )
     lanes = min(LANES, 2**fixed)
-    sums = no_sums(len(free) - fixed, 2**fixed, 2**fixed // lanes)
+    sums = empty_sums(len(free) - fixed, 2**fixed, 2**fixed // lanes)
 
     def add(firsts: Iterable[int], negligible: float = -np.inf) -> None:
-        tree = Doubling(len(free) - fixed + 1, len(free) - fixed, lanes)
+        tree = SubsetElimination(len(free) - fixed + 1, len(free) - fixed, lanes)
         for first in firsts:
             add_block(block, tree, matrix, determinant, first, negligible, sums, best)
 
@@ -228,25 +252,38 @@ def all_subsets(
         raise no_structure()
     lane_chance = np.exp(_log_chance(np.arange(2**fixed), chance[:fixed]))
     log_mass = float(np.log(lane_chance @ sums.chance))
-    found = _collect(question, problem, outer, sums.rescaled(), best, log_mass)
+    found = _collect(candidates, problem, outer, sums.rescaled(), best, log_mass)
     return SubsetPosterior(stats=stats, prior=prior, **found)
 
 
+def _scores(
+    block: Block, corner: Float[np.ndarray, "m lanes"], determinant: Float[np.ndarray, "m lanes"]
+) -> tuple[Float[np.ndarray, "m lanes"], Float[np.ndarray, "m lanes"]]:
+    """-a log(corner) - 1/2 log(determinant), over the latter, and an array as large to be written over."""
+    free = np.empty_like(corner)
+    np.log(determinant, out=determinant)
+    determinant *= -0.5
+    np.log(corner, out=free)
+    free *= block.shape
+    determinant -= free
+    return determinant, free
+
+
 def _collect(
-    question: Question, problem: Problem, outer: Doubling, sums: Sums, best: Best, log_mass: float
+    candidates: Candidates, problem: Problem, outer: SubsetElimination, sums: LaneSums, best: Best, log_mass: float
 ) -> dict[str, Any]:
     """Put the sums of all lanes together; `log_mass` is of the prior probability of the allowed structures."""
-    sure, free = question.sure, question.free
+    sure, free = candidates.sure, candidates.free
     log_total = problem.constant + float(sums.peak[0] + np.log(sums.weight.sum()))
     scores, codes = best.ranked()
-    joint = np.ones((len(question.names),) * 2)
+    joint = np.ones((len(candidates.names),) * 2)
     joint[np.ix_(free, free)] = together = sums.joint()
     joint[np.ix_(sure, free)] = np.diag(together)
     joint[np.ix_(free, sure)] = np.diag(together)[:, None]
     return dict(
-        names=question.names,
-        structures=spread(codes, free) | question.certain,
-        log_evidence=problem.constant + scores - _log_chance(codes, question.chance),
+        names=candidates.names,
+        structures=spread(codes, free) | candidates.certain,
+        log_evidence=problem.constant + scores - _log_chance(codes, candidates.chance),
         probability=np.exp(problem.constant + scores - log_total),
         count=int(sums.allowed.sum()),
         log_evidence_total=log_total - log_mass,
@@ -256,7 +293,7 @@ def _collect(
     )
 
 
-def _averages(problem: Problem, outer: Doubling, sums: Sums, order: np.ndarray) -> Averages:
+def _averages(problem: Problem, outer: SubsetElimination, sums: LaneSums, order: np.ndarray) -> Averages:
     """Moments of the coefficients from those of the lanes, in the order of the library."""
     moment = outer.gather_moments(sums.moment)[..., 0]
     spread, corner = outer.gather_spreads(sums.spread, sums.corner)
@@ -288,3 +325,10 @@ def _share(work: Callable[[Iterable[int]], None], firsts: list[int], threads: in
     with ThreadPoolExecutor(count) as pool:
         for done in [pool.submit(work, queue) for _ in range(count)]:
             done.result()
+
+
+def _top(scores: np.ndarray, most: int) -> np.ndarray:
+    """Where the highest are, in any order."""
+    if scores.size <= most:
+        return np.arange(scores.size)
+    return np.argpartition(scores, scores.size - most)[scores.size - most :]

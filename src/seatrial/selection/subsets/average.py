@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
-from seatrial.selection.subsets.conjugate import SubsetFit, evidence_of
+from seatrial.selection.subsets.conjugate import Prior, SubsetFit, evidence_of
 from seatrial.selection.subsets.gram import Gram
-from seatrial.selection.subsets.prior import Prior
 
 
 class Averaged(NamedTuple):

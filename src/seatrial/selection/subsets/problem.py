@@ -1,4 +1,4 @@
-"""One matrix with everything that tells structures apart: what remains once the terms always there are eliminated.
+"""The candidate terms, checked, and one matrix with all that tells structures apart: what remains without the terms always there.
 
 [[A, h], [h^T, 2 b0 + y^T y]]  ->  columns scaled so that elimination's pivots carry the priors of the terms, too
 """
@@ -9,13 +9,33 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import NumericalError
-from seatrial.selection.subsets.conjugate import evidence_constant
-from seatrial.selection.subsets.gram import Gram
-from seatrial.selection.subsets.prior import Prior
+from seatrial.core.errors import InputError, NumericalError, nearest
+from seatrial.selection.rule_masks import MOST_TERMS, RuleMasks, check_rules
+from seatrial.selection.subsets.conjugate import Prior, evidence_constant
+from seatrial.selection.subsets.gram import Gram, check_gram
 
+MOST_OPTIONAL = 25
+"""Optional terms up to which every structure is visited: 2^25 take about 3 s on one core (`benchmarks/run.py subsets`)."""
 LARGEST_LOG = 600.0
 """Natural logarithm of a determinant that a double holds with room to spare."""
+
+
+class Candidates(NamedTuple):
+    """Terms by number: which are certain, and how probable the others are.
+
+    Attributes:
+        names: of all terms.
+        sure: numbers of those in every structure.
+        free: numbers of the k others.
+        certain: bitmask of `sure`.
+        chance: prior probability of inclusion of each of the others, shape (k,).
+    """
+
+    names: tuple[str, ...]
+    sure: list[int]
+    free: list[int]
+    certain: np.uint64
+    chance: Float[np.ndarray, " k"]
 
 
 class Problem(NamedTuple):
@@ -58,6 +78,53 @@ class Averages(NamedTuple):
     mean: Float[np.ndarray, " d"]
     within: Float[np.ndarray, "d d"]
     between: Float[np.ndarray, "d d"]
+
+
+def check_candidates(
+    stats: Gram,
+    names: Sequence[str],
+    always: Sequence[str],
+    rules: RuleMasks | None,
+    inclusion: float | Sequence[float],
+    top: int,
+) -> Candidates:
+    """Check the arguments of `all_subsets`.
+
+    Raises:
+        InputError: any that cannot be used.
+    """
+    names = tuple(names)
+    check_gram(stats, names)
+    if unknown := [name for name in always if name not in names]:
+        raise InputError(
+            "terms always there",
+            found=", ".join(unknown),
+            expected="terms of the library",
+            remedy=nearest(unknown[0], names),
+        )
+    sure = [i for i, name in enumerate(names) if name in always]
+    free = [i for i, name in enumerate(names) if name not in always]
+    if len(free) > MOST_OPTIONAL or len(names) > MOST_TERMS:
+        raise InputError(
+            "library of terms",
+            found=f"{len(free)} optional terms of {len(names)}, 2^{len(free)} structures",
+            expected=f"at most {MOST_OPTIONAL} optional terms, and {MOST_TERMS} in all, to visit every structure",
+            remedy="move terms that are certain to `always`, drop some, or use a sampler over structures",
+        )
+    if rules is not None:
+        check_rules(rules, len(names))
+    if top < 1:
+        raise InputError("best structures", found=str(top), expected="at least 1", remedy="ask for some")
+    chance = np.asarray(inclusion, float)
+    if chance.shape not in ((), (len(names),)) or not ((chance > 0) & (chance < 1)).all():
+        raise InputError(
+            "prior probability of inclusion",
+            found=str(inclusion),
+            expected=f"a number between 0 and 1, or {len(names)} of them",
+            remedy="put terms that are certain in `always`, and leave out those that are impossible",
+        )
+    certain = np.uint64(sum(1 << i for i in sure))
+    return Candidates(names, sure, free, certain, np.broadcast_to(chance, (len(names),))[free])
 
 
 def make_problem(

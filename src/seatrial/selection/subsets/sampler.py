@@ -7,27 +7,37 @@
 A are the structures evaluated in the first half of the run, the visits those of the second (George and McCulloch, Statistica
 Sinica 7, 1997). Renormalised probabilities are off by at most the probability of what was not evaluated. Standard errors are from
 the spread of chains, which start apart; of inclusion, not below what the two ways differ by and cannot blame on the rest.
+What the chains see, every structure evaluated excepted, is seen on the cold rungs of their ladders.
 Where the best structures hold nearly everything, all averages are over them by their evidences, and off by the rest.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
+from seatrial.selection.rule_masks import MOST_TERMS, RuleMasks, allowed_mass, bits, closure, no_structure
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import MonteCarlo, SubsetPosterior
-from seatrial.selection.subsets.chain_statistics import Seen, Sums, presence_r_hat, share_inside, sums_over, walk
-from seatrial.selection.subsets.conjugate import evidence_of
+from seatrial.selection.subsets.conjugate import Prior, evidence_of
 from seatrial.selection.subsets.gram import Gram
-from seatrial.selection.subsets.prior import Prior
-from seatrial.selection.subsets.prior_mass import allowed_mass, closure, wanted_by
-from seatrial.selection.subsets.problem import Problem, averages, make_problem
-from seatrial.selection.subsets.rules import MOST_TERMS, Rules, bits, no_structure
-from seatrial.selection.subsets.structure_chains import Chains, RuleArrays, make_units, rungs_between, some_starts
-from seatrial.selection.subsets.subset_problem import MOST_OPTIONAL, Question, check_question
+from seatrial.selection.subsets.problem import (
+    MOST_OPTIONAL,
+    Candidates,
+    Problem,
+    averages,
+    check_candidates,
+    make_problem,
+)
+from seatrial.selection.subsets.structure_chains import (
+    REFRESH,
+    Chains,
+    make_units,
+    rungs_between,
+    some_starts,
+)
 
 MAX_R_HAT = 1.05
 """Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more."""
@@ -36,6 +46,51 @@ HELD, BEST = 0.99, 4096
 LEAST_CHAINS, LEAST_MOVES = 4, 400
 LEAST_LADDERS = 8
 """Chains at least where each has a ladder."""
+EVERY = 5
+"""Moves between two looks at the coefficients."""
+
+
+class StructureSums(NamedTuple):
+    """Weighted sums over structures, of k optional terms, in scaled columns.
+
+    Attributes:
+        pairs: weight of both of each two terms, shape (k, k).
+        moment: sum of w z z^T, z the posterior means and -1, shape (k+1, k+1).
+        spread: sum of w corner A_S^-1, shape (k, k).
+        corner: sum of w corner, shape (1,).
+    """
+
+    pairs: np.ndarray
+    moment: np.ndarray
+    spread: np.ndarray
+    corner: np.ndarray
+
+
+class Visits(NamedTuple):
+    """What the chains saw after warm-up, of k optional terms in u units.
+
+    Attributes:
+        presence: visits with each term, for each half of each chain, shape (2, chains, k).
+        chance: sum of each unit's probability of being there given the rest, shape (chains, u+1).
+        draws: moves that drew each unit, shape (chains, u+1).
+        mean: sum of posterior means, scaled, shape (chains, k).
+        sums: over the looks.
+        inside: visits in the second half to structures evaluated before it, shape (chains,).
+    """
+
+    presence: np.ndarray
+    chance: np.ndarray
+    draws: np.ndarray
+    mean: np.ndarray
+    sums: StructureSums
+    inside: np.ndarray
+
+
+class Evaluated(NamedTuple):
+    """Different structures, in order of number, and their log P(S) p(y | S)."""
+
+    codes: UInt64[np.ndarray, " n"]
+    scores: Float[np.ndarray, " n"]
 
 
 def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options: Any) -> SubsetPosterior:
@@ -64,7 +119,7 @@ def sample_subsets(
     names: Sequence[str],
     *,
     always: Sequence[str] = (),
-    rules: Rules | None = None,
+    rules: RuleMasks | None = None,
     inclusion: float | Sequence[float] = 0.5,
     top: int = 1000,
     seed: int = 0,
@@ -90,8 +145,8 @@ def sample_subsets(
         InputError: as `all_subsets`, but for the number of optional terms; no optional term; too few chains or moves.
         NumericalError: as `all_subsets`.
     """
-    rules = rules or Rules()
-    question, chance = _question(stats, names, always, rules, inclusion, top)
+    rules = rules or RuleMasks()
+    candidates, chance = _check_candidates(stats, names, always, rules, inclusion, top)
     if chains < LEAST_CHAINS or moves < LEAST_MOVES:
         raise InputError(
             "sampling of structures",
@@ -99,52 +154,51 @@ def sample_subsets(
             expected=f"at least {LEAST_CHAINS} chains of {LEAST_MOVES} moves",
             remedy="errors come from the spread of the chains: give more",
         )
-    array = RuleArrays(rules, len(question.names))
-    certain = closure(wanted_by(rules, len(question.names)), int(question.certain))
-    if not array.allowed(np.array([certain], np.uint64))[0]:
+    certain = closure(rules.required(len(candidates.names)), int(candidates.certain))
+    if not rules.allowed(np.array([certain], np.uint64))[0]:
         raise no_structure()
-    evidence_of(stats, prior, range(len(question.names)))  # of all structures this one leaves the least noise
-    problem = make_problem(stats, prior, question.sure, question.free, question.chance)
-    units, random = make_units(rules, question.free, problem, len(question.names)), np.random.default_rng(seed)
-    starts = some_starts(units, certain, array, chains, random)
-    scores = Chains(problem, units, question.free, array, starts, chains, random).move().scores
+    evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
+    problem = make_problem(stats, prior, candidates.sure, candidates.free, candidates.chance)
+    units, random = make_units(rules, candidates.free, problem, len(candidates.names)), np.random.default_rng(seed)
+    starts = some_starts(units, certain, rules, chains, random)
+    scores = Chains(problem, units, candidates.free, rules, starts, chains, random).move().scores
     rungs = rungs_between(float(scores[scores > -np.inf].min()), float(scores.max()))
     chains = chains if rungs == 1 else max(chains // rungs, LEAST_LADDERS)
-    starts = some_starts(units, certain, array, chains * rungs, random)
-    walkers = Chains(problem, units, question.free, array, starts, chains, random)
+    starts = some_starts(units, certain, rules, chains * rungs, random)
+    walkers = Chains(problem, units, candidates.free, rules, starts, chains, random)
     seen, before, evaluated = walk(walkers, units.mask.size, moves)
 
-    count, mass = allowed_mass(rules, question.sure, chance.tolist())
+    count, mass = allowed_mass(rules, candidates.sure, chance.tolist())
     log_share, share_error = share_inside(seen.inside, moves)
     log_total = float(np.logaddexp.reduce(before.scores)) - log_share
     owner = np.array(
-        [int(np.flatnonzero((units.members[:-1] == column).any(1))[0]) for column in range(len(question.free))]
+        [int(np.flatnonzero((units.members[:-1] == column).any(1))[0]) for column in range(len(candidates.free))]
     )
     ranked = np.lexsort((evaluated.codes, -evaluated.scores))
     best, most = ranked[:top], ranked[:BEST]
-    log_evidence, log_chance = _exactly(stats, prior, question, chance, evaluated.codes[best])
-    renormalised = np.ones(len(question.names))
+    log_evidence, log_chance = _exactly(stats, prior, candidates, chance, evaluated.codes[best])
+    renormalised = np.ones(len(candidates.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
-    for term in question.free:
+    for term in candidates.free:
         renormalised[term] = weight[evaluated.codes >> np.uint64(term) & np.uint64(1) == 1].sum()
     covered = min(float(np.exp(np.logaddexp.reduce(evaluated.scores) - log_total)), 1.0)
     held = covered * float(weight[most].sum())
-    found = _by_visits(question, problem, seen, owner, moves)
+    found = _by_visits(candidates, problem, seen, owner, moves)
     errors = found.pop("errors")
     if held >= HELD:
-        listed = Chains(problem, units, question.free, array, evaluated.codes[most], most.size, random)
+        listed = Chains(problem, units, candidates.free, rules, evaluated.codes[most], most.size, random)
         share = weight[most] / weight[most].sum()
-        found = _averaged(question, problem, sums_over(listed.matrix, listed.present().astype(float), share))
-        errors["inclusion_error"] = np.full(len(question.names), 1 - held)
+        found = _averaged(candidates, problem, sums_over(listed.matrix, listed.present().astype(float), share))
+        errors["inclusion_error"] = np.full(len(candidates.names), 1 - held)
         errors["mean_error"] = (1 - held) * np.sqrt(np.diag(found["within"] + found["between"]) + found["mean"] ** 2)
         status = ""
     else:
-        status = _status(question.names, found["inclusion"], renormalised, covered, errors)
+        status = _status(candidates.names, found["inclusion"], renormalised, covered, errors)
         # chains that have hardly seen a rare structure agree too well: the evidences know of it
         unexplained = np.maximum(np.abs(found["inclusion"] - renormalised) - (1 - covered), 0.0)
         errors["inclusion_error"] = np.hypot(errors["inclusion_error"], unexplained)
     return SubsetPosterior(
-        names=question.names,
+        names=candidates.names,
         stats=stats,
         prior=prior,
         structures=evaluated.codes[best],
@@ -165,14 +219,89 @@ def sample_subsets(
     )
 
 
-def _question(
+def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, Evaluated]:
+    """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all."""
+    chains, k = walkers.cold.size, walkers.matrix.shape[1] - 1
+    warmup = moves // 4
+    half = half_of(moves)
+    seen = Visits(
+        presence=np.zeros((2, chains, k)),
+        chance=np.zeros((chains, n_units)),
+        draws=np.zeros((chains, n_units)),
+        mean=np.zeros((chains, k)),
+        sums=StructureSums(np.zeros((k, k)), np.zeros((k + 1, k + 1)), np.zeros((k, k)), np.zeros(1)),
+        inside=np.zeros(chains),
+    )
+    found, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
+    before, at = found, np.arange(chains)[:, None]
+    visits = []
+    for now in range(moves):
+        move = walkers.move()
+        fresh.append((move.codes, move.scores))
+        if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH == 0:
+            walkers.refresh()
+            found, fresh = _merge(found, fresh), []
+        if now == half - 1:
+            before = found
+        if now < warmup:
+            continue
+        cold = walkers.cold
+        there = walkers.present()[cold].astype(float)
+        seen.presence[int(now >= half)] += there
+        seen.chance[at, move.units] += move.chance
+        seen.draws[at, move.units] += 1
+        if now >= half:
+            visits.append(walkers.codes[cold])
+        if now % EVERY == 0:
+            _look(walkers, there, seen)
+    seen.inside[:] = np.isin(np.array(visits), before.codes).sum(0)
+    return seen, before, found
+
+
+def sums_over(
+    matrix: Float[np.ndarray, "n k1 k1"], there: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
+) -> StructureSums:
+    """Sums over structures whose swept matrices and terms are given."""
+    z = np.column_stack([matrix[:, :-1, -1] * there, np.full(weight.size, -1.0)])
+    corner = weight * matrix[:, -1, -1]
+    covariance = matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
+    return StructureSums(
+        (weight * there.T) @ there, (weight * z.T) @ z, -np.tensordot(corner, covariance, 1), np.array([corner.sum()])
+    )
+
+
+def share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> tuple[float, float]:
+    """Log of the share of visits in the structures known before, and its standard error."""
+    visits = moves - half_of(moves)
+    share = inside / visits
+    # no visit outside says only that there are fewer than about one in all visits
+    least = 1.0 / (visits * inside.size)
+    value = max(float(share.mean()), least)
+    return float(np.log(value)), float(np.hypot(share.std(ddof=1) / np.sqrt(inside.size), least) / value)
+
+
+def half_of(moves: int) -> int:
+    """Move at which the second half after warm-up begins."""
+    return (moves + moves // 4) // 2
+
+
+def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Float[np.ndarray, " k"]:
+    """R-hat of numbers that are 0 or 1, between the halves of all chains; 1 where nothing ever changed."""
+    length = np.array([half_of(moves) - moves // 4, moves - half_of(moves)])[:, None, None]
+    means = (presence / length).reshape(-1, presence.shape[2])
+    within, between = (means * (1 - means)).mean(0), means.var(0, ddof=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(between > 0, np.sqrt(1 + between / within), 1.0)
+
+
+def _check_candidates(
     stats: Gram,
     names: Sequence[str],
     always: Sequence[str],
-    rules: Rules,
+    rules: RuleMasks,
     inclusion: float | Sequence[float],
     top: int,
-) -> tuple[Question, Float[np.ndarray, " d"]]:
+) -> tuple[Candidates, Float[np.ndarray, " d"]]:
     """The question, checked, and the prior probability of every term."""
     if len(names) > MOST_TERMS:
         raise InputError(
@@ -182,7 +311,7 @@ def _question(
             remedy="drop some, or put one axis after the other to the question",
         )
     known = [name for name in names if name in always]
-    whole = check_question(stats, names, [*always, *names], rules, inclusion, top)
+    whole = check_candidates(stats, names, [*always, *names], rules, inclusion, top)
     free = [i for i, name in enumerate(whole.names) if name not in known]
     if not free:
         raise InputError(
@@ -193,46 +322,46 @@ def _question(
         )
     sure = [i for i, name in enumerate(whole.names) if name in known]
     chance = np.broadcast_to(np.asarray(inclusion, float), (len(whole.names),))
-    return Question(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)), chance[free]), chance
+    return Candidates(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)), chance[free]), chance
 
 
 def _exactly(
-    stats: Gram, prior: Prior, question: Question, chance: np.ndarray, codes: np.ndarray
+    stats: Gram, prior: Prior, candidates: Candidates, chance: np.ndarray, codes: np.ndarray
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Log evidences of some structures by themselves, and logs of their prior probabilities."""
-    there = bits(codes, len(question.names)).T.astype(bool)
+    there = bits(codes, len(candidates.names)).T.astype(bool)
     logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in there])
     each = np.where(there, np.log(chance), np.log1p(-chance))
-    return logs, each[:, question.free].sum(1)
+    return logs, each[:, candidates.free].sum(1)
 
 
-def _by_visits(question: Question, problem: Problem, seen: Seen, owner: np.ndarray, moves: int) -> dict[str, Any]:
+def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
     """Averages over the visits, in the order of the library, and their errors."""
-    free, chains, d = question.free, seen.mean.shape[0], len(question.names)
-    found, looks = _averaged(question, problem, seen.sums), seen.sums.moment[-1, -1]
+    free, chains, d = candidates.free, seen.mean.shape[0], len(candidates.names)
+    found, looks = _averaged(candidates, problem, seen.sums), seen.sums.moment[-1, -1]
     draws, chance = seen.draws[:, owner], seen.chance[:, owner]
     error, r_hat = np.zeros(d), np.ones(d)
     inclusion = found["inclusion"]
     inclusion[free] = value = chance.sum(0) / draws.sum(0)
     error[free] = (chance - value * draws).std(0, ddof=1) / draws.mean(0) / np.sqrt(chains)
     r_hat[free] = presence_r_hat(seen.presence, moves)
-    sure = question.sure
+    sure = candidates.sure
     found["joint"][np.ix_(sure, free)], found["joint"][np.ix_(free, sure)] = value, value[:, None]
     np.fill_diagonal(found["joint"], inclusion)
     up = np.vstack([problem.slope[:, :-1], np.eye(len(free))]) * problem.scale
     each = seen.mean * chains / looks @ up.T
-    mean_error = (each.std(0, ddof=1) / np.sqrt(chains))[_library_order(question)]
+    mean_error = (each.std(0, ddof=1) / np.sqrt(chains))[_library_order(candidates)]
     return {**found, "errors": {"inclusion_error": error, "r_hat": r_hat, "mean_error": mean_error}}
 
 
-def _averaged(question: Question, problem: Problem, sums: Sums) -> dict[str, Any]:
+def _averaged(candidates: Candidates, problem: Problem, sums: StructureSums) -> dict[str, Any]:
     """Inclusion, coefficients and their covariances from weighted sums, in the order of the library."""
-    sure, free, d = question.sure, question.free, len(question.names)
+    sure, free, d = candidates.sure, candidates.free, len(candidates.names)
     share = sums.pairs / sums.moment[-1, -1]
     joint = np.ones((d, d))
     joint[np.ix_(free, free)] = share
     joint[np.ix_(sure, free)], joint[np.ix_(free, sure)] = np.diag(share), np.diag(share)[:, None]
-    found, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(question)
+    found, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(candidates)
     square = np.ix_(order, order)
     return {
         "inclusion": np.diag(joint).copy(),
@@ -243,9 +372,9 @@ def _averaged(question: Question, problem: Problem, sums: Sums) -> dict[str, Any
     }
 
 
-def _library_order(question: Question) -> np.ndarray:
+def _library_order(candidates: Candidates) -> np.ndarray:
     """Where each term of the library stands among those always there and then the others."""
-    return np.argsort([*question.sure, *question.free])
+    return np.argsort([*candidates.sure, *candidates.free])
 
 
 def _status(
@@ -275,3 +404,20 @@ def _status(
 
 def _listed(names: tuple[str, ...], which: np.ndarray) -> str:
     return ", ".join(name for name, yes in zip(names, which, strict=True) if yes)
+
+
+def _look(walkers: Chains, there: np.ndarray, seen: Visits) -> None:
+    """Add the coefficients where the chains are."""
+    matrix = walkers.matrix[walkers.cold]
+    seen.mean[:] += matrix[:, :-1, -1] * there
+    for total, part in zip(seen.sums, sums_over(matrix, there, np.ones(len(there))), strict=True):
+        total[:] += part
+
+
+def _merge(found: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
+    """Add structures, each once and only if it is allowed."""
+    codes = np.concatenate([found.codes, *(codes.ravel() for codes, _ in fresh)])
+    scores = np.concatenate([found.scores, *(scores.ravel() for _, scores in fresh)])
+    kept = scores > -np.inf
+    codes, first = np.unique(codes[kept], return_index=True)
+    return Evaluated(codes, scores[kept][first])

@@ -18,9 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt64
 
-from seatrial.selection.subsets.prior_mass import closure, rivals_of, wanted_by
+from seatrial.selection.rule_masks import RuleMasks, closure
 from seatrial.selection.subsets.problem import Problem
-from seatrial.selection.subsets.rules import Rules
 
 BLOCK = 3
 """Units in a move."""
@@ -79,7 +78,7 @@ class Chains:
         problem: Problem,
         units: Units,
         free: list[int],
-        rules: "RuleArrays",
+        rules: RuleMasks,
         codes: UInt64[np.ndarray, " walkers"],
         chains: int,
         random: np.random.Generator,
@@ -195,28 +194,9 @@ class Chains:
             self.matrix[which] = part
 
 
-class RuleArrays:
-    """Rules as arrays, for many structures at once."""
-
-    def __init__(self, rules: Rules, n_terms: int):
-        """Keep the terms that want others, and the sets of rivals."""
-        wants = wanted_by(rules, n_terms)
-        self._term = np.array([i for i in range(n_terms) if wants[i]], np.uint64)
-        self._wanted = np.array([mask for mask in wants if mask], np.uint64)
-        self._rivals = np.array(rules.exclusive, np.uint64)
-
-    def allowed(self, codes: UInt64[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
-        """Whether each structure keeps the rules."""
-        if not self._term.size and not self._rivals.size:
-            return np.ones(codes.shape, bool)
-        codes = codes[..., None]
-        kept = ((codes >> self._term & _ONE == 0) | (~codes & self._wanted == 0)).all(-1)
-        return kept & (np.bitwise_count(codes & self._rivals) <= 1).all(-1)
-
-
-def make_units(rules: Rules, free: list[int], problem: Problem, n_terms: int) -> Units:
+def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int) -> Units:
     """Put together what the rules keep together, and say who is whose partner."""
-    wants, rivals = wanted_by(rules, n_terms), rivals_of(rules, n_terms)
+    wants, rivals = rules.required(n_terms), rules.rivals(n_terms)
     closed = [closure(wants, 1 << i) for i in range(n_terms)]
     together = {i: tuple(j for j in free if closed[i] >> j & 1 and closed[j] >> i & 1) for i in free}
     groups = list(dict.fromkeys(together.values()))
@@ -245,7 +225,7 @@ def rungs_between(least: float, most: float) -> int:
 
 
 def some_starts(
-    units: Units, certain: int, rules: RuleArrays, walkers: int, random: np.random.Generator
+    units: Units, certain: int, rules: RuleMasks, walkers: int, random: np.random.Generator
 ) -> UInt64[np.ndarray, " walkers"]:
     """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between."""
     starts = np.full(walkers, certain, np.uint64)

@@ -1,7 +1,11 @@
-"""Published vehicles, one TOML file each, with their sources."""
+"""Published vehicles, one TOML file each with its sources, and the vehicle in any reduction of it.
+
+All but `remus100_fossen`, whose forces are no sum of named terms and are written out in a module of its own.
+"""
 
 import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import PurePath
@@ -9,19 +13,96 @@ from typing import Any
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import RATES, signal_unit
 from seatrial.core.units import quantity
-from seatrial.vehicles.hull import GRAVITY
+from seatrial.vehicles.active_dof import AddedCoriolis, acting_terms
+from seatrial.vehicles.actuators import Actuator, with_actuators
+from seatrial.vehicles.hull import GRAVITY, Hull, whole_hull
 from seatrial.vehicles.linearise import trim
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
+from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.remus100_fossen import ACTUATORS, NOTES, remus100_fossen, spheroid_hull
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle, trim_speed
+from seatrial.vehicles.thrusters import Thruster
+from seatrial.vehicles.whole import whole_vehicle
 
-_SURGE, _LONGITUDINAL = "_surge", "_longitudinal"
+_FOSSEN, _SURGE, _LONGITUDINAL = "remus100_fossen", "_surge", "_longitudinal"
 
 
 @dataclass(frozen=True)
-class CatalogueEntry:
-    """A published vehicle: the hull, its trim solved, and the published coefficients (SI)."""
+class PublishedVehicle:
+    """A vehicle of the catalogue.
+
+    Attributes:
+        hull: rigid body, weight, buoyancy, fixed coefficients and trim.
+        coefficients: published values of the others, SI.
+        moves: velocities the published model covers.
+        added_coriolis: whether Coriolis forces of the added mass are among the coefficients.
+        thrusters: those of an open frame; empty for one propeller on the axis.
+        actuators: published lags and limits by control.
+        notes: sources and errata, as the file has them.
+        written: builder of a vehicle whose forces are no sum of named terms; it has no restrictions and nothing free.
+    """
+
+    hull: Hull
+    coefficients: Mapping[str, float]
+    moves: tuple[str, ...]
+    added_coriolis: AddedCoriolis = "named"
+    thrusters: tuple[Thruster, ...] = ()
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    notes: str = ""
+    written: Callable[..., VehicleModel] | None = None
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Controls of the vehicle with everything it has moving."""
+        return self.build().controls
+
+    def terms(self, moves: Sequence[str] | None = None, given: Sequence[str] = ()) -> tuple[str, ...]:
+        """Names of the coefficients that have a part in a motion; all that is published moves where nothing is named."""
+        return acting_terms(tuple(self.coefficients), moves or self.moves, given, self.thrusters)
+
+    def build(
+        self, moves: Sequence[str] | None = None, given: Sequence[str] = (), actuators: bool = False, **options: Any
+    ) -> VehicleModel:
+        """Vehicle with the published terms that have a part in a motion.
+
+        Args:
+            moves: velocities that are states; all that is published where None.
+            given: velocities and angles that are measured.
+            actuators: whether published lags and limits come before the controls.
+            options: those of `whole_vehicle`; of a written vehicle `attitude` and `positions`.
+
+        Raises:
+            InputError: a restriction of a written vehicle, or as of `whole_vehicle`.
+        """
+        chosen = tuple(moves or self.moves)
+        if self.written is not None:
+            if chosen != self.moves or given:
+                raise InputError(
+                    f'vehicle "{self.hull.name}", moves',
+                    found=", ".join(chosen),
+                    expected="all six velocities: its forces are no sum of terms that could be left out",
+                    remedy="leave moves and given out, or take a vehicle of named coefficients",
+                )
+            model = self.written(**options)
+        else:
+            model = whole_vehicle(
+                self.hull,
+                self.terms(chosen, given),
+                moves=chosen,
+                given=given,
+                added_coriolis=self.added_coriolis,
+                thrusters=self.thrusters,
+                **options,
+            )
+        acting = {name: actuator for name, actuator in self.actuators.items() if name in model.controls}
+        return with_actuators(model, acting) if actuators and acting else model
+
+
+@dataclass(frozen=True)
+class SurgeEntry:
+    """A published vehicle in surge alone: the hull with its trim solved, and the published coefficients, SI."""
 
     hull: SurgeHull
     coefficients: dict[str, float]
@@ -29,73 +110,110 @@ class CatalogueEntry:
 
 @dataclass(frozen=True)
 class LongitudinalEntry:
-    """A published longitudinal vehicle: the hull, its level flight solved, and the published coefficients (SI)."""
+    """A published vehicle in surge, heave and pitch: the hull with its level flight solved, and the published coefficients, SI."""
 
     hull: LongitudinalHull
     coefficients: dict[str, float]
 
 
-def catalogue_names() -> tuple[str, ...]:
-    """Names of the catalogue's surge vehicles."""
-    return tuple(name for name in _names() if name.endswith(_SURGE))
-
-
-def longitudinal_names() -> tuple[str, ...]:
-    """Names of the catalogue's longitudinal vehicles."""
-    return tuple(name for name in _names() if name.endswith(_LONGITUDINAL))
+def vehicle_names() -> tuple[str, ...]:
+    """Return the names of all vehicles of the catalogue, reduced ones included."""
+    tables = (PurePath(item.name).stem for item in files(__name__).iterdir() if item.name.endswith(".toml"))
+    return tuple(sorted((*tables, _FOSSEN)))
 
 
 @cache
-def catalogue_vehicle(name: str) -> CatalogueEntry:
-    """Load a vehicle; the trim speed is solved from its own coefficients and the trim control.
+def load_vehicle(name: str) -> PublishedVehicle:
+    """Load a vehicle by name.
 
     Raises:
         InputError: no vehicle of that name.
     """
-    table = _table(name, catalogue_names())
-    where = f"catalogue {name}"
-    trim = {signal: quantity(text, signal_unit(signal), where) for signal, text in table["trim"].items()}
-    hull = SurgeHull(
-        table["name"], quantity(table["mass"], "kg", where), table["thrust_deduction"], table["fixed"], trim
-    )
-    coefficients = {CoefficientName.parse(key).text: float(value) for key, value in table["coefficients"].items()}
-    model = surge_vehicle(hull, tuple(coefficients))
-    speed = trim_speed(model, coefficients, [trim[control] for control in model.controls])
-    return CatalogueEntry(
-        SurgeHull(hull.name, hull.mass, hull.thrust_deduction, hull.fixed, {"u": speed, **trim}), coefficients
-    )
+    return _load(name, vehicle_names())
+
+
+def surge_names() -> tuple[str, ...]:
+    """Return the names of the vehicles of surge alone."""
+    return tuple(name for name in vehicle_names() if name.endswith(_SURGE))
 
 
 @cache
-def catalogue_longitudinal(name: str) -> LongitudinalEntry:
-    """Load a longitudinal vehicle; level flight is solved from its own coefficients and the trim propeller speed.
+def load_surge(name: str) -> SurgeEntry:
+    """Load a vehicle of surge alone; its trim speed is solved from its own coefficients and the trim control.
 
     Raises:
-        InputError: no longitudinal vehicle of that name.
+        InputError: no such vehicle.
     """
-    table, where = _table(name, longitudinal_names()), f"catalogue {name}"
-    size = {"mass": "kg", "pitch_inertia": "kg m^2", "x_g": "m", "z_g": "m", "net_buoyancy": "N"}
-    given = {key: quantity(table[key], unit, where) for key, unit in size.items()}
-    buoyancy = given["mass"] * GRAVITY + given.pop("net_buoyancy")
+    vehicle = _load(name, surge_names())
+    whole, coefficients = vehicle.hull, dict(vehicle.coefficients)
+    hull = SurgeHull(whole.name, whole.mass, whole.thrust_deduction, whole.fixed, whole.trim)
+    model = surge_vehicle(hull, tuple(coefficients))
+    speed = trim_speed(model, coefficients, [hull.trim[control] for control in model.controls])
+    return SurgeEntry(replace(hull, trim={"u": speed, **hull.trim}), coefficients)
+
+
+@cache
+def load_longitudinal(name: str) -> LongitudinalEntry:
+    """Load a vehicle of surge, heave and pitch; level flight is solved from its own coefficients and the trim propeller speed.
+
+    Raises:
+        InputError: no such vehicle.
+    """
+    vehicle = _load(name, tuple(one for one in vehicle_names() if one.endswith(_LONGITUDINAL)))
+    whole, coefficients = vehicle.hull, dict(vehicle.coefficients)
+    mass, inertia, (x_g, _, z_g) = whole.mass, whole.inertia[1], whole.centre_of_gravity
+    assert mass is not None
+    assert inertia is not None
     hull = LongitudinalHull(
-        table["name"], **given, buoyancy=buoyancy, thrust_deduction=table["thrust_deduction"], fixed=table["fixed"]
+        whole.name, mass, inertia, x_g, z_g, whole.buoyancy, thrust_deduction=whole.thrust_deduction, fixed=whole.fixed
     )
-    coefficients = {CoefficientName.parse(key).text: float(value) for key, value in table["coefficients"].items()}
     model = longitudinal_vehicle(hull, tuple(coefficients))
-    level = trim(model, coefficients, n=quantity(table["trim"]["n"], "rad/s", where))
-    state, control = (
-        dict(zip(names, values, strict=True))
-        for names, values in ((model.states, level.state), (model.controls, level.control))
+    level = trim(model, coefficients, n=whole.trim["n"])
+    at = dict(zip((*model.states, *model.controls), (*level.state, *level.control), strict=True))
+    known = {signal: at[signal] for signal in ("u", "w", "q", "theta", *model.controls)}
+    return LongitudinalEntry(replace(hull, trim=known), coefficients)
+
+
+# Coefficients without dimension and back: primes by density, length and speed (SNAME 1950; Prime I of Fossen, table
+# 7.2).
+#
+#     c = c' rho/2 L^a U^b
+#
+# The powers follow from the dimension of the coefficient alone: forces are in rho/2 U^2 L^2, moments in rho/2 U^2 L^3,
+# velocities in U, turning rates in U/L; angles stay as they are. A mass is in rho/2 L^3, an inertia in rho/2 L^5.
+# Where tables of a ship are in primes of its own instantaneous speed, a coefficient of order k in the motion carries
+# U^(2-k): constants of U are those here only at the speed given. Terms of a change of speed, `X_du2`, are handled
+# alike.
+#
+# Tables of ships often count the rigid body's own Coriolis forces among the coefficients (m' in X_vr and Y_r, m' x_G'
+# in N_r), which a whole vehicle makes itself: take them out first. Their rudder is positive to port or to starboard;
+# the signs of Y and N by it tell.
+
+
+def prime_scale(name: str, *, density: float, length: float, speed: float) -> float:
+    """SI value of a coefficient whose prime is 1.
+
+    Args:
+        name: coefficient; propeller speeds count as turning rates.
+        density: rho, kg/m^3.
+        length: L, m.
+        speed: U, m/s.
+    """
+    dimension = CoefficientName.parse(name).dimension
+    # rho/2 takes the kilogram with m^-3; what is left of seconds is U's, what is left of metres is L's.
+    return (
+        (0.5 * density) ** dimension.kg
+        * speed ** (-dimension.s)
+        * length ** (dimension.m + 3 * dimension.kg + dimension.s)
     )
-    known = {signal: state[signal] for signal in ("u", "w", "q", "theta")}
-    return LongitudinalEntry(replace(hull, trim={**known, **control}), coefficients)
 
 
-def _names() -> tuple[str, ...]:
-    return tuple(sorted(PurePath(item.name).stem for item in files(__name__).iterdir() if item.name.endswith(".toml")))
+def from_prime(name: str, value: float, *, density: float, length: float, speed: float) -> float:
+    """SI value of a coefficient without dimension; arguments as `prime_scale`."""
+    return value * prime_scale(name, density=density, length=length, speed=speed)
 
 
-def _table(name: str, names: tuple[str, ...]) -> dict[str, Any]:
+def _load(name: str, names: tuple[str, ...]) -> PublishedVehicle:
     if name not in names:
         raise InputError(
             f'vehicle "{name}"',
@@ -103,4 +221,85 @@ def _table(name: str, names: tuple[str, ...]) -> dict[str, Any]:
             expected=", ".join(names),
             remedy=nearest(name, names),
         )
-    return tomllib.loads(files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+    if name == _FOSSEN:
+        return PublishedVehicle(spheroid_hull(), {}, RATES, actuators=ACTUATORS, notes=NOTES, written=remus100_fossen)
+    text = files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return _vehicle(tomllib.loads(text), text, f"catalogue {name}")
+
+
+def _vehicle(table: dict[str, Any], text: str, where: str) -> PublishedVehicle:
+    fixed, coefficients = _values(table, "fixed", where), _values(table, "coefficients", where)
+    hull = _hull(table, fixed, where)
+    notes = "\n".join(line.removeprefix("#").strip() for line in text.split("\nname =")[0].splitlines())
+    return PublishedVehicle(
+        hull,
+        coefficients,
+        tuple(table.get("moves", _moving(hull, {**fixed, **coefficients}))),
+        table.get("added_coriolis", "named"),
+        tuple(
+            Thruster(_lengths(row["place"], where), tuple(map(float, row["direction"])))
+            for row in table.get("thrusters", [])
+        ),
+        _actuators(table, where),
+        notes,
+    )
+
+
+def _values(table: dict[str, Any], part: str, where: str) -> dict[str, float]:
+    """Coefficients in SI; those of a vehicle with `[primes]` are without dimension in the file."""
+    values = {CoefficientName.parse(name).text: float(value) for name, value in table.get(part, {}).items()}
+    if "primes" not in table:
+        return values
+    scale = _prime_scale(table, where)
+    return {name: from_prime(name, value, **scale) for name, value in values.items()}
+
+
+def _prime_scale(table: dict[str, Any], where: str) -> dict[str, float]:
+    units = {"density": "kg/m^3", "length": "m", "speed": "m/s"}
+    return {key: quantity(table["primes"][key], unit, where) for key, unit in units.items()}
+
+
+def _hull(table: dict[str, Any], fixed: dict[str, float], where: str) -> Hull:
+    mass = quantity(table["mass"], "kg", where)
+    weight = quantity(table["weight"], "N", where) if "weight" in table else mass * GRAVITY
+    net = quantity(table.get("net_buoyancy", "0 N"), "N", where)
+    return whole_hull(
+        table["name"],
+        mass,
+        [quantity(text, "kg m^2", where) if text else None for text in table.get("inertia", [""] * 3)],
+        products=[quantity(text, "kg m^2", where) for text in table.get("products", ["0 kg m^2"] * 3)],
+        centre_of_gravity=_lengths(table.get("centre_of_gravity", ["0 m"] * 3), where),
+        centre_of_buoyancy=_lengths(table.get("centre_of_buoyancy", ["0 m"] * 3), where),
+        weight=weight,
+        buoyancy=quantity(table["buoyancy"], "N", where) if "buoyancy" in table else weight + net,
+        thrust_deduction=table.get("thrust_deduction", 0.0),
+        wake=table.get("wake", 0.0),
+        fixed=fixed,
+        trim={name: quantity(text, signal_unit(name), where) for name, text in table.get("trim", {}).items()},
+        symmetric=table.get("symmetric_added_mass", True),
+    )
+
+
+def _moving(hull: Hull, values: Mapping[str, float]) -> tuple[str, ...]:
+    """Velocities whose axes have terms and known inertia."""
+    names = [CoefficientName.parse(name) for name in values]
+    axes = {"X" if name.axis == "T" else name.axis for name in names}
+    known = (True, True, True, *(part is not None for part in hull.inertia))
+    return tuple(rate for rate, axis, has in zip(RATES, "XYZKMN", known, strict=True) if axis in axes and has)
+
+
+def _lengths(texts: Sequence[str], where: str) -> tuple[float, float, float]:
+    x, y, z = (quantity(text, "m", where) for text in texts)
+    return x, y, z
+
+
+def _actuators(table: dict[str, Any], where: str) -> dict[str, Actuator]:
+    found = {}
+    for name in dict.fromkeys((*table.get("limits", {}), *table.get("lags", {}), *table.get("rates", {}))):
+        unit = signal_unit(name)
+        lower, upper = table.get("limits", {}).get(name, (None, None))
+        lag, rate = table.get("lags", {}).get(name), table.get("rates", {}).get(name)
+        limits = {} if lower is None else {"lower": quantity(lower, unit, where), "upper": quantity(upper, unit, where)}
+        limits |= {} if rate is None else {"rate": quantity(rate, f"{unit}/s", where)}
+        found[name] = Actuator(0.0 if lag is None else quantity(lag, "s", where), **limits)
+    return found

@@ -1,0 +1,278 @@
+"""Reads `[design]`, `[limits]` and `[power]`: which designs are tried, inside which limits, and what makes one the best."""
+
+from collections.abc import Mapping, Sequence
+from math import inf
+
+from seatrial.campaign.config.file_keys import FileKeys
+from seatrial.campaign.config.schema import DesignTable, LimitsTable, PowerTable, PredictionTable, RelayTable
+from seatrial.campaign.config.settings import DesignSettings, Power, RelaySettings, StatedPrediction
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import signal_unit
+from seatrial.design.motion_limits import Advance, Distance, MotionLimit, StateBound
+from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.vehicles.model import VehicleModel
+
+MOST_SAMPLES = 200_000
+"""Samples of a designed trial: beyond, a sweep no longer fits the memory of a laptop."""
+TRACKS = ("distance", "advance")
+"""Limits of the way travelled, m."""
+LONGEST = 1e5
+"""Of a prediction, s."""
+
+
+def read_design(
+    table: DesignTable, keys: FileKeys, model: VehicleModel, trim: Mapping[str, float], channels: Sequence[str]
+) -> DesignSettings:
+    """Read what designs are tried.
+
+    Args:
+        table: as written.
+        keys: of the file.
+        model: of the full structure.
+        trim: of the vehicle, SI.
+        channels: that are measured.
+
+    Raises:
+        InputError: a control the vehicle lacks, times that do not fit each other, or settings that contradict each other.
+    """
+    if len(set(table.families)) < len(table.families):
+        raise InputError(
+            keys.where("design.families"),
+            found=", ".join(table.families),
+            expected="each family once",
+            remedy="remove the repetition",
+        )
+    family, unit = _family(table, keys, model.controls, trim), signal_unit(table.control)
+    return DesignSettings(
+        family,
+        tuple(table.families),
+        keys.positive_range(table.amplitude, unit, "design.amplitude"),
+        keys.positive_range(table.period, "s", "design.period"),
+        table.utility,
+        table.filter,
+        table.over,
+        table.per,
+        keys.si(table.turnaround, "s", "design.turnaround"),
+        table.probability,
+        None if table.relay is None else _relay(table.relay, keys, channels),
+        None if table.prediction is None else _prediction(table.prediction, keys, unit),
+    )
+
+
+def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool) -> None:
+    """Check what makes a design the best: what the utility needs, and what is counted.
+
+    Raises:
+        InputError: naming the key at fault.
+    """
+    if design.utility == "fisher-c" and design.prediction is None:
+        raise InputError(
+            keys.where("design.utility"),
+            found='"fisher-c" without [design.prediction]',
+            expected="the prediction whose variance is to fall",
+            remedy='add [design.prediction] with of = "distance", control = "0 rpm" and after = "30 s"',
+        )
+    if design.utility == "discrimination" and is_one_structure:
+        raise InputError(
+            keys.where("design.utility"),
+            found='"discrimination" of a single structure',
+            expected="terms whose presence the data decide",
+            remedy='add them to structure.optional, or set utility = "fisher-d"',
+        )
+    if not 0 <= design.turnaround < inf:
+        raise InputError(
+            keys.where("design.turnaround"),
+            found=f"{design.turnaround:g} s",
+            expected="0 s or more",
+            remedy='for example "2 min"',
+        )
+    if design.turnaround > 0 and design.per != "second":
+        raise InputError(
+            keys.where("design.turnaround"),
+            found=f'{design.turnaround:g} s with per = "{design.per}", which does not count it',
+            expected='per = "second" beside it',
+            remedy='set per = "second", or remove turnaround',
+        )
+    if design.over == "worst" and design.per == "second":
+        raise InputError(
+            keys.where("design.over"),
+            found='"worst" with per = "second"',
+            expected="mean or local",
+            remedy='set over = "mean"',
+        )
+
+
+def read_limits(
+    tables: Mapping[str, LimitsTable], keys: FileKeys, control: str, states: Sequence[str]
+) -> tuple[Limits, tuple[MotionLimit, ...]]:
+    """Read the limits of the designed control, and those of the motion in the order of the file.
+
+    Raises:
+        InputError: a name that is neither the control nor a quantity of the motion, a rate of the motion, a lower bound of the distance,
+            no bound at all, units that do not fit, or lower above upper.
+    """
+    known = [control, *states, *TRACKS]
+    for name in tables:
+        if name not in known:
+            raise InputError(
+                keys.where(f"limits.{name}"),
+                found=f'"{name}"',
+                expected="the designed control, a state or a track: " + ", ".join(known),
+                remedy=nearest(name, known),
+            )
+    of_control = Limits() if control not in tables else _control_limits(tables[control], keys, control)
+    return of_control, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name != control)
+
+
+def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
+    """Read what a trial draws from the battery.
+
+    Raises:
+        InputError: no table, a control that is no propeller, or numbers that are not positive.
+    """
+    if control != "n":
+        raise InputError(
+            keys.where("design.per"),
+            found=f'"joule" with the control {control}',
+            expected="the propeller n, whose power grows with its cube",
+            remedy='set per = "trial"',
+        )
+    if table is None:
+        raise InputError(
+            keys.where("design.per"),
+            found='"joule" without [power]',
+            expected="what the vehicle draws",
+            remedy='add [power] with hotel = "20 W", propulsion = "40 W" and at = "1500 rpm"',
+        )
+    power = Power(
+        keys.si(table.propulsion, "W", "power.propulsion"),
+        keys.si(table.at, signal_unit(control), "power.at"),
+        keys.si(table.hotel, "W", "power.hotel"),
+    )
+    if not (power.propulsion > 0 and power.at != 0 and power.hotel >= 0):
+        raise InputError(
+            keys.where("power"),
+            found=f"propulsion {table.propulsion} at {table.at}, hotel {table.hotel}",
+            expected="positive power at a control that is not 0, and a hotel load of 0 W or more",
+            remedy="read one operating point off the battery's telemetry",
+        )
+    return power
+
+
+def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: Mapping[str, float]) -> Family:
+    """Control, trim and timing; each shape is a copy of it."""
+    if table.control not in controls:
+        raise InputError(
+            keys.where("design.control"),
+            found=f'"{table.control}"',
+            expected="a control of the vehicle: " + ", ".join(controls),
+            remedy=nearest(table.control, controls),
+        )
+    unit = signal_unit(table.control)
+    trim = trims.get(table.control, 0.0) if table.trim is None else keys.si(table.trim, unit, "design.trim")
+    seconds = {
+        key: keys.si(getattr(table, key), "s", f"design.{key}")
+        for key in ("duration", "active", "sample_time", "start", "ramp")
+    }
+    for key in ("active", "start", "ramp"):
+        if seconds[key] < 0 or (key == "active" and seconds[key] == 0):
+            raise InputError(
+                keys.where(f"design.{key}"),
+                found=getattr(table, key),
+                expected="more than 0 s" if key == "active" else "0 s or more",
+                remedy='for example "40 s"' if key == "active" else "correct it, or leave the key out",
+            )
+    family = Family(table.control, trim, **seconds)
+    if not family.duration > 0:
+        raise InputError(
+            keys.where("design.duration"),
+            found=f"{family.duration:g} s",
+            expected="more than 0",
+            remedy='for example "60 s"',
+        )
+    if not 0 < family.sample_time <= family.duration / 10:
+        raise InputError(
+            keys.where("design.sample_time"),
+            found=f"{family.sample_time:g} s",
+            expected="more than 0 and a tenth of the duration at most",
+            remedy='for example "0.02 s"',
+        )
+    samples = round(family.duration / family.sample_time)
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            keys.where("design.sample_time"),
+            found=f"{samples} samples in a trial of {family.duration:g} s",
+            expected=f"at most {MOST_SAMPLES}",
+            remedy="use a longer sample time: a hundredth of the fastest time constant is enough",
+        )
+    if family.start + family.active > family.duration * (1 + 1e-9):
+        raise InputError(
+            keys.where("design.active"),
+            found=f"start {family.start:g} s + active {family.active:g} s",
+            expected=f"an end within the duration, {family.duration:g} s",
+            remedy="lengthen the duration or shorten `active`",
+        )
+    return family
+
+
+def _relay(table: RelayTable, keys: FileKeys, channels: Sequence[str]) -> RelaySettings:
+    if table.output not in channels:
+        raise InputError(
+            keys.where("design.relay.output"),
+            found=f'"{table.output}"',
+            expected="a measured channel: " + ", ".join(channels),
+            remedy=nearest(table.output, channels),
+        )
+    unit = signal_unit(table.output)
+    return RelaySettings(table.output, keys.positive_range(table.threshold, unit, "design.relay.threshold"))
+
+
+def _prediction(table: PredictionTable, keys: FileKeys, unit: str) -> StatedPrediction:
+    after = keys.si(table.after, "s", "design.prediction.after")
+    if not 0 < after < LONGEST:
+        raise InputError(
+            keys.where("design.prediction.after"),
+            found=f"{after:g} s",
+            expected="a positive time of 100 000 s at most",
+            remedy='for example "30 s"',
+        )
+    return StatedPrediction(table.of, keys.si(table.control, unit, "design.prediction.control"), after)
+
+
+def _control_limits(table: LimitsTable, keys: FileKeys, control: str) -> Limits:
+    unit = signal_unit(control)
+    lower, upper = _bounds(table, keys, control, unit)
+    rate = None if table.rate is None else keys.si(table.rate, f"({unit})/s", f"limits.{control}.rate")
+    return Limits(None if lower == -inf else lower, None if upper == inf else upper, rate)
+
+
+def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:
+    if (
+        table.rate is not None
+        or (table.lower is None and table.upper is None)
+        or (name == "distance" and (table.upper is None or table.lower is not None))
+    ):
+        raise InputError(
+            keys.where(f"limits.{name}"),
+            found=", ".join(key for key in ("lower", "upper", "rate") if getattr(table, key) is not None) or "no bound",
+            expected="upper" if name == "distance" else "lower, upper or both",
+            remedy="rates are limited of controls only",
+        )
+    lower, upper = _bounds(table, keys, name, "m" if name in TRACKS else signal_unit(name))
+    if name == "distance":
+        return Distance(upper)
+    return Advance(lower, upper) if name == "advance" else StateBound(name, lower, upper)
+
+
+def _bounds(table: LimitsTable, keys: FileKeys, name: str, unit: str) -> tuple[float, float]:
+    lower = -inf if table.lower is None else keys.si(table.lower, unit, f"limits.{name}.lower")
+    upper = inf if table.upper is None else keys.si(table.upper, unit, f"limits.{name}.upper")
+    if not lower < upper:
+        raise InputError(
+            keys.where(f"limits.{name}"),
+            found=f"lower {table.lower}, upper {table.upper}",
+            expected="lower below upper",
+            remedy="swap or correct them",
+        )
+    return lower, upper

@@ -1,0 +1,133 @@
+"""Reads `[import]`: runs, and how their logs become records; everything is checked that can be without opening a log."""
+
+from collections.abc import Sequence
+
+from seatrial.campaign.config.file_keys import FileKeys
+from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable
+from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import signal_unit
+from seatrial.core.units import to_si
+from seatrial.logs.body_frame import SOURCES
+
+LONGEST = 80
+"""Characters of a run's name."""
+LAYOUT = ("delimiter", "encoding", "header_rows", "names", "skip_rows")
+"""Keys of `[[import.files]]` for text alone."""
+
+
+def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str]) -> Imports:
+    """Read what is imported.
+
+    Args:
+        table: as written.
+        keys: of the file.
+        known: signals that a record may hold.
+
+    Raises:
+        InputError: a channel or unit that is none, a scale of zero, times that are not positive, or a key without effect.
+    """
+    step, split = (
+        None if text is None else _positive(text, keys, f"import.{key}")
+        for key, text in (("step", table.step), ("split", table.split))
+    )
+    runs = (*table.fit, *table.predict)
+    if len(set(runs)) < len(runs):
+        raise InputError(
+            keys.where("import.predict" if table.predict else "import.fit"),
+            found="a run named twice in fit and predict",
+            expected="each run once",
+            remedy="a run that was fitted cannot also be a test of prediction",
+        )
+    for run in runs:
+        if not (0 < len(run) <= LONGEST and run.isprintable()) or set(run) & set("/\\") or run.startswith("."):
+            raise InputError(
+                keys.where("import.fit" if run in table.fit else "import.predict"),
+                found=f"run {run[: 2 * LONGEST]!r}",
+                expected=f"a plain name of at most {LONGEST} characters",
+                remedy="it becomes a file name: use letters and digits",
+            )
+    ends = {run: _ends(table, keys, run) for run in runs}
+    files = tuple(_file(file, keys, f"import.files[{index}]", known) for index, file in enumerate(table.files))
+    for run in table.trim:
+        if run not in runs:
+            raise InputError(
+                keys.where(f"import.trim.{run}"),
+                found=f'run "{run}"',
+                expected="one of " + ", ".join(runs),
+                remedy=nearest(run, runs),
+            )
+    return Imports(tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim))
+
+
+def _positive(text: str | float, keys: FileKeys, key: str) -> float:
+    value = keys.si(text, "s", key)
+    if not value > 0:
+        raise InputError(
+            keys.where(key), found=f"{text}", expected="more than 0 s", remedy="correct it, or leave the key out"
+        )
+    return value
+
+
+def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
+    """Where a run begins and ends, s, as far as anything is said of it.
+
+    Raises:
+        InputError: before where its files overlap, or an end that is not after the start.
+    """
+    found: dict[str, float] = {}
+    for name in ("start", "end"):
+        own = getattr(table.trim.get(run), name, None)
+        text, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
+        if text is not None:
+            found[name] = keys.si(text, "s", key)
+            if found[name] < 0 or (name == "end" and found[name] <= found.get("start", 0.0)):
+                raise InputError(
+                    keys.where(key),
+                    found=text
+                    + (f", with a start at {found['start']:g} s" if name == "end" and "start" in found else ""),
+                    expected="0 s or more, and an end after the start",
+                    remedy="count from where the files of the run overlap",
+                )
+    return found
+
+
+def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str]) -> LogFile:
+    if file.time is not None and file.time.unit is not None:
+        to_si(1.0, file.time.unit, "s", keys.where(f"{key}.time.unit"))
+    if file.names is not None and "header_rows" in file.model_fields_set:
+        raise InputError(
+            keys.where(f"{key}.header_rows"),
+            found="a key without effect: `names` says that the file has no header",
+            expected="one of the two",
+            remedy="remove it, or remove names",
+        )
+    return LogFile(
+        file.path,
+        {name: _column(name, one, keys, f"{key}.channels.{name}", known) for name, one in file.channels.items()},
+        file.table,
+        None if file.time is None else file.time.column,
+        None if file.time is None else file.time.unit,
+        file.clock,
+        file.axes,
+        file.delimiter,
+        file.encoding,
+        file.skip_rows,
+        file.header_rows,
+        None if file.names is None else tuple(file.names),
+        tuple(name for name in LAYOUT if name in file.model_fields_set),
+    )
+
+
+def _column(name: str, column: ColumnTable, keys: FileKeys, key: str, known: Sequence[str]) -> LogColumn:
+    if name not in (*known, *SOURCES):
+        raise InputError(
+            keys.where(key),
+            found=f'channel "{name}"',
+            expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
+            remedy=f"leave it out where no term needs it; else {nearest(name, known)}",
+        )
+    to_si(1.0, column.unit, signal_unit(name), keys.where(f"{key}.unit"))
+    if column.scale == 0:
+        raise InputError(keys.where(f"{key}.scale"), found="0", expected="a number other than 0", remedy="correct it")
+    return LogColumn(column.column, column.unit, column.scale, column.offset, column.curve)

@@ -1,0 +1,277 @@
+"""What a campaign is told, as plain data in SI: one small class for each part of a campaign file, without the file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Literal
+
+import numpy as np
+
+from seatrial.manoeuvres.family import Family
+from seatrial.sampling.names import DEFAULT, SamplerName
+from seatrial.selection.rules import CompiledRules
+from seatrial.selection.structures import structure_rules
+
+Residuals = Literal["white", "coloured", "heavy"]
+Scope = Literal["none", "shared", "own"]
+"""Whether something is unknown, and if so whether all trials share it or every one has its own."""
+Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
+DesignFilter = Literal["square-root-unscented", "unscented", "extended"]
+
+
+@dataclass(frozen=True)
+class StructureSettings:
+    """Which terms a model may have.
+
+    Attributes:
+        always: terms in every structure.
+        optional: terms whose presence the data decide.
+        rules: which of them may stand together, see `seatrial.selection.rules`.
+        shortlist: most structures that are simulated where a screening has to choose them.
+        g: of Zellner's g-prior of the screening, "rows" for one worth one row; None for the stated priors.
+    """
+
+    always: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    rules: tuple[str, ...] = ()
+    shortlist: int = 6
+    g: float | Literal["rows"] | None = None
+
+    def compiled(self) -> CompiledRules:
+        """Return which terms may stand together; errors as `structure_rules`."""
+        return structure_rules(self.always, self.optional, self.rules)
+
+
+@dataclass(frozen=True)
+class SensorSettings:
+    """What is known about the sensor of one channel.
+
+    Attributes:
+        noise: standard deviation, SI.
+        rate: samples a second; infinitely many where it gives one whenever there is one.
+        residuals: their kind; None for that of all sensors.
+        bias: whether it has a constant error, and whose.
+        lag: whether it answers late.
+        over: whether a speed is measured over ground or through the water.
+    """
+
+    noise: float
+    rate: float = inf
+    residuals: Residuals | None = None
+    bias: Scope = "none"
+    lag: bool = False
+    over: Literal["ground", "water"] = "ground"
+
+
+@dataclass(frozen=True)
+class RelaySettings:
+    """The self-oscillating test: the channel that is fed back, and the thresholds about its trim to try, SI."""
+
+    output: str
+    thresholds: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class StatedPrediction:
+    """What the coefficients are wanted for: a state or a track, `after` s once the control is set to `control`, SI."""
+
+    of: str
+    control: float
+    after: float
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """Designs to try, and what makes one of them the best.
+
+    Attributes:
+        family: control, trim and timing that all designs share.
+        kinds: shapes of the input that are tried.
+        amplitudes: of the control about its trim, SI.
+        periods: s.
+        utility: what is to be large.
+        filter: whose entropy reduction is predicted.
+        over: the mean of draws of what is believed, its mean alone, or the worst draw.
+        per: what a utility is counted by.
+        turnaround: time that a trial takes beside its own, s.
+        probability: with which limits of the motion are kept.
+        relay: the self-oscillating test.
+        prediction: what the coefficients are wanted for.
+    """
+
+    family: Family
+    kinds: tuple[str, ...]
+    amplitudes: tuple[float, ...]
+    periods: tuple[float, ...]
+    utility: Utility = "entropy"
+    filter: DesignFilter = "square-root-unscented"
+    over: Literal["mean", "local", "worst"] = "mean"
+    per: Literal["trial", "joule", "second"] = "trial"
+    turnaround: float = 0.0
+    probability: float = 0.95
+    relay: RelaySettings | None = None
+    prediction: StatedPrediction | None = None
+
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes, SI, and periods, s."""
+        return np.array(self.amplitudes), np.array(self.periods)
+
+
+@dataclass(frozen=True)
+class Power:
+    """What a trial draws from the battery: `propulsion` W at the control `at`, SI, and beside it `hotel` W."""
+
+    propulsion: float
+    at: float
+    hotel: float
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What ends a campaign.
+
+    Attributes:
+        shares: standard deviation wanted of a coefficient, as a share of its value.
+        sds: standard deviation wanted, SI.
+        decided: whether one structure is to hold 95 % of the probability.
+        trials: most trials to run; where nothing else is asked for, the goal is met once these are run.
+    """
+
+    shares: Mapping[str, float] = field(default_factory=dict)
+    sds: Mapping[str, float] = field(default_factory=dict)
+    decided: bool = False
+    trials: int = 5
+
+    @property
+    def only_trials(self) -> bool:
+        """Whether nothing is asked for but a number of trials: all of them are run then."""
+        return not (self.shares or self.sds or self.decided)
+
+    def unmet(self, known: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+        """Coefficients not yet known well enough, each with its standard deviation over the one wanted.
+
+        Args:
+            known: name to mean and standard deviation, SI; a coefficient that is missing here is not in the structure.
+        """
+        wanted = {name: share * abs(known[name][0]) for name, share in self.shares.items() if name in known}
+        wanted |= {name: sd for name, sd in self.sds.items() if name in known}
+        return {name: known[name][1] / sd for name, sd in wanted.items() if known[name][1] > sd}
+
+
+@dataclass(frozen=True)
+class LogColumn:
+    """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off."""
+
+    column: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+    curve: str | None = None
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """One log of a trial.
+
+    Attributes:
+        path: with `{run}` in place of the run's label, relative to the campaign's folder.
+        channels: by name.
+        table: topic, type of message, struct or variable, where a log has several.
+        time: column that holds time; None for the clock of the format.
+        time_unit: its unit; None where the log states it.
+        clock: how time stamps are taken.
+        axes: of the body and the earth.
+        delimiter: between columns of text; None to find it out.
+        encoding: of text.
+        skip_rows: before the header.
+        header_rows: of the header.
+        names: of all columns, where there is no header.
+        layout: which of the last five are stated; a log that is no text must not be told them.
+    """
+
+    path: str
+    channels: Mapping[str, LogColumn]
+    table: str | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
+    axes: Literal["NED", "ENU"] = "NED"
+    delimiter: str | None = None
+    encoding: str = "utf-8"
+    skip_rows: int = 0
+    header_rows: int = 1
+    names: tuple[str, ...] | None = None
+    layout: tuple[str, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True)
+class Imports:
+    """Runs, and how their logs become records.
+
+    Attributes:
+        fit: runs that are fitted jointly.
+        predict: runs that are only predicted.
+        files: logs of each run.
+        step: between samples, s; None for that of the logs.
+        split: length of the pieces into which a run is cut, s; None to leave it whole.
+        ends: of each run, where it starts and ends, s from where its logs overlap, as far as anything is said.
+        own_ends: runs whose ends are stated for themselves.
+    """
+
+    fit: tuple[str, ...]
+    predict: tuple[str, ...]
+    files: tuple[LogFile, ...]
+    step: float | None = None
+    split: float | None = None
+    ends: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    own_ends: tuple[str, ...] = ()
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """All runs, those that are fitted first."""
+        return (*self.fit, *self.predict)
+
+
+@dataclass(frozen=True)
+class EstimationSettings:
+    """Likelihood, where trials begin, residuals, a current along the course, what varies between trials, and the chains."""
+
+    likelihood: Literal["output-error", "filter-error"] = "output-error"
+    initial: Literal["trim", "measured", "estimated"] = "trim"
+    residuals: Residuals = "white"
+    current: Scope = "none"
+    varying: tuple[str, ...] = ()
+    sampler: SamplerName = DEFAULT
+    chains: int = 32
+    warmup: int = 500
+    draws: int = 1500
+    thin: int = 1
+
+
+@dataclass(frozen=True)
+class SelectionSettings:
+    """Particles and independent repeats behind each evidence."""
+
+    particles: int = 1024
+    repeats: int = 4
+
+
+@dataclass(frozen=True)
+class SlurmJobs:
+    """What each of some jobs asks SLURM for."""
+
+    memory: str
+    walltime: str
+    cores: int = 1
+    jobs: int = 1
+    queue: str | None = None
+    account: str | None = None
+    interface: str | None = None
+
+
+@dataclass(frozen=True)
+class ComputeSettings:
+    """Where work is done, which is no part of what is computed: `local`, `slurm`, or the address of a Dask scheduler."""
+
+    workers: str = "local"
+    slurm: SlurmJobs | None = None

@@ -1,0 +1,217 @@
+"""Reads `[vehicle]`: by its axes or as a whole, a published one or one by hand, as the table says."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from seatrial.campaign.config.file_keys import FileKeys
+from seatrial.campaign.config.schema import VehicleTable
+from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit
+from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
+from seatrial.vehicles.hull import Hull, whole_hull
+from seatrial.vehicles.surge import SurgeHull
+
+BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_to", "known_from")
+"""Keys of a vehicle by its axes."""
+BODY = (
+    *("name", "mass", "inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy"),
+    *("thrust_deduction", "wake"),
+)
+"""Keys of a body that a catalogue entry already says."""
+OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in zip("XYZKMN", RATES, strict=True))
+"""Added masses that act against the acceleration which they are of; the others may have either sign."""
+
+
+def read_vehicle(
+    table: VehicleTable, keys: FileKeys, terms: Sequence[str], angles: Sequence[str] = ()
+) -> CampaignVehicle:
+    """Read the vehicle of a campaign.
+
+    Args:
+        table: as written, with what earlier campaigns fix.
+        keys: of the file.
+        terms: that any structure may have.
+        angles: that a sensor measures or a limit bounds.
+
+    Raises:
+        InputError: keys that contradict each other, or numbers that no vehicle has.
+    """
+    for name, value in table.fixed.items():
+        with located(keys.where(f"vehicle.fixed.{name}")):
+            CoefficientName.parse(name)
+        if name in OWN_ADDED_MASS and value > 0:
+            raise InputError(
+                keys.where(f"vehicle.fixed.{name}"),
+                found=f"{value:g}, an added mass that makes the vehicle lighter",
+                expected="a number below zero: the water that is set in motion opposes the acceleration",
+                remedy=f"write {-value:g}, if {value:g} is the mass of that water",
+            )
+    for name in table.trim:
+        if name not in SIGNALS:
+            raise InputError(
+                keys.where(f"vehicle.trim.{name}"),
+                found=f'signal "{name}"',
+                expected="a signal",
+                remedy=nearest(name, SIGNALS),
+            )
+    if table.moves is not None or (table.catalogue is not None and table.catalogue not in surge_names()):
+        return _whole_vehicle(table, keys, terms, angles)
+    others = sorted(table.model_fields_set - set(BY_AXES))
+    if others:
+        raise InputError(
+            keys.where(f"vehicle.{others[0]}"),
+            found=", ".join(others),
+            expected="`moves` beside it: what of a whole vehicle is modelled",
+            remedy='add moves = ["u", "w", "q"], or remove it',
+        )
+    return _axes_vehicle(table, keys, axes_of(terms))
+
+
+def _axes_vehicle(table: VehicleTable, keys: FileKeys, axes: tuple[str, ...]) -> AxesVehicle:
+    if table.catalogue is not None:
+        _check_alone(table, keys, tuple(set(BY_AXES) - {"catalogue", "published_to", "known_from"}))
+        with located(keys.where("vehicle.catalogue")):
+            entry = load_surge(table.catalogue)
+        found = AxesVehicle(entry.hull, axes, entry.coefficients, table.catalogue)
+    elif table.mass is None:
+        raise InputError(
+            keys.where("vehicle.mass"),
+            found="neither a mass nor a catalogue name",
+            expected='for example "30.5 kg", or "unknown"',
+            remedy='with "unknown" every coefficient is estimated per unit of effective mass',
+        )
+    else:
+        mass = None if table.mass == "unknown" else keys.si(table.mass, "kg", "vehicle.mass")
+        hull = SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, _trim(table, keys))
+        found = AxesVehicle(hull, axes)
+    if found.hull.mass is not None and not found.is_surge:
+        raise InputError(
+            keys.where("vehicle.mass"),
+            found=f"{found.hull.mass:g} kg, with terms on the axes {' '.join(axes)}",
+            expected='mass = "unknown", terms on X and T only, or a whole vehicle that says what `moves`',
+            remedy="coefficients of other axes than X are estimated per unit of mass or inertia, added mass included",
+        )
+    return found
+
+
+def _whole_vehicle(
+    table: VehicleTable, keys: FileKeys, terms: Sequence[str], angles: Sequence[str] = ()
+) -> WholeVehicle:
+    """Read the vehicle of a campaign that says what moves, or names one of the catalogue that is whole."""
+    if table.catalogue is None:
+        body = PublishedVehicle(_by_hand(table, keys), {}, tuple(table.moves or ()))
+    else:
+        with located(keys.where("vehicle.catalogue")):
+            body = load_vehicle(table.catalogue)
+        _check_alone(table, keys, BODY)
+        if body.written is not None:
+            raise InputError(
+                keys.where("vehicle.catalogue"),
+                found=f'"{table.catalogue}", whose forces are no sum of named coefficients',
+                expected="a vehicle with coefficients to estimate",
+                remedy="simulate it to make records, and estimate another one from them",
+            )
+    sought = {CoefficientName.parse(term) for term in terms}
+    known = {**body.hull.fixed, **body.coefficients, **table.fixed}
+    fixed = {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
+    return WholeVehicle(
+        body,
+        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}),
+        tuple(table.moves or body.moves),
+        tuple(table.given),
+        tuple(table.positions),
+        tuple(angles),
+        table.attitude,
+        _actuators(table, keys, body),
+        table.catalogue or "",
+    )
+
+
+def _trim(table: VehicleTable, keys: FileKeys) -> dict[str, float]:
+    return {name: keys.si(text, signal_unit(name), f"vehicle.trim.{name}") for name, text in table.trim.items()}
+
+
+def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:
+    if table.mass is None or table.mass == "unknown":
+        raise InputError(
+            keys.where("vehicle.mass"),
+            found="nothing" if table.mass is None else '"unknown" together with `moves`',
+            expected='for example "30.5 kg": a whole vehicle is a body with a mass',
+            remedy="without `moves`, axes are estimated one by one per unit of an unknown inertia",
+        )
+
+    def three(key: str, unit: str) -> list[float] | None:
+        written: Sequence[str] | None = getattr(table, key)
+        return None if written is None else [keys.si(text, unit, f"vehicle.{key}") for text in written]
+
+    sizes = {"weight": "N", "buoyancy": "N"}
+    given = {
+        key: keys.si(text, unit, f"vehicle.{key}")
+        for key, unit in sizes.items()
+        if (text := getattr(table, key)) is not None
+    }
+    with located(keys.where("vehicle")):
+        return whole_hull(
+            table.name or "vehicle",
+            keys.si(table.mass, "kg", "vehicle.mass"),
+            three("inertia", "kg m^2") or (None, None, None),
+            products=three("products", "kg m^2") or (0.0, 0.0, 0.0),
+            centre_of_gravity=three("centre_of_gravity", "m") or (0.0, 0.0, 0.0),
+            centre_of_buoyancy=three("centre_of_buoyancy", "m") or (0.0, 0.0, 0.0),
+            thrust_deduction=table.thrust_deduction,
+            wake=table.wake,
+            fixed=table.fixed,
+            **given,
+        )
+
+
+def _actuators(table: VehicleTable, keys: FileKeys, body: PublishedVehicle) -> dict[str, Actuator]:
+    """Lags and limits by hand; the published ones of a catalogue entry where `actuators = "published"`."""
+    if table.actuators == "published":
+        return dict(body.actuators)
+    found = {}
+    for name, written in (table.actuators or {}).items():
+        key = f"vehicle.actuators.{name}"
+        if not is_signal(name) or not written.model_fields_set:
+            raise InputError(
+                keys.where(key),
+                found="a table without keys" if is_signal(name) else f'"{name}"',
+                expected="a control of the vehicle, with a lag or limits",
+                remedy="remove the table, or give lag, lower, upper or rate"
+                if is_signal(name)
+                else nearest(name, SIGNALS),
+            )
+        unit = signal_unit(name)
+        limits = {
+            bound: keys.si(text, unit, f"{key}.{bound}")
+            for bound in ("lower", "upper")
+            if (text := getattr(written, bound)) is not None
+        }
+        if written.rate is not None:
+            limits["rate"] = keys.si(written.rate, f"({unit})/s", f"{key}.rate")
+        found[name] = Actuator(keys.si(written.lag, "s", f"{key}.lag"), **limits)
+    return found
+
+
+def _check_alone(table: VehicleTable, keys: FileKeys, others: Sequence[str]) -> None:
+    """Check that a vehicle of the catalogue is given nothing that the catalogue says.
+
+    Args:
+        table: of a vehicle that has a catalogue name.
+        keys: of the file.
+        others: keys of `[vehicle]` that must not stand beside it.
+
+    Raises:
+        InputError: one that does.
+    """
+    twice = sorted(table.model_fields_set & set(others))
+    if twice:
+        raise InputError(
+            keys.where(f"vehicle.{twice[0]}"),
+            found=f"catalogue together with {', '.join(twice)}",
+            expected="a vehicle of the catalogue, or one by hand",
+            remedy=f"remove {', '.join(twice)}, or remove catalogue and give all of it",
+        )

@@ -1,0 +1,532 @@
+"""CSV and TSV: one table, its columns named by the header; a cell that is neither empty nor a number is an error.
+
+The text is gone through twice: rows are found and their cells counted, so that every fault has its line; then pandas parses the wanted
+columns. Both take quotation marks as RFC 4180 does.
+"""
+
+import codecs
+import csv
+import gzip
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from io import TextIOWrapper
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError, nearest
+from seatrial.logs.formats.protocol import (
+    Block,
+    ColumnInfo,
+    LogFile,
+    LogFormat,
+    RawTable,
+    TableInfo,
+    Wanted,
+    clock_unit,
+    clocks_among,
+    unreadable,
+)
+
+TABLE = "rows"
+WHITESPACE = "whitespace"
+_BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
+_ENOUGH = 10_000
+"""Rows that tell which columns hold numbers."""
+_ROWS = 1 << 16
+"""Rows that are parsed at a time."""
+_LONGEST_LINE = 1 << 24
+_LONGEST_STAMP = 40
+_LARGEST_STAMP = 2.0**62
+_SPACES = re.compile(r"[ \t]+")
+_GZIP = b"\x1f\x8b"
+_MAGIC = {
+    _GZIP: "gzip data",
+    b"PK\x03\x04": "a zip archive or a spreadsheet",
+    b"\x89HDF": "an HDF5 or NetCDF file",
+    b"#ROSBAG": "a ROS bag",
+    b"SQLite": "an SQLite database",
+    b"PAR1": "a Parquet file",
+    b"%PDF": "a PDF",
+    b"\xff\xfe": "UTF-16 text",
+    b"\xfe\xff": "UTF-16 text",
+}
+
+_Row = tuple[int, int, str | list[str]]
+"""Line at which a row begins, as a text editor counts; number of its cells; the cells, as text where none is quoted."""
+_Stamps = tuple[np.ndarray, int]
+"""Stamps times 10^decimals, int64, and those decimals; text and 0 where a number does not fit."""
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What the first pass finds.
+
+    Attributes:
+        names: of the columns.
+        above: lines above the first row of numbers.
+        rows: how many there are.
+        last: line of the last.
+        empty: rows of nothing but delimiters at the end, as spreadsheets leave them.
+    """
+
+    names: tuple[str, ...]
+    above: int
+    rows: int
+    last: int
+    empty: int
+
+
+class _Rounded(Exception):
+    """Stamps that must be parsed as text, since floats may not hold them."""
+
+
+def separator(log: LogFile) -> str:
+    """Return what separates the cells: one ASCII character, or `whitespace`.
+
+    Raises:
+        InputError: nothing said where the suffix does not tell, or not a single ASCII character.
+    """
+    suffix = Path(log.path.name.lower().removesuffix(".gz")).suffix
+    found = log.layout.delimiter if log.layout.delimiter is not None else _BY_SUFFIX.get(suffix)
+    where = f"{log.path}, delimiter"
+    if found is None:
+        raise InputError(
+            where,
+            found=f'suffix "{suffix}" and no delimiter',
+            expected=".csv, .tsv, or the delimiter",
+            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
+        )
+    is_mark = len(found) == 1 and found.isascii() and (found.isprintable() or found == "\t")
+    if found != WHITESPACE and (not is_mark or found.isalnum() or found in '".+-'):
+        raise InputError(
+            where,
+            found=repr(found),
+            expected=f'one character that no number contains, or "{WHITESPACE}"',
+            remedy='use ",", ";", "\\t" or "whitespace"',
+        )
+    return found
+
+
+def _recognises(path: Path, head: bytes) -> bool:
+    """Any text may be a table, so none is certain to be one."""
+    return False
+
+
+def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
+    """List the columns that hold a number in the first rows."""
+    with _opened(log) as (stream, _):
+        names, rows = _header(log, _rows(log, stream))
+        first, *others = islice(rows, _ENOUGH)
+    layout = _Layout(names, first[0] - 1, 1 + len(others), first[0], 0)
+    single = [at for at, name in enumerate(names) if names.count(name) == 1]
+    cells = next(_frames(log, layout, single))[0] if single else {}
+    numeric = {names[at]: values for at in single if np.isfinite(values := _floats(cells[at])).any()}
+    clocks, columns = clocks_among([ColumnInfo(name, _unit_of_stamps(name, numeric[name])) for name in numeric])
+    return (TableInfo(TABLE, columns, clocks),)
+
+
+def _unit_of_stamps(name: str, values: np.ndarray) -> str | None:
+    """Seconds for a column whose name alone says nanoseconds, of which there are no fractions."""
+    return "s" if clock_unit(name) == "ns" and (values[np.isfinite(values)] % 1).any() else None
+
+
+def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
+    """Stream columns; cells that are not numbers come as NaN."""
+    layout = _survey(log)
+    at = {name: _find(name, layout.names, log) for name in wanted.get(TABLE, ())}
+    for cells, done in _frames(log, layout, sorted(set(at.values()))) if at else ():
+        yield Block(TABLE, {name: _plain(cells[place]) for name, place in at.items()}, done)
+
+
+def _read(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str]) -> RawTable:
+    """Read columns, refusing cells that are not numbers; stamps stay whole numbers, or decimal ones as text."""
+    layout = _survey(log)
+    at = {name: _find(name, layout.names, log) for name in columns}
+    try:
+        values, decimals = _columns(log, layout, at, stamps, {})
+    except _Rounded:
+        values, decimals = _columns(log, layout, at, stamps, {at[name]: str for name in stamps})
+    notes = (f"{layout.empty} rows at the end have no cell filled and were left out",) if layout.empty else ()
+    return RawTable(values, lambda row: _row(log, row)[0], notes, decimals)
+
+
+def _columns(
+    log: LogFile, layout: _Layout, at: dict[str, int], stamps: Sequence[str], kinds: dict[int, type]
+) -> tuple[dict[str, np.ndarray], dict[str, int]]:
+    """All rows of some columns, of which some are parsed as another kind than they look like, and the decimals of the stamps.
+
+    Raises:
+        _Rounded: stamps that were parsed as floats.
+    """
+    parts: dict[str, list[Any]] = {name: [] for name in at}
+    first = 0
+    for found, _ in _frames(log, layout, sorted(set(at.values())), kinds):
+        for name, place in at.items():
+            cells, is_stamp = found[place], name in stamps
+            if is_stamp and cells.dtype.kind == "f":
+                raise _Rounded
+            exact = _exact(cells) if is_stamp else None
+            values = None if exact else _checked(cells, log, first, place, name, is_stamp)
+            parts[name].append(exact or ((cells, 0) if is_stamp else values))
+        first += len(next(iter(found.values())))
+    joined = {name: _joined(parts[name]) for name in stamps}
+    values = {name: joined[name][0] if name in joined else np.concatenate(parts[name]) for name in at}
+    return values, {name: decimals for name, (_, decimals) in joined.items()}
+
+
+def _checked(
+    cells: np.ndarray, log: LogFile, first: int, place: int, name: str, is_stamp: bool
+) -> Float[np.ndarray, " n"]:
+    """Return a parsed column as float64, NaN where a cell is empty.
+
+    Raises:
+        InputError: the first cell that is neither empty nor a finite number, or the first stamp that is missing.
+    """
+    values = _floats(cells)
+    for bad, expected in (
+        (np.isnan(values) & np.asarray(pd.notna(cells)), "a number"),
+        (np.isinf(values), "a finite number"),
+        (np.isnan(values) & is_stamp, "a time stamp in every row"),
+    ):
+        if bad.any():
+            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected)
+    return values
+
+
+def _floats(cells: np.ndarray) -> Float[np.ndarray, " n"]:
+    """Convert a parsed column; NaN where a cell is not a number."""
+    if cells.dtype.kind in "iuf":
+        return cells.astype(float)
+    return np.asarray(pd.to_numeric(np.array([str(cell) for cell in cells], object), errors="coerce"), float)
+
+
+def _plain(cells: np.ndarray) -> np.ndarray:
+    return cells if cells.dtype in (np.int64, np.float64) else _floats(cells)
+
+
+def _exact(cells: np.ndarray) -> _Stamps | None:
+    """Stamps without rounding: 1669909203.330 as 1669909203330 and 3 decimals; None where they are not so plain."""
+    if cells.dtype.kind in "iu":
+        return _scaled(cells, 0, 0)
+    words = [str(cell) for cell in cells]
+    if max(map(len, words)) > _LONGEST_STAMP or any("_" in word for word in words):
+        return None
+    try:
+        texts: Any = np.strings.strip(np.array(words, "S"))
+        whole = np.strings.replace(texts, b".", b"", 1).astype(np.int64)
+    except (ValueError, OverflowError):
+        return None
+    point = np.strings.find(texts, b".")
+    decimals = np.where(point < 0, 0, np.strings.str_len(texts) - 1 - point)
+    return _scaled(whole, decimals, int(decimals.max()))
+
+
+def _scaled(whole: np.ndarray, decimals: np.ndarray | int, finest: int) -> _Stamps | None:
+    """Whole numbers of the finest of their decimals, where they fit."""
+    more = finest - np.asarray(decimals)
+    if finest > 18 or (np.abs(whole.astype(float)) * 10.0**more).max() >= _LARGEST_STAMP:
+        return None
+    return whole * 10**more, finest
+
+
+def _joined(parts: Sequence[_Stamps]) -> _Stamps:
+    """Stamps of several pieces on the finest of their decimals; as text where one is, or they do not fit."""
+    finest = max(decimals for _, decimals in parts)
+    scaled = [_scaled(values, decimals, finest) if values.dtype.kind == "i" else None for values, decimals in parts]
+    if all(scaled):
+        return np.concatenate([part[0] for part in scaled if part]), finest
+    texts = [
+        values.tolist() if values.dtype.kind == "O" else [f"{value}e-{decimals}" for value in values.tolist()]
+        for values, decimals in parts
+    ]
+    return np.array(list(chain.from_iterable(texts)), object), 0
+
+
+def _find(name: str, names: Sequence[str], log: LogFile) -> int:
+    """Position of a column."""
+    if names.count(name) == 1:
+        return names.index(name)
+    where = f'{log.path}, column "{name}"'
+    if name in names:
+        places = ", ".join(str(i + 1) for i, other in enumerate(names) if other == name)
+        raise InputError(
+            where,
+            found=f"several columns of that name, at positions {places}",
+            expected="one",
+            remedy="give distinct names with `names` and skip the header",
+        )
+    other = next((mark for mark in (";", "\t", "|", ",") if mark in names[0]), None) if len(names) == 1 else None
+    if other:
+        remedy = f"set the delimiter to {other!r}"
+    elif np.isfinite(_floats(np.array(names, object))).all():
+        remedy = "the first row holds numbers: if the file has no header, give the column names with `names`"
+    else:
+        remedy = nearest(name, names)
+    raise InputError(
+        where, found="no column of that name", expected=f"one of the {len(names)} in the header", remedy=remedy
+    )
+
+
+def _frames(
+    log: LogFile, layout: _Layout, places: list[int], kinds: Any = None
+) -> Iterator[tuple[dict[int, np.ndarray], float]]:
+    """Parse some columns, some thousand rows at a time; yields them by position, and the share of the file that is read."""
+    size, found = max(log.path.stat().st_size, 1), 0
+    with _opened(log) as (stream, raw):
+        for _ in range(layout.above):
+            stream.readline()
+        try:
+            frames = pd.read_csv(
+                stream,
+                sep=r"\s+" if separator(log) == WHITESPACE else separator(log),
+                header=None,
+                names=list(range(len(layout.names))),
+                usecols=places,
+                dtype=kinds,
+                index_col=False,
+                engine="c",
+                lineterminator="\n",
+                low_memory=False,
+                nrows=layout.rows,
+                chunksize=_ROWS,
+            )
+            for frame in frames:
+                found += len(frame)
+                yield {place: frame[place].to_numpy() for place in places}, min(raw.tell() / size, 1.0)
+        except pd.errors.ParserError as cause:
+            raise _undivided(log, layout, str(cause)) from cause
+    if found != layout.rows:
+        raise _undivided(log, layout, f"{found} rows or {layout.rows}, depending on how quotation marks are read")
+
+
+def _undivided(log: LogFile, layout: _Layout, cause: str) -> InputError:
+    return InputError(
+        str(log.path),
+        found=f"rows that cannot be divided into cells ({cause})",
+        expected=f"{layout.rows} rows of {len(layout.names)} cells",
+        remedy=f"look for a stray quotation mark in row {layout.last} or above",
+    )
+
+
+def _survey(log: LogFile) -> _Layout:
+    """Go through the rows, having checked that each has all its cells.
+
+    Raises:
+        InputError: no data, or a row of another width than the header.
+    """
+    blanks = " \t\n" + _mark(log)
+    count = filled = last = wrong = 0
+    first_wrong: _Row | None = None
+    waiting: list[_Row] = []
+    with _opened(log) as (stream, _):
+        names, rows = _header(log, _rows(log, stream))
+        above = -1
+        for row in rows:
+            line, width, cells = row
+            above = line - 1 if above < 0 else above
+            count += 1
+            if width != len(names):
+                waiting.append(row)
+            if isinstance(cells, str) and cells[0] in blanks and not cells.strip(blanks):
+                continue
+            filled, last = count, line
+            if waiting:
+                first_wrong = first_wrong or waiting[0]
+                wrong += len(waiting)
+                waiting = []
+    if not filled:
+        raise _no_rows(log, is_empty=not (count or log.layout.skip_rows))
+    if first_wrong:
+        raise _ragged(log, len(names), filled, wrong, first_wrong, last)
+    return _Layout(names, above, filled, last, count - filled)
+
+
+def _ragged(log: LogFile, expected: int, rows: int, wrong: int, first: _Row, last: int) -> InputError:
+    line, width, cells = first
+    if wrong == rows:
+        remedy = "correct the delimiter, or skip the header and give the name of every column with `names`"
+    elif not isinstance(cells, str):
+        remedy = "mend or delete the row; look for a stray quotation mark"
+    elif line == last:
+        remedy = "the last row is cut off: delete it"
+    else:
+        remedy = "mend or delete the row"
+    return InputError(
+        f"{log.path}, row {line}",
+        found=f"{width} cells; {wrong} of {rows} rows are so",
+        expected=f"{expected} cells, as in the header",
+        remedy=remedy,
+    )
+
+
+def _no_rows(log: LogFile, is_empty: bool) -> InputError:
+    return InputError(
+        str(log.path),
+        found=f"an empty file ({log.path.stat().st_size} bytes)"
+        if is_empty
+        else f"no row below the header and the first {log.layout.skip_rows} lines",
+        expected="rows of numbers",
+        remedy="export the log again, or correct skip_rows and header_rows",
+    )
+
+
+def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str) -> InputError:
+    """Return the error about one cell, with its line and text."""
+    line, _, cells = _row(log, row)
+    cell = _cells(log, cells)[place]
+    whole, comma, part = cell.lstrip("+-").partition(",")
+    remedy = (
+        "write decimals with a point, not with a comma"
+        if comma and whole.isdigit() and part.isdigit()
+        else "correct the cell, leave it empty where nothing was measured, or map another column"
+    )
+    return InputError(
+        f'{log.path}, row {line}, column "{name}"',
+        found=repr(cell[:60]) if cell else "an empty cell",
+        expected=expected,
+        remedy=remedy,
+    )
+
+
+def _row(log: LogFile, row: int) -> _Row:
+    """A row of data, found by reading the file once more: only an error asks for it."""
+    with _opened(log) as (stream, _):
+        return next(islice(_header(log, _rows(log, stream))[1], row, None))
+
+
+def _header(log: LogFile, rows: Iterator[_Row]) -> tuple[tuple[str, ...], Iterator[_Row]]:
+    """Names of the columns, and the rows below them."""
+    if log.layout.names:
+        return log.layout.names, rows
+    header = list(islice(rows, log.layout.header_rows))
+    first = next(rows, None)
+    if first is None:
+        raise _no_rows(log, is_empty=not (header or log.layout.skip_rows))
+    return tuple(_cells(log, header[0][2])), chain((first,), rows)
+
+
+def _rows(log: LogFile, stream: TextIOWrapper) -> Iterator[_Row]:
+    """Rows below the first lines that are skipped; blank lines are left out, and a quoted cell may span lines."""
+    mark, lines, number = _mark(log), _lines(log, stream), 0
+    for line in lines:
+        number += 1
+        if number <= log.layout.skip_rows:
+            continue
+        if '"' in line:
+            first, reader = number, csv.reader(chain((line,), lines), delimiter=mark)
+            try:
+                cells = next(reader)
+            except csv.Error as cause:
+                raise _no_cells(log, first, str(cause)) from cause
+            number += reader.line_num - 1
+            yield first, len(cells), cells
+        elif (width := line.count(mark)) or line.strip(" \t\n"):
+            yield number, width + 1, line
+
+
+def _mark(log: LogFile) -> str:
+    return " " if separator(log) == WHITESPACE else separator(log)
+
+
+def _cells(log: LogFile, cells: str | list[str]) -> list[str]:
+    """Cells of a row, without the spaces around them."""
+    return [cell.strip() for cell in (cells.split(_mark(log)) if isinstance(cells, str) else cells)]
+
+
+def _no_cells(log: LogFile, line: int, found: str) -> InputError:
+    return InputError(
+        f"{log.path}, row {line}",
+        found=f"a row that is not cells ({found})",
+        expected=f"cells separated by {separator(log)!r}",
+        remedy="mend or delete the row; look for a stray quotation mark",
+    )
+
+
+def _lines(log: LogFile, stream: TextIOWrapper) -> Iterator[str]:
+    """Lines of a text, each with its line feed; where cells are separated by spaces, one space between them."""
+    is_spaced = separator(log) == WHITESPACE
+    for number, line in enumerate(iter(partial(stream.readline, _LONGEST_LINE), ""), 1):
+        if "\0" in line:
+            raise _not_text(log, number)
+        if len(line) == _LONGEST_LINE:
+            raise _no_cells(log, number, f"it does not end within {_LONGEST_LINE >> 20} million characters")
+        yield _SPACES.sub(" ", line.strip(" \t\n")) + "\n" if is_spaced else line
+
+
+@contextmanager
+def _opened(log: LogFile) -> Iterator[tuple[TextIOWrapper, BinaryIO]]:
+    """Open a log as text, every line ended by a line feed, and as the bytes of the file.
+
+    Raises:
+        InputError: not what its suffix says, empty, binary, or text in another encoding.
+    """
+    path, encoding = log.path, log.layout.encoding
+    try:
+        codec = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
+        " ".encode(codec)
+    except (LookupError, ValueError) as cause:
+        raise InputError(
+            f"{path}, encoding",
+            found=repr(encoding),
+            expected='an encoding such as "utf-8" or "cp1252"',
+            remedy="correct the name of the encoding",
+        ) from cause
+    try:
+        with path.open("rb") as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as unpacked:
+            yield TextIOWrapper(unpacked, codec), raw  # type: ignore[arg-type]
+    except (EOFError, zlib.error) as cause:
+        raise InputError(
+            str(path),
+            found=f"gzip data cut off or damaged ({cause})",
+            expected="a whole gzip file",
+            remedy="copy or export the file again",
+        ) from cause
+    except gzip.BadGzipFile as cause:
+        raise InputError(
+            str(path),
+            found=f"{_kind(path)}, not gzip data",
+            expected="gzip data, as the suffix .gz says",
+            remedy="rename the file if it is plain text, or export it again",
+        ) from cause
+    except UnicodeError as cause:
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as raw:
+            lines = enumerate(TextIOWrapper(raw, codec, "replace"), 1)  # type: ignore[arg-type]
+            raise _not_text(log, next((number for number, line in lines if "\ufffd" in line), 1)) from cause
+    except OSError as cause:
+        raise unreadable(path, cause) from cause
+
+
+def _not_text(log: LogFile, line: int) -> InputError:
+    kind = _kind(log.path)
+    return InputError(
+        f"{log.path}, row {line}",
+        found=f"{kind}, not {log.layout.encoding} text",
+        expected=f"text in {log.layout.encoding}",
+        remedy="add the suffix .gz to its name"
+        if kind == _MAGIC[_GZIP]
+        else 'export the log as CSV; if it is text already, name its encoding ("utf-16", "cp1252")',
+    )
+
+
+def _kind(path: Path) -> str:
+    """What the first bytes say a file is."""
+    with path.open("rb") as stream:
+        data = stream.read(4096)
+    return next(
+        (kind for magic, kind in _MAGIC.items() if data.startswith(magic)),
+        "binary data" if b"\0" in data or not data[:64].isascii() else "other data",
+    )
+
+
+FORMAT = LogFormat(
+    "a table of text", (".csv", ".tsv", ".csv.gz", ".tsv.gz"), _recognises, _catalogue, _blocks, _read, is_text=True
+)

@@ -1,0 +1,254 @@
+"""Rules over structures as bit masks: which structures they allow, how many these are, and their prior probability in all.
+
+A structure is an integer S whose bit i says that term i is there. It is allowed if
+
+    parents[i] & ~S == 0 for every i in S,   S & group in (0, group),   popcount(S & some) <= 1
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt64
+
+from seatrial.core.errors import InputError
+
+MOST_TERMS = 63
+"""Terms at most: bit 63 of an unsigned integer of 64 bits stands for what no structure has, see `conditions`."""
+_ONE = np.uint64(1)
+
+
+@dataclass(frozen=True)
+class RuleMasks:
+    """Rules over terms by number.
+
+    Attributes:
+        parents: for each term, the terms that must be there if it is, as a bit mask; shorter where the last have none.
+        groups: bit masks of terms of which all are there or none.
+        exclusive: bit masks of terms of which at most one is there.
+    """
+
+    parents: tuple[int, ...] = ()
+    groups: tuple[int, ...] = ()
+    exclusive: tuple[int, ...] = ()
+
+    @cached_property
+    def n_terms(self) -> int:
+        """Number of the last term that a rule is about, counted from 1."""
+        masks = (*self.parents, *self.groups, *self.exclusive)
+        return max([len(self.parents), *(mask.bit_length() for mask in masks)])
+
+    def required(self, n_terms: int) -> list[int]:
+        """Return for each of `n_terms` terms a bit mask of the others that must be there if it is, direct ones only."""
+        masks = [*self.parents, *[0] * (n_terms - len(self.parents))]
+        for group in self.groups:
+            masks = [mask | group if group >> i & 1 else mask for i, mask in enumerate(masks)]
+        return [mask & ~(1 << i) for i, mask in enumerate(masks)]
+
+    def rivals(self, n_terms: int) -> list[int]:
+        """Return for each of `n_terms` terms a bit mask of those that must be absent if it is there."""
+        masks = [0] * n_terms
+        for some in self.exclusive:
+            masks = [mask | some if some >> i & 1 else mask for i, mask in enumerate(masks)]
+        return [mask & ~(1 << i) for i, mask in enumerate(masks)]
+
+    def allowed(self, structures: UInt64[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+        """Return whether the rules allow each structure."""
+        term, required, exclusive = self._arrays
+        structures = np.asarray(structures, np.uint64)
+        if not term.size and not exclusive.size:
+            return np.ones(structures.shape, bool)
+        structures = structures[..., None]
+        kept = ((structures >> term & _ONE == 0) | (~structures & required == 0)).all(-1)
+        return kept & (np.bitwise_count(structures & exclusive) <= 1).all(-1)
+
+    @cached_property
+    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Terms that require others, what they require, and the sets of rivals: samplers ask at every move."""
+        required = self.required(self.n_terms)
+        return (
+            np.array([i for i, mask in enumerate(required) if mask], np.uint64),
+            np.array([mask for mask in required if mask], np.uint64),
+            np.array(self.exclusive, np.uint64),
+        )
+
+
+class Conditions(NamedTuple):
+    """What the rules ask of the free bits, for each setting of the others (a lane).
+
+    Attributes:
+        free: the free bits' settings, as structures, shape (m,).
+        among: whether each keeps the rules among free bits, shape (m,).
+        care: bits that a lane asks about, shape (lanes,).
+        need: which of these it wants set, shape (lanes,); a lane that breaks the rules by itself wants what cannot be.
+    """
+
+    free: UInt64[np.ndarray, " m"]
+    among: Bool[np.ndarray, " m"]
+    care: UInt64[np.ndarray, " lanes"]
+    need: UInt64[np.ndarray, " lanes"]
+
+    def forbidden(self, lanes: slice) -> Bool[np.ndarray, "m lanes"]:
+        """Return which structures of some lanes break the rules."""
+        kept = (self.free[:, None] & self.care[lanes]) == self.need[lanes]
+        kept &= self.among[:, None]
+        return ~kept
+
+
+def conditions(rules: RuleMasks, fixed: UInt64[np.ndarray, " lanes"], free: Sequence[int]) -> Conditions:
+    """Return what the rules ask of some terms once all others are decided.
+
+    Then the rules ask of the free terms only that some be there and some not, beside what they ask among themselves: one masked
+    comparison decides for all settings of these.
+
+    Args:
+        rules: over all terms.
+        fixed: the other terms that are there, as structures, shape (lanes,).
+        free: numbers of the free terms.
+
+    Returns:
+        The conditions of every lane.
+    """
+    values, mask = spread(np.arange(2 ** len(free)), free), sum(1 << term for term in free)
+    among, valid = np.ones(values.shape, bool), np.ones(fixed.shape, bool)
+    need, forbid = np.zeros_like(fixed), np.zeros_like(fixed)
+    for term, required in enumerate(rules.required(rules.n_terms)):
+        inside, outside = required & mask, required & ~mask
+        if mask >> term & 1:
+            among &= ~_has(values, term) | _covers(values, inside)
+            forbid |= np.where(_covers(fixed, outside), np.uint64(0), np.uint64(1 << term))
+        else:
+            there = _has(fixed, term)
+            need |= np.where(there, np.uint64(inside), np.uint64(0))
+            valid &= ~there | _covers(fixed, outside)
+    for some in rules.exclusive:
+        among &= np.bitwise_count(values & np.uint64(some)) <= 1
+        count = np.bitwise_count(fixed & np.uint64(some))
+        valid &= count <= 1
+        forbid |= np.where(count == 1, np.uint64(some & mask), np.uint64(0))
+    valid &= need & forbid == 0
+    # no free term has this bit, so a lane that wants it matches nothing
+    impossible = np.uint64(1 << MOST_TERMS)
+    return Conditions(values, among, need | forbid, np.where(valid, need, impossible))
+
+
+def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float]) -> tuple[int, float]:
+    """Count the allowed structures, and give the probability that independent draws of the terms make one; nothing is enumerated.
+
+    Rules are implications (a term requires others) and rivalries: clauses of two literals. Deciding one term decides what follows
+    from it; terms that share no rule count by themselves. The branching goes on until no rule is left among undecided terms
+    (Bayardo and Pehoushek, AAAI 2000).
+
+    Args:
+        rules: over all terms.
+        sure: numbers of terms in every structure.
+        chance: prior probability that each term is there, for all terms; not used for those of `sure`.
+
+    Returns:
+        The number, exactly, and the probability.
+    """
+    d = len(chance)
+    wants, rivals = rules.required(d), rules.rivals(d)
+    wanting = [sum(1 << i for i in range(d) if wants[i] >> j & 1) for j in range(d)]
+    fixed = sum(1 << i for i in sure)
+
+    def weigh(members: int, present: bool) -> float:
+        value = 1.0
+        for i in _bit_numbers(members & ~fixed):
+            value *= chance[i] if present else 1.0 - chance[i]
+        return value
+
+    def decide(open_: int, start: int, present: bool) -> tuple[int, float]:
+        """Return what remains once some terms are there, or absent, with all that follows."""
+        there, absent = (start, 0) if present else (0, start)
+        size = -1
+        while size != there | absent:
+            size = there | absent
+            for i in _bit_numbers(there):
+                there, absent = there | wants[i] & open_, absent | rivals[i] & open_
+            for i in _bit_numbers(absent):
+                absent |= wanting[i] & open_
+        if there & absent:
+            return 0, 0.0
+        count, mass = total(open_ & ~(there | absent))
+        return count, mass * weigh(there, True) * weigh(absent, False)
+
+    @lru_cache(maxsize=2**16)
+    def total(open_: int) -> tuple[int, float]:
+        linked = {i: (wants[i] | wanting[i] | rivals[i]) & open_ for i in _bit_numbers(open_)}
+        pivot = max(linked, key=lambda i: linked[i].bit_count(), default=-1)
+        if pivot < 0 or not linked[pivot]:
+            return 2 ** open_.bit_count(), 1.0
+        part, size = 1 << pivot, 0
+        while size != part:
+            size = part
+            for i in _bit_numbers(part):
+                part |= linked[i]
+        with_it, without = (decide(part, 1 << pivot, present) for present in (True, False))
+        count, mass = total(open_ & ~part)
+        return count * (with_it[0] + without[0]), mass * (with_it[1] + without[1])
+
+    return decide((1 << d) - 1, fixed, True)
+
+
+def closure(required: Sequence[int], start: int) -> int:
+    """Return some terms with all that they require, and what these require, as bit masks."""
+    size = -1
+    while size != start:
+        size = start
+        for i in _bit_numbers(start):
+            start |= required[i]
+    return start
+
+
+def check_rules(rules: RuleMasks, n_terms: int) -> None:
+    """Check that the rules speak of terms that exist.
+
+    Raises:
+        InputError: they do not.
+    """
+    if rules.n_terms > n_terms:
+        raise InputError(
+            "rules of the structures",
+            found=f"a rule about term number {rules.n_terms}",
+            expected=f"terms 1 to {n_terms}",
+            remedy="write the rules over the same terms, in the same order",
+        )
+
+
+def no_structure() -> InputError:
+    """Return what to raise where no structure keeps all rules."""
+    return InputError(
+        "rules of the structures",
+        found="no structure that keeps them all",
+        expected="at least one",
+        remedy="look for an exclusion between a term and one that it wants, or between terms that are always there",
+    )
+
+
+def spread(codes: np.ndarray, terms: Sequence[int]) -> UInt64[np.ndarray, "*n"]:
+    """Return the structures of codes whose bit j stands for `terms[j]`."""
+    codes = np.asarray(codes, np.uint64)
+    structures = np.zeros_like(codes)
+    for j, term in enumerate(terms):
+        structures |= ((codes >> np.uint64(j)) & _ONE) << np.uint64(term)
+    return structures
+
+
+def bits(codes: np.ndarray, n_bits: int) -> Float[np.ndarray, "n_bits m"]:
+    """Return whether each of the first bits of each code is set, 0 or 1."""
+    return (np.asarray(codes, np.uint64) >> np.arange(n_bits, dtype=np.uint64)[:, None] & _ONE).astype(float)
+
+
+def _bit_numbers(mask: int) -> list[int]:
+    return [i for i in range(mask.bit_length()) if mask >> i & 1]
+
+
+def _has(structures: UInt64[np.ndarray, "*n"], term: int) -> Bool[np.ndarray, "*n"]:
+    return (structures >> np.uint64(term)) & _ONE == _ONE
+
+
+def _covers(structures: UInt64[np.ndarray, "*n"], required: int) -> Bool[np.ndarray, "*n"]:
+    return ~structures & np.uint64(required) == 0

@@ -1,0 +1,292 @@
+"""Tables III and VI and Figures 6 to 8: Markov chains of the paper's length, what they look like and what they say."""
+
+import time
+from collections.abc import Callable
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
+from seatrial.estimation.posterior import Posterior
+from seatrial.report.figures.posterior import normal_density
+from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE, limit_ticks, thin
+from seatrial.sampling import adaptive_metropolis
+from seatrial.sampling.diagnostics import diagnose
+from seatrial.sampling.geweke import geweke_scores, printed_geweke_scores
+from seatrial.sampling.run import ChainSettings, Run, finish, is_finished
+from seatrial.selection.criteria import deviance_criteria, psis_loo, waic
+from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit
+from studies.remus100.study import Study
+from studies.remus100.trial import paper_posterior, paper_trial, wide
+from studies.remus100.vehicle_file import Reading
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LAGS = 200
+KEPT = 5000
+"""Draws of each chain that are kept for figures; every number comes from all of them."""
+AFAR = 10.0
+"""Nats below the mode at which a start counts as arrived."""
+BINS, LIMIT = 50, 2.0
+GEWEKE = {"color": ORANGE, "marker": "o", "markersize": 3, "linestyle": "none"}
+NORMAL = {"color": INK, "linewidth": 1.0, "linestyle": (0, (4, 2))}
+BURN_IN = {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1.5))}
+INSIDE = {"color": ORANGE, "linewidth": 6, "alpha": 0.16}
+RAW = {"color": ORANGE, "linewidth": 6, "alpha": 0.25}
+DETRENDED = {"color": ORANGE, "linewidth": 1.4}
+DRAWS = {"color": BLUE, "linewidth": 6, "alpha": 0.45}
+TRUE = {"color": PURPLE, "linewidth": 1.5, "linestyle": (0, (1.5, 1.2))}
+MEAN = {"color": BLUE, "linewidth": 1.4}
+HPD = {"color": MUTED, "linewidth": 6, "alpha": 0.3}
+
+
+class _Sampled(NamedTuple):
+    """A finished run: draws in SI, shape (chains, draws, d), chain 0 every 100 iterations from the start, and its cost."""
+
+    values: Float[np.ndarray, "chains draws d"]
+    trace: Float[np.ndarray, "points d"]
+    mode: Float[np.ndarray, " d"]
+    acceptance: float
+    seconds: float
+
+
+def table_3_part(study: Study, sampler: ModuleType) -> xr.Dataset:
+    """M-1 on the trial of a vehicle without the doubted term, by adaptive Metropolis or by Metropolis-Hastings."""
+    posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
+    name = sampler.__name__.rpartition(".")[-1]
+    return _summary(study, posterior, _sample(study, posterior, sampler, f"Table III, {name.replace('_', ' ')}"))
+
+
+def table_6_part(study: Study, full: bool) -> xr.Dataset:
+    """M-0 under the uninformative prior, or M-1, on the trial of the smaller doubted term, with information criteria."""
+    reading = study.reading
+    record = paper_trial(reading, reading.source.doubted.values[0])
+    posterior = paper_posterior(reading, [record], wide(reading) if full else None)
+    sampled = _sample(study, posterior, adaptive_metropolis, f"Table VI, M-{0 if full else 1}")
+    report = study.progress(f"information criteria of M-{0 if full else 1}")
+    report(0, 2)
+    found = deviance_criteria(posterior, sampled.values)
+    report(1, 2)
+    table = pointwise_log_likelihood(posterior, thin_draws(sampled.values, study.sizes.criteria_draws))
+    predictive = (waic(table), psis_loo(table))
+    report(2, 2)
+    named = {"DIC": found.dic, "BPIC": found.bpic, "p_D": found.p_d, "Dbar": found.mean_deviance}
+    named |= {criterion.method: criterion.value for criterion in predictive}
+    return _summary(study, posterior, sampled).assign(
+        criterion_value=("criterion", [one.value for one in named.values()]),
+        criterion_error=("criterion", [one.error for one in named.values()]),
+        pointwise=(("predictive", "sample"), [one.pointwise for one in predictive]),
+        k_hat=("sample", predictive[1].k_hat),
+        criterion=list(named),
+        predictive=[one.method for one in predictive],
+    )
+
+
+def starts_part(study: Study) -> xr.Dataset:
+    """How long a chain takes to arrive from the paper's first estimates, half the truth, and from the posterior mode."""
+    posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
+    mode = find_mode(posterior, study.random_key("mode"))
+    half = [0.5 * study.reading.truth.get(name, study.reading.sigma) for name in posterior.names]
+    first = {"half the truth": posterior.unconstrain(jnp.asarray(half)), "posterior mode": jnp.asarray(mode.z)}
+    settings = ChainSettings(study.sizes.chains, 2000, 100)
+    report, heights = study.progress("where chains start"), []
+    for done, z in enumerate(first.values()):
+        report(done, len(first))
+        run = adaptive_metropolis.start_chains(
+            posterior, jnp.tile(z, (settings.chains, 1)), 1e-4 * jnp.eye(posterior.dim)
+        )
+        height = [np.asarray(run.state.log_density)]
+        while run.iteration < settings.warmup:
+            run = adaptive_metropolis.advance_chains(posterior, run, study.random_key("starts"), settings)
+            height.append(np.asarray(run.state.log_density))
+        heights.append(np.array(height) - mode.log_density)
+    report(len(first), len(first))
+    return xr.Dataset(
+        {"height": (("start", "iteration", "chain"), heights)},
+        {"start": list(first), "iteration": 100 * np.arange(len(heights[0]))},
+    )
+
+
+def chain_figure(part: str) -> Callable[[Study], "Figure"]:
+    """Figure of the chain kept under this name."""
+
+    def draw(study: Study) -> "Figure":
+        return draw_chain(study, study.part(part))
+
+    return draw
+
+
+def draw_chain(study: Study, data: xr.Dataset) -> "Figure":
+    """Draw one row of three panels for each parameter."""
+    names = [str(name) for name in data["parameter"].values]
+    figure, grid = panels(PAGE, [74] * len(names), 3, left=46, right=12, top=38, between=57, gap=31, share_x=False)
+    for row, name in enumerate(names):
+        one = data.sel(parameter=name)
+        right = _trace(grid[row, 0], one, study.sizes.burn_in)
+        _autocorrelation(grid[row, 1], one)
+        _posterior(grid[row, 2], one)
+        last = row == len(names) - 1
+        name_axes(grid[row, 0], "iteration [1000]" if last else "", f"{symbol(name)} / true")
+        name_axes(grid[row, 1], "lag [iterations]" if last else "", "autocorr.")
+        name_axes(grid[row, 2], with_unit(study.reading, name), "density")
+        name_axes(right, y="z")
+    key(
+        figure,
+        {
+            "trace": {"color": BLUE, "linewidth": 0.8},
+            "end of burn-in": BURN_IN,
+            "Geweke score z": GEWEKE,
+            "z within ± 2": INSIDE,
+            "raw autocorr.": RAW,
+            "detrended": DETRENDED,
+            "draws": DRAWS,
+            "95 % HPD": HPD,
+            "normal": NORMAL,
+            "mean": MEAN,
+            "true": TRUE,
+        },
+        columns=6,
+    )
+    return figure
+
+
+def _sample(study: Study, posterior: Posterior, sampler: ModuleType, title: str) -> _Sampled:
+    """Burn in and sample; chain 0 starts at the posterior mode, the others at draws of the normal approximation."""
+    sizes = study.sizes
+    settings = ChainSettings(sizes.chains, sizes.burn_in, sizes.draws)
+    mode_key, start_key, key = jax.random.split(study.random_key(title), 3)
+    mode = find_mode(posterior, mode_key)
+    starts = jax.random.multivariate_normal(start_key, mode.z, mode.cov, (sizes.chains,)).at[0].set(mode.z)
+    run: Run = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
+    report, total = study.progress(f"{title}, {sizes.chains} chains"), sizes.burn_in + sizes.draws
+    trace, first, begun = [np.asarray(starts[0])], 0.0, time.perf_counter()
+    while not is_finished(run, settings):
+        run = sampler.advance_chains(posterior, run, key, settings)
+        first = first or time.perf_counter() - begun
+        trace.append(np.asarray(run.state.z[0]))
+        report(run.iteration, total)
+    seconds = time.perf_counter() - begun - first
+    draws = finish(run)
+    values, shown = (np.asarray(posterior.constrain(jnp.asarray(z))) for z in (draws.z, np.array(trace)))
+    return _Sampled(values, shown, mode.values, draws.acceptance, seconds)
+
+
+def _summary(study: Study, posterior: Posterior, sampled: _Sampled) -> xr.Dataset:
+    from arviz_stats.base.array import array_stats
+
+    reading, names = study.reading, posterior.names
+    scale = np.array([reading.print_scales.get(name, 1.0) for name in names])
+    values = sampled.values / scale
+    health, flat = diagnose(values), values.reshape(-1, len(names))
+    hpd = np.array([array_stats.hdi(flat[:, i], prob=0.95) for i in range(len(names))])
+    one = values[0]
+    scores = [geweke_scores(one[:, i]) for i in range(len(names))]
+    every = max(1, values.shape[1] // KEPT)
+    columns = {
+        "mean": flat.mean(0),
+        "sd": flat.std(0, ddof=1),
+        "hpd_low": hpd[:, 0],
+        "hpd_high": hpd[:, 1],
+        "r_hat": health.r_hat,
+        "ess": health.ess_bulk,
+        "ess_tail": health.ess_tail,
+        "mcse": health.mcse,
+        "mode": sampled.mode / scale,
+        "truth": _truth(reading, names) / scale,
+    }
+    return xr.Dataset(
+        {
+            **{name: ("parameter", column) for name, column in columns.items()},
+            "draws": (("chain", "draw", "parameter"), values[:, every - 1 :: every]),
+            "trace": (("iteration", "parameter"), sampled.trace / scale),
+            "raw_acf": (("lag", "parameter"), np.stack([_raw_acf(x) for x in one.T], -1)),
+            "acf": (
+                ("lag", "parameter"),
+                np.stack([array_stats.autocorr(_detrended(x))[: LAGS + 1] for x in one.T], -1),
+            ),
+            "geweke": (("interval", "parameter"), np.stack([score.score for score in scores], -1)),
+            "printed_geweke": (
+                ("interval", "parameter"),
+                np.stack([printed_geweke_scores(x).score for x in one.T], -1),
+            ),
+            "geweke_start": ("interval", scores[0].start),
+            "covariance": (("parameter", "other"), np.cov(flat, rowvar=False)),
+            "acceptance": ((), sampled.acceptance),
+            "seconds": ((), sampled.seconds),
+        },
+        {"parameter": list(names), "iteration": 100 * np.arange(len(sampled.trace)), "lag": np.arange(LAGS + 1)},
+        {"labels": [parameter.label for parameter in posterior.parameters]},
+    )
+
+
+def _truth(reading: Reading, names: tuple[str, ...]) -> Float[np.ndarray, " d"]:
+    true = {**reading.truth, reading.doubted: reading.source.doubted.values[0], "sigma_u": reading.sigma}
+    return np.array([true[name] for name in names])
+
+
+def _raw_acf(x: np.ndarray) -> np.ndarray:
+    """Products of the draws as they are, their mean left in: near 1 at every lag unless the mean is near 0."""
+    return np.array([x[lag:] @ x[: x.size - lag] for lag in range(LAGS + 1)]) / (x @ x)
+
+
+def _detrended(x: np.ndarray) -> np.ndarray:
+    at = np.arange(x.size)
+    return x - np.polyval(np.polyfit(at, x, 1), at)
+
+
+def _trace(axes: "Axes", one: xr.Dataset, burn_in: int) -> "Axes":
+    """Draw the trace over all iterations; return the right axis, of the scores over the first half of the kept ones."""
+    iteration, keep = one["iteration"].values / 1000, thin(one.sizes["iteration"], 600)
+    values = one["trace"].values / float(one["truth"])
+    axes.plot(iteration[keep], values[keep], color=BLUE, linewidth=0.5, alpha=0.85, label="trace")
+    axes.axvline(burn_in / 1000, label="end of burn-in", **BURN_IN)
+    axes.set_xlim(float(iteration[0]), float(iteration[-1]))
+    right = axes.twinx()
+    for name, spine in right.spines.items():
+        spine.set_visible(name == "right")
+        spine.set_color(MUTED)
+        spine.set_linewidth(0.8)
+    score = one["geweke"].values
+    at = (burn_in + one["geweke_start"].values) / 1000
+    reach = max(4.0, 1.15 * float(np.nanmax(np.abs(score))))
+    end = (burn_in / 1000 + float(iteration[-1])) / 2
+    right.fill_between([burn_in / 1000, end], -LIMIT, LIMIT, color=ORANGE, alpha=0.16, linewidth=0, label="± 2")
+    right.plot(at, score, label="Geweke", zorder=4, **GEWEKE)
+    right.set_ylim(-reach, reach)
+    right.tick_params(colors=MUTED, labelsize=TEXT, length=3, width=0.8, labelcolor=INK, pad=2)
+    limit_ticks(right.yaxis, 4)
+    return right
+
+
+def _autocorrelation(axes: "Axes", one: xr.Dataset) -> None:
+    lag = one["lag"].values
+    axes.fill_between(lag, 0, one["raw_acf"].values, color=ORANGE, alpha=0.25, linewidth=0, label="raw")
+    heights = np.stack([np.zeros(lag.size), one["acf"].values, np.full(lag.size, np.nan)], -1).ravel()
+    axes.plot(np.repeat(lag, 3), heights, color=ORANGE, linewidth=0.7, label="detrended")
+    axes.set(xlim=(float(lag[0]), float(lag[-1])), ylim=(min(-0.1, float(one["acf"].min())), 1.05))
+
+
+def _posterior(axes: "Axes", one: xr.Dataset) -> None:
+    draws = one["draws"].values.ravel()
+    mean, sd, truth = (float(one[name]) for name in ("mean", "sd", "truth"))
+    low, high = min(mean - 4 * sd, truth - 0.3 * sd), max(mean + 4 * sd, truth + 0.3 * sd)
+    counts, edges = np.histogram(draws, bins=BINS, range=(low, high))
+    axes.axvspan(float(one["hpd_low"]), float(one["hpd_high"]), color=MUTED, alpha=0.16, linewidth=0, label="95 % HPD")
+    axes.stairs(counts / (draws.size * np.diff(edges)), edges, fill=True, color=BLUE, alpha=0.45, label="draws")
+    grid = np.linspace(low, high, 120)
+    axes.plot(grid, normal_density(grid, mean, sd), label="normal", **NORMAL)
+    axes.axvline(truth, label="true", zorder=4, **TRUE)
+    axes.axvline(mean, label="mean", zorder=3, **MEAN)
+    axes.set(xlim=(low, high), yticks=[])
+    axes.set_ylim(bottom=0)
+    axes.spines["left"].set_visible(False)
+    axes.grid(False)
+    limit_ticks(axes.xaxis, 4)

@@ -1,0 +1,178 @@
+"""Every figure of the study: how it is drawn, the items it stands under, what it is, and how to read it."""
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+from seatrial.report.numbers import plain
+from studies.remus100.chains import chain_figure
+from studies.remus100.designs import ACTIVE, POINTS, draw_figure_3, draw_relay
+from studies.remus100.evidence import draw_listing_1, draw_odds
+from studies.remus100.filters import BOUND_SHARE, FIRST_SEED, HOLD, SETTLED, draw_figure_1, draw_figure_2, draw_figure_4
+from studies.remus100.iteration import draw_iteration
+from studies.remus100.model_graph import draw_figure_5
+from studies.remus100.study import Study
+from studies.remus100.trial import DURATION
+from studies.remus100.trial import PERIOD as DOUBLET
+from studies.remus100.tuning import draw_tuning
+from studies.remus100.vehicle import CHANGE, draw_vehicle
+from studies.remus100.vehicle_file import RPM
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class PaperFigure(NamedTuple):
+    """One figure of the study.
+
+    Attributes:
+        draw: draws it from the parts that its items rest on.
+        items: keys of the items it belongs to; it stands under the first of them that was judged.
+        title: what it is, for those who cannot see it.
+        caption: what it shows and how to read it, in plain text.
+    """
+
+    draw: "Callable[[Study], Figure]"
+    items: tuple[str, ...]
+    title: str
+    caption: Callable[[Study], str]
+
+
+def chosen_figures(judged: Iterable[str]) -> dict[str, str]:
+    """Keys of the figures to draw, each with the item it stands under."""
+    keys = set(judged)
+    places = {key: [item for item in figure.items if item in keys] for key, figure in FIGURES.items()}
+    return {key: items[0] for key, items in places.items() if items}
+
+
+def _vehicle(study: Study) -> str:
+    seconds = plain(float(study.part("vehicle")["time"][-1]), 2)
+    return (
+        f"The published REMUS 100 in level flight, {seconds} s after n rose by {plain(CHANGE / RPM)} rpm with its planes "
+        "held: every state of the non-linear longitudinal model and of its linearisation about trim, and the speed of the "
+        "surge model. Where lines lie on one another the simpler model says the same. Last panel: the poles of the linear "
+        "model; motions of those right of the line grow without control."
+    )
+
+
+def _figure_1(study: Study) -> str:
+    return (
+        f"One trial, seed {FIRST_SEED}, of random steps of n held for {plain(HOLD)} s each. Left: input, and the response as "
+        "measured, as it truly was, and as each filter has it. Middle: estimates, in the frame of what follows "
+        f"{plain(SETTLED)} s; the first swings leave it. Right: standard deviations that the filters state, on a logarithmic "
+        "axis. Where lines lie on one another the filters agree."
+    )
+
+
+def _figure_2(study: Study) -> str:
+    return (
+        "The trial of Figure 1 by the square-root filter, free (SRUKF) and with its sigma points clipped (SRUKF-C) at the "
+        f"dotted bounds, {100 * BOUND_SHARE:g}% to either side of the true values. Lowest row: sigma points clipped at each "
+        f"step, mean over {study.sizes.filter_seeds} trials, and the acceleration during the first second of the trial above. "
+        "A constrained filter starts sure of itself: its standard deviations begin where the bounds put them."
+    )
+
+
+def _tuning(study: Study) -> str:
+    return (
+        f"The SRUKF over {study.sizes.tuning_seeds} trials of random steps, with P, Q and R as printed and with one of them "
+        "made larger. Upper row: what the estimates miss at the end, and what the filter says they miss; a filter that is "
+        "tuned has the two alike. Lower left: the way that the estimates travel in all, large where they are erratic. Lower "
+        "right: distance of the filter's u from the measurements (residual) and from the truth (error); a residual that "
+        "falls while the error grows is noise being followed."
+    )
+
+
+def _figure_3(study: Study) -> str:
+    return (
+        "Entropy of the three coefficients before less after the trial, ½ ln(|P before| / |P after|), by the SRUKF along "
+        f"noise-free motion, for {POINTS} x {POINTS} repeated doublets. Surface and contours: doublets within a window of "
+        f"{plain(ACTIVE['short'])} s, then quiet to {plain(DURATION)} s. Lower right: the largest amplitude, for three windows. "
+        "Each drop after a ridge is one whole doublet fewer in the window."
+    )
+
+
+def _figure_4(study: Study) -> str:
+    return (
+        f"The SRUKF along doublets of {plain(study.reading.highest / RPM)} rpm and {plain(DOUBLET)} s for "
+        f"{plain(ACTIVE['medium'])} s, then quiet. Left: input, and response as measured, as it truly was and, for u, as "
+        f"the filter has it. Middle: estimates, in the frame of what follows {plain(SETTLED)} s. Right: standard "
+        "deviations, which fall while the doublets run; the quiet time after them teaches little more."
+    )
+
+
+def _relay(study: Study) -> str:
+    return (
+        "The self-oscillating test: n stands at trim plus or minus the control amplitude, and reverses each time u has "
+        f"moved from trim by the oscillation amplitude, for {plain(ACTIVE['medium'])} s. Left: entropy reduction over both; "
+        "the star is the best, and hatched tests reverse fewer than twice, since what they wait for is out of reach. Right: "
+        f"input and response of the best, beside the largest doublets of {plain(DOUBLET)} s."
+    )
+
+
+def _figure_5(study: Study) -> str:
+    return (
+        "Drawn from the posterior that is sampled. Circles are stochastic, with their prior and its unit above; rectangles "
+        "are functions of what points at them; the filled circle is observed."
+    )
+
+
+def _chain(study: Study) -> str:
+    sizes = study.sizes
+    return (
+        f"One of {sizes.chains} chains of {sizes.burn_in} + {sizes.draws} iterations, a row for each parameter. Left: the chain "
+        "over its true value, from the first iteration on; dots are Geweke's scores of the first half of what is kept "
+        "(right axis, variance of the mean), of which 95% should lie in the band. Middle: autocorrelation of the draws as "
+        "they are, near 1 unless their mean is near 0, and with mean and trend taken out, which says how far apart draws are "
+        "independent. Right: the draws of all chains, their normal approximation, mean, 95% interval of highest density, "
+        "and the true value."
+    )
+
+
+def _listing_1(study: Study) -> str:
+    printed = " then the number that the paper prints," if study.reading.is_paper else ""
+    methods = study.part("evidence-4").sizes["method"]
+    return (
+        "The same question answered many times. Histograms: Listing 1 over seeds, its draws independent for each model or "
+        f"shared by both ({study.sizes.listing_draws} each); the percentages are of the seeds that gave less than 0.05 or more "
+        f"than 0.95. A method that works gives one answer whatever its seed. Below:{printed} and {methods} methods that share no "
+        "code, with bars of one Monte Carlo error. Left the smaller true coefficient (Table IV), right the larger (Table V)."
+    )
+
+
+def _odds(study: Study) -> str:
+    return (
+        f"What the data say: probability of M-0, the model with the doubted term, on {study.sizes.data_seeds} trials for each "
+        "true value, by importance sampling. On the dashed line the data do not tell the models apart."
+    )
+
+
+def _iteration(study: Study) -> str:
+    doubted = study.reading.doubted
+    return (
+        f"Left: standard deviation of {doubted} that each second trial would leave, by Fisher information, alone and together "
+        "with the first. Right: what was then found with one trial, with the same trial twice, and with the best second "
+        "trial: standard deviations of M-0, and the probability of M-0 under its wide prior (dashed: undecided)."
+    )
+
+
+FIGURES: dict[str, PaperFigure] = {
+    "vehicle": PaperFigure(draw_vehicle, ("vehicle",), "The longitudinal vehicle after a step of n", _vehicle),
+    "figure-1": PaperFigure(draw_figure_1, ("figure-1",), "Responses and estimates of EKF, UKF and SRUKF", _figure_1),
+    "figure-2": PaperFigure(draw_figure_2, ("figure-2",), "Responses and estimates of SRUKF and SRUKF-C", _figure_2),
+    "tuning": PaperFigure(
+        draw_tuning, ("claim-large-p", "claim-large-q", "claim-large-r"), "What too large a P, Q or R does", _tuning
+    ),
+    "figure-3": PaperFigure(draw_figure_3, ("figure-3",), "Entropy reduction over amplitude and period", _figure_3),
+    "figure-4": PaperFigure(draw_figure_4, ("figure-4",), "The square-root filter along the chosen doublet", _figure_4),
+    "relay": PaperFigure(draw_relay, ("relay",), "The self-oscillating test beside the doublet", _relay),
+    "figure-5": PaperFigure(draw_figure_5, ("figure-5",), "The hierarchical model as a graph", _figure_5),
+    "figure-6": PaperFigure(chain_figure("chain-3"), ("figure-6",), "The chain of Table III", _chain),
+    "listing-1": PaperFigure(
+        draw_listing_1, ("listing-1",), "Listing 1 over seeds, beside four other methods", _listing_1
+    ),
+    "odds": PaperFigure(draw_odds, ("odds",), "Probability of M-0 over the true doubted coefficient", _odds),
+    "figure-7": PaperFigure(chain_figure("chain-6-full"), ("figure-7",), "The chain of M-0", _chain),
+    "figure-8": PaperFigure(chain_figure("chain-6-reduced"), ("figure-8",), "The chain of M-1", _chain),
+    "iteration": PaperFigure(draw_iteration, ("iteration",), "Second trials, predicted and run", _iteration),
+}
+"""In the order of the paper."""

@@ -1,0 +1,198 @@
+"""Section III, the remarks on P, Q and R: the square-root UKF with each of them made too large, and R from the data."""
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from seatrial.core.gaussian import Gaussian
+from seatrial.filters.noise import noise_from_high_pass
+from seatrial.filters.run import FilterTrace
+from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.filters.tuning import check_tuning
+from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE
+from seatrial.report.numbers import typeset
+from studies.remus100.filters import (
+    FIRST_SEED,
+    N_STEPS,
+    STEP,
+    filter_space,
+    in_printed_units,
+    make_trials,
+    run_over_seeds,
+)
+from studies.remus100.panels import PAGE, key, logarithmic, name_axes, panels, symbol
+from studies.remus100.study import Item, Number, Study
+from studies.remus100.vehicle_file import NAMES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CHANGES = {"as printed": {}, "P x 1e4": {"p": 1e4}, "Q x 1e4": {"q": 1e4}, "R x 100": {"r": 100.0}}
+COLOURS, MARKERS = (BLUE, ORANGE, PURPLE), ("o", "s", "^")
+RESIDUAL = {"color": MUTED, "marker": "D", "markersize": 4, "linewidth": 0.8}
+STATE = {"color": INK, "marker": "o", "markersize": 4, "linewidth": 0.8}
+
+
+def tuning_part(study: Study) -> xr.Dataset:
+    """Errors, stated standard deviations, how the state is followed, how far the estimates travel, and what the check says."""
+    reading, seeds = study.reading, study.sizes.tuning_seeds
+    trials, truth = make_trials(reading, seeds), np.array([reading.printed_truth[name] for name in NAMES])
+    report, rows, said = study.progress("tuning of P, Q and R"), [], {}
+    for done, (change, factors) in enumerate(CHANGES.items()):
+        report(done, len(CHANGES))
+        space = filter_space(reading, **factors)
+        trace = run_over_seeds(SquareRootUnscentedKalmanFilter(), space, trials)
+        means, sds = (in_printed_units(reading, x[..., 1:]) for x in (trace.means, trace.sds))
+        u = np.asarray(trace.means)[..., 0]
+        rows.append(
+            xr.Dataset(
+                {
+                    "error": (("seed", "coefficient"), means[:, -1] - truth),
+                    "sd": (("seed", "coefficient"), sds[:, -1]),
+                    "error_at_3_s": (("seed", "coefficient"), means[:, 299] - truth),
+                    "travelled": (("seed", "coefficient"), np.abs(np.diff(means, axis=1)).sum(1)),
+                    "residual": ("seed", np.sqrt(np.mean((u - trials.measured[..., 0]) ** 2, 1))),
+                    "state_error": ("seed", np.sqrt(np.mean((u - trials.true[..., 0]) ** 2, 1))),
+                }
+            )
+        )
+        said[change] = [finding.words for finding in check_tuning(_one(trace), space).findings]
+    report(len(CHANGES), len(CHANGES))
+    stamps = STEP * np.arange(N_STEPS)
+    noise = [noise_from_high_pass(stamps, trials.measured[0, :, i]) for i in range(2)]
+    dataset = xr.concat(rows, xr.IndexVariable("change", list(CHANGES))).assign_coords(coefficient=list(NAMES))
+    return dataset.assign(
+        noise=("channel", [one.sd for one in noise]), noise_error=("channel", [one.std_error for one in noise])
+    ).assign_attrs(findings=json.dumps(said))
+
+
+def claim_large_p(study: Study) -> Item:
+    """Too large a P: erratic traces, worse estimates, overly large standard errors."""
+    error, travelled, sd = (_rms_or_mean(study, what, "P x 1e4") for what in ("error", "travelled", "sd"))
+    holds = min(error[1] / error[0], travelled[1] / travelled[0], sd[1] / sd[0]) > 1
+    return _item(study, "claim-large-p", "Too large a P makes estimates erratic, worse and their errors too large", holds, {
+        "rms error of X_u": error, "distance travelled by X_u": travelled, "stated sd of X_u": sd,
+    }, "P x 1e4")  # fmt: skip
+
+
+def claim_large_q(study: Study) -> Item:
+    """Too large a Q: smaller residuals of the state, at the expense of the parameters."""
+    residual, error = _rms_or_mean(study, "residual", "Q x 1e4"), _rms_or_mean(study, "error", "Q x 1e4")
+    holds = residual[1] < residual[0] and error[1] > error[0]
+    return _item(study, "claim-large-q", "Too large a Q follows the state closely and lets the parameters diverge", holds, {
+        "rms residual of u [m/s]": residual, "rms error of X_u": error,
+    }, "Q x 1e4")  # fmt: skip
+
+
+def claim_large_r(study: Study) -> Item:
+    """Too large an R: slow convergence."""
+    early, late = _rms_or_mean(study, "error_at_3_s", "R x 100"), _rms_or_mean(study, "error", "R x 100")
+    holds = early[1] > early[0] and late[1] > late[0]
+    return _item(study, "claim-large-r", "Too large an R impedes convergence", holds, {
+        "rms error of X_u at 3 s": early, "rms error of X_u at 15 s": late,
+    }, "R x 100")  # fmt: skip
+
+
+def claim_noise(study: Study) -> Item:
+    """R can be estimated by a high-pass filter."""
+    data, true = study.part("tuning"), study.reading.filter_noise
+    sd, error = data["noise"].values, data["noise_error"].values
+    holds = bool((np.abs(sd - true) < 3 * error).all())
+    numbers = tuple(
+        Number(f"sd of the noise of {name} by high-pass filtering, true {true:g}", None, float(x), float(e))
+        for name, x, e in zip(("u", "udot"), sd, error, strict=True)
+    )
+    return Item(
+        "claim-noise",
+        "R can be had from the data by high-pass filtering",
+        "reproduced" if holds else "differs",
+        ""
+        if holds
+        else f"the high-pass estimates {sd[0]:.3f} and {sd[1]:.3f} miss the true {true:g} by more than three errors",
+        numbers,
+        {"reading": study.reading.name, "data_seed": FIRST_SEED},
+    )
+
+
+def draw_tuning(study: Study) -> "Figure":
+    """Draw four panels over the four tunings; numbers of coefficients are shares of their true values."""
+    data = study.part("tuning")
+    figure, grid = panels(PAGE, [92, 92], 2, left=52, between=62, bottom=22)
+    truth = np.array([study.reading.printed_truth[str(name)] for name in data["coefficient"].values])
+    size = xr.DataArray(np.abs(truth), {"coefficient": data["coefficient"]})
+    shown = {
+        (0, 0): ("rms error at the\nend / true", np.sqrt((data["error"] ** 2).mean("seed")) / size),
+        (0, 1): ("stated sd at the\nend / true", data["sd"].mean("seed") / size),
+        (1, 0): ("distance travelled\n/ true", data["travelled"].mean("seed") / size),
+    }
+    for place, (label, values) in shown.items():
+        _by_coefficient(grid[place], values)
+        name_axes(grid[place], y=label)
+    _state(grid[1, 1], data)
+    for axes in grid[1]:
+        axes.set_xticks(range(data.sizes["change"]), [typeset(str(name)) for name in data["change"].values])
+        axes.set_xlim(-0.4, data.sizes["change"] - 0.6)
+    entries = {
+        symbol(str(name)): {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.8}
+        for name, colour, marker in zip(data["coefficient"].values, COLOURS, MARKERS, strict=False)
+    }
+    key(figure, entries | {"residual of $u$": RESIDUAL, "error of $u$": STATE})
+    return figure
+
+
+def _one(trace: FilterTrace) -> FilterTrace:
+    """The first of a batch of traces."""
+    final = Gaussian(*(np.asarray(part)[0] for part in trace.final))
+    return FilterTrace(trace.log_likelihood[0], final, *(np.asarray(part)[0] for part in trace[2:]))
+
+
+def _rms_or_mean(study: Study, what: str, change: str) -> tuple[float, float]:
+    """Root mean square over seeds, as printed and after the change; of X_u where there are several coefficients."""
+    data = study.part("tuning")[what]
+    data = data.sel(coefficient="X_u") if "coefficient" in data.dims else data
+    mean_square = (data**2).mean("seed")
+    before, after = (float(np.sqrt(float(mean_square.sel(change=name)))) for name in ("as printed", change))
+    return before, after
+
+
+def _item(study: Study, key: str, title: str, holds: bool, pairs: dict[str, tuple[float, float]], change: str) -> Item:
+    numbers = [
+        Number(f"{what}, {when}", None, value)
+        for what, pair in pairs.items()
+        for when, value in zip(("as printed", change), pair, strict=True)
+    ]
+    said = json.loads(study.part("tuning").attrs["findings"])[change]
+    words = "; ".join(f"{what} {before:.3g} becomes {after:.3g}" for what, (before, after) in pairs.items())
+    return Item(
+        key,
+        title,
+        "reproduced" if holds else "differs",
+        "" if holds else words,
+        tuple(numbers),
+        {
+            "reading": study.reading.name,
+            "seeds": study.sizes.tuning_seeds,
+            "first_seed": FIRST_SEED,
+            "change": change,
+            "the tuning check says": said,
+        },
+    )
+
+
+def _by_coefficient(axes: "Axes", values: xr.DataArray) -> None:
+    for name, colour, marker in zip(map(str, values["coefficient"].values), COLOURS, MARKERS, strict=False):
+        axes.plot(
+            values.sel(coefficient=name).values, color=colour, marker=marker, markersize=4, linewidth=0.8, label=name
+        )
+    logarithmic(axes)
+
+
+def _state(axes: "Axes", data: xr.Dataset) -> None:
+    """Draw how closely the noisy signal is followed, and how closely the true one."""
+    for name, look in (("residual", RESIDUAL), ("state_error", STATE)):
+        axes.plot(np.sqrt(np.mean(data[name].values ** 2, data[name].get_axis_num("seed"))), label=name, **look)
+    axes.set_ylim(bottom=0)
+    name_axes(axes, y="rms over the\ntrial [m/s]")

@@ -1,1 +1,0 @@
-"""Each item of the paper judged against what it prints."""

@@ -1,0 +1,195 @@
+"""A campaign is plain data in SI: built in Python it is the same as read from a file, and keys of results know nothing of units."""
+
+import ast
+from dataclasses import replace
+from math import inf, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import seatrial
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.settings import (
+    ComputeSettings,
+    DesignSettings,
+    EstimationSettings,
+    Goal,
+    Imports,
+    LogColumn,
+    LogFile,
+    SelectionSettings,
+    SensorSettings,
+    StructureSettings,
+)
+from seatrial.campaign.config.vehicle import AxesVehicle
+from seatrial.campaign.data.import_logs import Trials, trials_key
+from seatrial.campaign.design.sweep import design_key
+from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.campaign.selection.evidence import evidence_key
+from seatrial.campaign.selection.screening import screening_key
+from seatrial.campaign.store.files import as_json, key_of
+from seatrial.core.errors import InputError
+from seatrial.core.record import Channel, Provenance, make_record
+from seatrial.estimation.priors import LogUniform, Uniform
+from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.vehicles.catalogue import load_surge
+from tests.campaign.small import write_small
+
+TRIALS = Trials((), (), "made up")
+KEYS = {
+    "design": design_key,
+    "estimate": lambda campaign: estimate_key(campaign, campaign.full, TRIALS),
+    "evidence": lambda campaign: evidence_key(campaign, campaign.full, TRIALS),
+    "screening": lambda campaign: screening_key(campaign, TRIALS),
+}
+
+
+def by_hand() -> Campaign:
+    """The small campaign of the tests, without a file."""
+    entry = load_surge("remus100_surge")
+    rpm = 2 * pi / 60
+    return Campaign(
+        name="small",
+        seed=3,
+        vehicle=AxesVehicle(entry.hull, published=entry.coefficients, catalogue="remus100_surge"),
+        structure=StructureSettings(always=("X_uabsu", "T_nabsn"), optional=("X_u",)),
+        priors={"X_u": Uniform(-3.6, 1.2), "X_uabsu": Uniform(-8.8, 0.0), "T_nabsn": Uniform(2e-4, 12e-4)},
+        sensors={"u": SensorSettings(noise=0.05)},
+        design=DesignSettings(
+            Family("n", entry.hull.trim["n"], duration=30.0, active=20.0, sample_time=0.1),
+            ("repeated-doublet",),
+            amplitudes=(100 * rpm, 150 * rpm, 200 * rpm),
+            periods=(2.0, 8.0, 14.0, 20.0),
+        ),
+        limits=Limits(0.0, 1500 * rpm),
+        truth={"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4},
+        estimation=EstimationSettings(chains=16, warmup=500, draws=1000),
+        selection=SelectionSettings(particles=256, repeats=2),
+    )
+
+
+def some_record():
+    time, random = 0.1 * np.arange(60), np.random.default_rng(1)
+    columns = {"n": 125.0 + random.normal(size=60), "u": 1.5 + 0.1 * random.normal(size=60)}
+    channels = (Channel("n", "rad/s", "control"), Channel("u", "m/s", "measurement"))
+    return make_record(time, columns, channels, Provenance("made up", ""), "trial")
+
+
+@pytest.mark.parametrize("step", KEYS)
+def test_a_campaign_built_in_python_has_the_keys_of_its_file(tmp_path, step):
+    assert KEYS[step](by_hand()) == KEYS[step](load_campaign(write_small(tmp_path)))
+
+
+def test_a_campaign_built_in_python_has_the_posterior_of_its_file(tmp_path):
+    own, read = by_hand(), load_campaign(write_small(tmp_path))
+    ours, theirs = (build_posterior(one, one.full, [some_record()]) for one in (own, read))
+    assert ours.names == theirs.names
+    z = np.linspace(-0.5, 0.5, len(ours.names))
+    assert float(ours.log_density(z)) == float(theirs.log_density(z))
+
+
+def test_without_a_file_an_error_names_the_campaign_and_the_key():
+    lacking = replace(by_hand(), priors={"X_u": Uniform(-3.6, 1.2), "X_uabsu": Uniform(-8.8, 0.0)})
+    with pytest.raises(InputError) as raised:
+        build_posterior(lacking, lacking.full, [some_record()])
+    assert raised.value.where == 'campaign "small", key prior.T_nabsn'
+
+
+UNITS = [
+    (('from = "100 rpm", to = "200 rpm"', 'from = "1.6666666666666667 rev/s", to = "20.943951023931955 rad/s"'),),
+    (('noise = "0.05 m/s"', 'noise = "5 cm/s"'),),
+    (('duration = "30 s"', 'duration = "0.5 min"'), ('active = "20 s"', 'active = "20000 ms"')),
+    (('upper = "1500 rpm"', 'upper = "25 rev/s"'),),
+    (("lower = 2.0e-4\nupper = 12.0e-4", 'lower = 0.2\nupper = 1.2\nunit = "g m/rad^2"'),),
+]
+
+
+@pytest.mark.parametrize("changes", UNITS, ids=lambda item: item[0][1][:30])
+def test_a_quantity_in_another_unit_leaves_every_result_current(tmp_path, changes):
+    before, after = (load_campaign(write_small(tmp_path / name, *one)) for name, one in (("a", ()), ("b", changes)))
+    assert {name: key(before) for name, key in KEYS.items()} == {name: key(after) for name, key in KEYS.items()}
+
+
+DEPENDS = {
+    "another name": ({"name": "large"}, ""),
+    "another seed": ({"seed": 4}, "estimate evidence screening"),
+    "another worker": ({"compute": ComputeSettings("slurm")}, ""),
+    "another goal": ({"goal": Goal(shares={"X_u": 0.1})}, ""),
+    "another limit": ({"limits": Limits(0.0, 150.0)}, "design"),
+    "another rate": ({"sensors": {"u": SensorSettings(0.05, 5.0)}}, "design estimate evidence screening"),
+    "other residuals": ({"estimation": EstimationSettings(residuals="heavy")}, "estimate evidence"),
+    "more particles": ({"selection": SelectionSettings(512, 2)}, "evidence"),
+    "a log-uniform thrust": (
+        {"priors": {**by_hand().priors, "T_nabsn": LogUniform(2e-4, 12e-4)}},
+        "design estimate evidence screening",
+    ),
+    "another truth": ({"truth": {"X_uabsu": -2.9}}, ""),
+}
+
+
+@pytest.mark.parametrize("name", DEPENDS)
+def test_what_makes_which_result_stale(name):
+    """The records' own key, which depends on the truth, is in that of the trials."""
+    changes, stale = DEPENDS[name]
+    before = by_hand()
+    after = replace(before, **changes)
+    assert [step for step, key in KEYS.items() if key(before) != key(after)] == stale.split()
+
+
+def test_a_key_knows_types_and_twelve_digits():
+    assert key_of(Uniform(1.0, 2.0)) != key_of(LogUniform(1.0, 2.0))
+    assert key_of(Uniform(1.0, 2.0)) == key_of(Uniform(1.0, 2.0 + 4e-16))
+    assert key_of(Uniform(1.0, 2.0)) != key_of(Uniform(1.0, 2.0 + 1e-10))
+    assert key_of(1) != key_of(1.5)
+    assert as_json({"b": (1, 2.0, inf), "a": None}) == {"b": [1, 2.0, inf], "a": None}
+    with pytest.raises(TypeError):
+        key_of(object())
+
+
+def test_what_a_log_is_told_twice_is_no_part_of_its_key():
+    column = LogColumn("u", "m/s")
+    plain, stated = (LogFile("log.csv", {"u": column}, layout=one) for one in ((), ("encoding",)))
+    assert key_of(plain) == key_of(stated)
+    assert key_of(plain) != key_of(replace(plain, skip_rows=1))
+    assert trials_key(Imports(("1",), (), (plain,)), ["a"]) != trials_key(
+        Imports(("1",), (), (plain,), split=5.0), ["a"]
+    )
+
+
+RELAY = '[design.relay]\noutput = "{}"\nthreshold = {{ from = "{}", to = "0.3 m/s", points = 3 }}\n\n[truth]'
+
+
+@pytest.mark.parametrize(
+    ("output", "least", "key"),
+    [("w", "0.1 m/s", "output"), ("u", "0.1 deg", "threshold.from"), ("u", "0.5 m/s", "threshold")],
+)
+def test_the_relay_is_checked_before_any_work(tmp_path, output, least, key):
+    with pytest.raises(InputError) as raised:
+        load_campaign(write_small(tmp_path, ("[truth]", RELAY.format(output, least))))
+    assert raised.value.where.endswith(f", key design.relay.{key}")
+
+
+SOURCE = Path(seatrial.__file__).parent
+CONFIG = SOURCE / "campaign" / "config"
+
+
+def imported(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+
+
+def test_only_the_configuration_knows_the_tables_of_a_file():
+    outside = [path for path in SOURCE.rglob("*.py") if CONFIG not in path.parents]
+    tables = {"seatrial.campaign.config.schema", "seatrial.campaign.config.file_keys"}
+    assert {path.name: found for path in outside if (found := imported(path) & tables)} == {}
+
+
+def test_the_configuration_needs_no_step_of_a_campaign():
+    steps = ("compute", "data", "design", "inference", "prior", "rehearsal", "selection", "workflow")
+    names = tuple(f"seatrial.campaign.{step}" for step in steps)
+    found = {path.name: [one for one in imported(path) if one.startswith(names)] for path in CONFIG.rglob("*.py")}
+    assert {name: modules for name, modules in found.items() if modules} == {}
