@@ -104,6 +104,14 @@ def test_a_key_holds_the_keys_of_all_that_the_step_needs(finished):
         assert [place for place in same if same[place] == changed[place]] == []
 
 
+def test_another_seed_is_another_design(tmp_path):
+    """Draws of the priors judge designs, and random steps are drawn by it."""
+    first, second = (load_campaign(write_small(tmp_path / seed, ("seed = 3", f"seed = {seed}"))) for seed in "34")
+    for name in ("design", "relay", "searched", "measures", "free_form"):
+        ours, theirs = (Workflow(one, levels=4, budget=64, designs=5).stored(name)[0].key for one in (first, second))
+        assert ours != theirs, name
+
+
 def test_steps_need_only_steps_before_them_and_settings():
     known = {"campaign", "reporter"}
     settings = {

@@ -176,7 +176,7 @@ def design_key(campaign: Campaign) -> str:
     return key_of(
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
-        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits),
+        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits, campaign.seed),
     )
 
 
