@@ -25,30 +25,115 @@ _HOME = {
     "NumericalError": "seatrial.core.errors",
     "make_record": "seatrial.core.record",
     "InputError": "seatrial.core.errors",
+    "find_mode": "seatrial.estimation.mode",
+    "sample": "seatrial.estimation.draw_posterior",
+    "NestedSettings": "seatrial.estimation.draw_posterior",
+    "ChainSettings": "seatrial.sampling.run",
+    "Draws": "seatrial.sampling.run",
+    "SMCSettings": "seatrial.sampling.tempered_smc",
+    "posterior_of_density": "seatrial.estimation.posterior",
+    "Posterior": "seatrial.estimation.posterior",
+    "Mode": "seatrial.estimation.mode",
+    "Normal": "seatrial.estimation.priors",
+    "LogNormal": "seatrial.estimation.priors",
+    "Uniform": "seatrial.estimation.priors",
+    "LogUniform": "seatrial.estimation.priors",
+    "half_normal": "seatrial.estimation.priors",
+    "truncated_normal": "seatrial.estimation.priors",
+    "evidence": "seatrial.selection.combined_evidence:agreed_evidence",
+    "Evidence": "seatrial.selection.evidence",
+    "EvidenceSettings": "seatrial.selection.evidence",
+    "compare": "seatrial.selection.verdict",
+    "Selection": "seatrial.selection.verdict",
+    "load_vehicle": "seatrial.vehicles.catalogue",
+    "vehicle_names": "seatrial.vehicles.catalogue",
+    "make_vehicle": "seatrial.vehicles.catalogue",
+    "Vehicle": "seatrial.vehicles.catalogue:PublishedVehicle",
+    "Actuator": "seatrial.vehicles.actuators",
+    "Family": "seatrial.manoeuvres.family",
+    "Limits": "seatrial.manoeuvres.manoeuvre",
+    "Schedule": "seatrial.manoeuvres.schedule",
+    "simulate": "seatrial.estimation.simulated_record",
+    "Sensor": "seatrial.estimation.sensors",
+    "read_log": "seatrial.logs.one_log:record_of_log",
+    "Channel": "seatrial.core.record",
+    "Provenance": "seatrial.core.record",
+    "make_posterior": "seatrial.estimation.record_posterior",
+    "predict": "seatrial.estimation.prediction",
+    "Prediction": "seatrial.estimation.prediction",
+    "design_trial": "seatrial.design.trial_design",
+    "TrialDesign": "seatrial.design.trial_design",
+    "export_vehicle": "seatrial.export.to_target:export_to",
+    "Campaign": "seatrial.campaign.config.campaign",
+    "Prior": "seatrial.estimation.priors",
+    "EngineWarning": "seatrial.core.engine",
 }
-"""Module of every public name."""
+"""Module of every public name, and its name there where that is another."""
 _LIGHT = ("seatrial.core.", "seatrial.logs.")
 """Where nothing computes with JAX."""
 __all__ = [
+    "Actuator",
+    "Campaign",
+    "ChainSettings",
+    "Channel",
     "CoefficientName",
+    "Draws",
+    "EngineWarning",
+    "Evidence",
+    "EvidenceSettings",
+    "Family",
     "InputError",
+    "Limits",
+    "LogNormal",
+    "LogUniform",
+    "Mode",
+    "NestedSettings",
+    "Normal",
     "NumericalError",
+    "Posterior",
+    "Prediction",
+    "Prior",
+    "Provenance",
     "Record",
+    "SMCSettings",
+    "Schedule",
     "SeatrialError",
+    "Selection",
+    "Sensor",
+    "TrialDesign",
+    "Uniform",
+    "Vehicle",
     "__version__",
+    "compare",
     "configure",
     "design_first",
+    "design_trial",
     "estimate_all",
+    "evidence",
+    "export_vehicle",
+    "find_mode",
     "get_trials",
+    "half_normal",
     "init_campaign",
     "load_campaign",
+    "load_vehicle",
+    "make_posterior",
     "make_record",
+    "make_vehicle",
+    "posterior_of_density",
+    "predict",
+    "read_log",
     "run_loop",
+    "sample",
     "select_structure",
+    "simulate",
+    "truncated_normal",
+    "vehicle_names",
     "write_report",
 ]
 
 if TYPE_CHECKING:
+    from seatrial.campaign.config.campaign import Campaign
     from seatrial.campaign.config.load import load_campaign
     from seatrial.campaign.config.templates import init_campaign
     from seatrial.campaign.data.import_logs import get_trials
@@ -57,10 +142,32 @@ if TYPE_CHECKING:
     from seatrial.campaign.selection.evidence import select_structure
     from seatrial.campaign.workflow.run import run_loop
     from seatrial.core.coefficients import CoefficientName
-    from seatrial.core.engine import configure
+    from seatrial.core.engine import EngineWarning, configure
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
-    from seatrial.core.record import Record, make_record
+    from seatrial.core.record import Channel, Provenance, Record, make_record
+    from seatrial.design.trial_design import TrialDesign, design_trial
+    from seatrial.estimation.draw_posterior import NestedSettings, sample
+    from seatrial.estimation.mode import Mode, find_mode
+    from seatrial.estimation.posterior import Posterior, posterior_of_density
+    from seatrial.estimation.prediction import Prediction, predict
+    from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform, half_normal, truncated_normal
+    from seatrial.estimation.record_posterior import make_posterior
+    from seatrial.estimation.sensors import Sensor
+    from seatrial.estimation.simulated_record import simulate
+    from seatrial.export.to_target import export_to as export_vehicle
+    from seatrial.logs.one_log import record_of_log as read_log
+    from seatrial.manoeuvres.family import Family
+    from seatrial.manoeuvres.manoeuvre import Limits
+    from seatrial.manoeuvres.schedule import Schedule
     from seatrial.report.page import write_report
+    from seatrial.sampling.run import ChainSettings, Draws
+    from seatrial.sampling.tempered_smc import SMCSettings
+    from seatrial.selection.combined_evidence import agreed_evidence as evidence
+    from seatrial.selection.evidence import Evidence, EvidenceSettings
+    from seatrial.selection.verdict import Selection, compare
+    from seatrial.vehicles.actuators import Actuator
+    from seatrial.vehicles.catalogue import PublishedVehicle as Vehicle
+    from seatrial.vehicles.catalogue import load_vehicle, make_vehicle, vehicle_names
 
 
 def __dir__() -> list[str]:
@@ -70,8 +177,9 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
-    if not _HOME[name].startswith(_LIGHT):
+    module, _, there = _HOME[name].partition(":")
+    if not module.startswith(_LIGHT):
         from seatrial.core import engine
 
         engine.prepare(tell=True)
-    return getattr(import_module(_HOME[name]), name)
+    return getattr(import_module(module), there or name)

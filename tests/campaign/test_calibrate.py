@@ -1,5 +1,7 @@
 """Calibration of a campaign: ranks kept and resumed to the same bits, a posterior that is too narrow caught."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -70,7 +72,8 @@ def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
 
     def narrow(posterior, key):
         drawn = draw(posterior, key)
-        return drawn._replace(z=drawn.z.mean(0) + 0.3 * (drawn.z - drawn.z.mean(0)))
+        middle = drawn.z.mean((0, 1))
+        return replace(drawn, z=middle + 0.3 * (drawn.z - middle))
 
     Store(campaign.folder).calibration(METHOD).unlink(missing_ok=True)
     monkeypatch.setattr(module, "find_method", lambda name: narrow)
@@ -139,8 +142,8 @@ def test_diagnostics_of_each_kind_of_method(small):
     """Chains have R-hat, effective draws and divergences; a population has its moves."""
     posterior = module.Study(small[0], small[1].fit).posterior(small[0].structures[0])
     chains, population = (module.find_method(name)(posterior, jax.random.key(2)) for name in (METHOD, "tempered-smc"))
-    assert 1.0 < chains.r_hat < 1.3
-    assert DRAWS < chains.ess < len(chains.z)
-    assert (chains.diverged, np.isnan(chains.moved)) == (0.0, True)
-    assert np.isnan(population[1:4]).all()
-    assert 0.1 < population.moved < 0.5
+    assert 1.0 < chains.mixing().r_hat < 1.3
+    assert DRAWS < chains.mixing().ess < chains.log_density.size
+    assert (chains.mixing().diverged, np.isnan(chains.mixing().moved)) == (0.0, True)
+    assert np.isnan(population.mixing()[:3]).all()
+    assert 0.1 < population.mixing().moved < 0.5

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, make_vehicle, vehicle_names
 from seatrial.vehicles.laws import added_mass_findings, check_laws, coriolis_findings
 from seatrial.vehicles.linearise import Trim
 from seatrial.vehicles.remus100_fossen import remus100_fossen, spheroid
@@ -216,3 +216,46 @@ def test_reduced_vehicles_by_name():
         load_vehicle("remus100_fossen").build(("u",))
     with pytest.raises(InputError, match="no such vehicle"):
         load_vehicle("remus200")
+
+
+def test_a_vehicle_of_ones_own_is_the_published_one_of_the_same_numbers():
+    published = load_vehicle("remus100_prestero")
+    body, names = (
+        published.hull,
+        ("inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy"),
+    )
+    own = make_vehicle(
+        body.name,
+        body.mass,
+        {**body.fixed, **published.coefficients},
+        **{name: getattr(body, name) for name in (*names, "thrust_deduction", "wake", "trim")},
+        actuators=published.actuators,
+        added_coriolis=published.added_coriolis,
+        symmetric=False,
+    )
+    assert own.moves == published.moves
+    ours, theirs = own.build(), published.build()
+    assert (ours.states, ours.controls) == (theirs.states, theirs.controls)
+    state = tuple(0.1 * (i + 1) for i in range(len(ours.states)))
+    control = tuple(100.0 if name == "n" else 0.1 for name in ours.controls)
+    found = ours.derivative(own.coefficients, state, control)
+    np.testing.assert_allclose(found, theirs.derivative(published.coefficients, state, control), rtol=1e-12)
+
+
+def test_coefficients_left_open_and_the_others_as_published():
+    """A model with some coefficients open moves as the one with all, given the published values; new terms may be open."""
+    vehicle = load_vehicle("remus100_prestero")
+    whole, part = vehicle.build(moves="uvr"), vehicle.build(moves="uvr", free=["N_r", "Y_uv", "N_rabsr", "N_vdot"])
+    assert [term.text for term in part.coefficients] == ["N_r", "Y_uv", "N_rabsr", "N_vdot"]
+    values = {
+        name: {**vehicle.hull.fixed, **vehicle.coefficients}.get(name, 0.0)
+        for name in ("N_r", "Y_uv", "N_rabsr", "N_vdot")
+    }
+    state = tuple(0.1 * (i + 1) for i in range(len(whole.states)))
+    control = tuple(100.0 if name == "n" else 0.1 for name in whole.controls)
+    assert part.states == whole.states
+    np.testing.assert_allclose(
+        part.derivative(values, state, control), whole.derivative(vehicle.coefficients, state, control), rtol=1e-12
+    )
+    with pytest.raises(InputError, match="leave moves, given and free out"):
+        load_vehicle("remus100_fossen").build(free=["X_u"])

@@ -4,6 +4,7 @@ Under independent priors z is that of each prior; under a joint normal N(m, L L^
 mean 0 and standard deviation 1, or nearly, and every function here that compiled code calls acts on one z.
 """
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import jax
@@ -13,9 +14,14 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.state_space import StateSpace
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.priors import Prior
+from seatrial.vehicles.discretise import discretise
+from seatrial.vehicles.model import VehicleModel
 
+STATE_SD = 0.05
+"""Standard deviation of the vehicle's own state about its start at the begin of a designed trial, in its unit (m/s)."""
 Belief = tuple[Prior, ...] | Gaussian
 """What is known before: independent priors of the coefficients in the plan's order, or their joint normal distribution, SI."""
 
@@ -36,6 +42,33 @@ def normal_belief(draws: Float[np.ndarray, "S k"]) -> Gaussian:
             remedy="use more posterior draws, and leave out coefficients that are known exactly",
         )
     return Gaussian(jnp.asarray(draws.mean(0)), jnp.linalg.cholesky(jnp.asarray(np.atleast_2d(np.cov(draws.T)))))
+
+
+def normal_of(belief: Belief) -> Gaussian:
+    """Joint normal with the means and standard deviations of independent priors; a joint normal as it is."""
+    if isinstance(belief, Gaussian):
+        return belief
+    return Gaussian(np.array([prior.mean for prior in belief]), np.diag([prior.sd for prior in belief]))
+
+
+def coefficient_space(
+    model: VehicleModel, belief: Gaussian, start: Sequence[float], noise: Mapping[str, float]
+) -> tuple[StateSpace, Float[np.ndarray, " k"]]:
+    """State space of a trial, and the standard deviations in whose units its coefficients are, so that each is of order one.
+
+    Args:
+        model: vehicle.
+        belief: about its k coefficients, SI.
+        start: state at the first sample, SI.
+        noise: standard deviation of each measured channel, SI.
+    """
+    scales, d = np.asarray(belief.sd), len(model.states)
+    chol = np.zeros((d + scales.size,) * 2)
+    chol[range(d), range(d)] = STATE_SD
+    chol[d:, d:] = np.asarray(belief.chol_cov) / scales[:, None]
+    initial = Gaussian(np.concatenate([start, np.asarray(belief.mean) / scales]), chol)
+    process, shown = np.zeros(d + scales.size), np.array(list(noise.values()))
+    return discretise(model, tuple(noise), initial, process, shown, scales.tolist()), scales
 
 
 def prior_cov(belief: Belief) -> Float[np.ndarray, "k k"]:

@@ -1,69 +1,104 @@
-"""Draws of a posterior by any method, from nothing but the posterior: what calibration repeats many times."""
+"""Draws of a posterior by any method, from nothing but the posterior."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.progress import Progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode
-from seatrial.estimation.noncentred import coupled, uncouple
-from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.diagnostics import mixing
-from seatrial.sampling.names import METHODS
+from seatrial.estimation.noncentred import in_posterior, uncouple
+from seatrial.estimation.posterior import Posterior, as_key, named_draws
+from seatrial.sampling import sampler
+from seatrial.sampling.names import DEFAULT, METHODS
 from seatrial.sampling.nested import sample_nested
-from seatrial.sampling.run import ChainSettings
-from seatrial.sampling.sampler import SAMPLERS, Sampler, sample
-from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.run import ChainSettings, Draws, unnamed_draws
+from seatrial.sampling.sampler import SAMPLERS
+from seatrial.sampling.target import Target, evaluate, log_densities
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
 
-class Drawn(NamedTuple):
-    """Draws of a posterior, and what the method that made them says of itself, NaN where it has no such number.
+@dataclass(frozen=True)
+class NestedSettings:
+    """Size of a run of nested sampling.
 
     Attributes:
-        z: draws, shape (n, d).
-        r_hat: largest R-hat of all parameters.
-        ess: smallest effective sample size.
-        diverged: share of the transitions that diverged.
-        moved: smallest share of the moves of a population that were made.
+        live: live points.
+        draws: equally weighted draws that are taken of the points.
     """
 
-    z: Float[np.ndarray, "n d"]
-    r_hat: float = np.nan
-    ess: float = np.nan
-    diverged: float = np.nan
-    moved: float = np.nan
+    live: int = 500
+    draws: int = 2000
 
 
-Draw = Callable[[Posterior, jax.Array], Drawn]
-SIZES = {
+Settings = ChainSettings | SMCSettings | NestedSettings
+Draw = Callable[[Posterior, jax.Array], Draws]
+SIZES: dict[str, Settings] = {
     "independence-metropolis": ChainSettings(32, 300, 200),
     "adaptive-metropolis": ChainSettings(32, 500, 500),
     "metropolis": ChainSettings(32, 500, 1000),
     "de-metropolis": ChainSettings(32, 500, 1000),
     "nuts": ChainSettings(8, 300, 200),
+    "tempered-smc": SMCSettings(512),
+    "nested": NestedSettings(200, 512),
 }
-"""Size of each sampler's run; enough for a hundred independent draws of a posterior that is not too far from normal."""
-PARTICLES, LIVE = 512, 200
+"""Size of each method's run where many are made; enough for a hundred independent draws of a posterior not too far from normal."""
 SPREAD = 1.5
 """Standard deviations of the normal approximation from which chains start."""
 
 
+def sample(
+    posterior: Posterior,
+    method: str = DEFAULT,
+    settings: Settings | None = None,
+    key: jax.Array | int = 0,
+    progress: Progress = no_progress,
+) -> Draws:
+    """Draw from a posterior.
+
+    Chains start about the mode, spread wider than the normal approximation there, so that chains which do not meet are seen; ask the
+    draws for their `complaints`.
+
+    Args:
+        posterior: density to draw from.
+        method: `independence-metropolis`, `adaptive-metropolis`, `metropolis`, `de-metropolis`, `nuts`, `tempered-smc` or `nested`.
+        settings: size of the run: `ChainSettings`, of `tempered-smc` `SMCSettings`, of `nested` `NestedSettings`.
+        key: random key, or a seed; the same key gives the same bits.
+        progress: of chains, called with the iterations done and in all.
+
+    Raises:
+        InputError: no such method, or settings of another.
+        NumericalError: nothing of the prior can be simulated, or the mode is not found.
+    """
+    _check_method(method)
+    kind = type(SIZES[method])
+    settings = kind() if settings is None else settings
+    if not isinstance(settings, kind):
+        raise InputError(
+            f"settings of {method}",
+            found=type(settings).__name__,
+            expected=kind.__name__,
+            remedy="leave them out, or choose a method that has them",
+        )
+    return _BY_KIND[kind](posterior, method, settings, as_key(key), progress)
+
+
 def find_method(name: str) -> Draw:
-    """Method by name: a sampler of `SAMPLERS`, `tempered-smc` or `nested`.
+    """Method by name, of the size for many runs.
 
     Raises:
         InputError: no such method.
     """
-    if name not in METHODS:
-        raise InputError("method", found=f'"{name}"', expected=", ".join(METHODS), remedy=nearest(name, METHODS))
-    whole = {"tempered-smc": _by_smc, "nested": _by_nested}
-    return whole[name] if name in whole else partial(_by_chains, SAMPLERS[name], SIZES[name])
+    _check_method(name)
+    return partial(_sample_small, name)
+
+
+def _sample_small(name: str, posterior: Posterior, key: jax.Array) -> Draws:
+    return sample(posterior, name, SIZES[name], key)
 
 
 def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
@@ -74,23 +109,36 @@ def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> ja
     return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
 
 
-def _by_chains(sampler: Sampler, settings: ChainSettings, posterior: Posterior, key: jax.Array) -> Drawn:
+def _check_method(name: str) -> None:
+    if name not in METHODS:
+        raise InputError("method", found=f'"{name}"', expected=", ".join(METHODS), remedy=nearest(name, METHODS))
+
+
+def _by_chains(posterior: Posterior, method: str, settings: ChainSettings, key: jax.Array, progress: Progress) -> Draws:
     mode_key, start_key, key = jax.random.split(key, 3)
     target, mode = uncouple(posterior, find_mode(posterior, mode_key))
     starts = spread_starts(target, mode, settings.chains, start_key)
-    draws = sample(sampler, target, starts, jnp.asarray(mode.cov), key, settings)
-    z = np.asarray(coupled(target, draws.z))
-    chains, kept, d = z.shape
-    # Chain after chain: draws taken at even distances are then as far apart as can be.
-    return Drawn(z.reshape(-1, d), *mixing(z), diverged=draws.divergences / (chains * kept))
+    draws = sampler.sample(SAMPLERS[method], target, starts, jnp.asarray(mode.cov), key, settings, progress)
+    return in_posterior(target, draws)
 
 
-def _by_smc(posterior: Posterior, key: jax.Array) -> Drawn:
-    run = sample_tempered_smc(posterior, key, SMCSettings(PARTICLES))
-    return Drawn(run.particles, moved=float(run.acceptance.min()))
+def _by_smc(posterior: Posterior, method: str, settings: SMCSettings, key: jax.Array, progress: Progress) -> Draws:
+    run = sample_tempered_smc(posterior, key, settings, progress)
+    return _population(posterior, run.particles, float(run.acceptance.min()))
 
 
-def _by_nested(posterior: Posterior, key: jax.Array) -> Drawn:
+def _by_nested(
+    posterior: Posterior, method: str, settings: NestedSettings, key: jax.Array, progress: Progress
+) -> Draws:
     run_key, draw_key = jax.random.split(key)
-    run = sample_nested(posterior, run_key, live=LIVE)
-    return Drawn(run.draws(PARTICLES, draw_key), moved=1.0 - run.stuck)
+    run = sample_nested(posterior, run_key, live=settings.live)
+    return _population(posterior, run.draws(settings.draws, draw_key), 1.0 - run.stuck)
+
+
+def _population(posterior: Posterior, z: np.ndarray, moved: float) -> Draws:
+    """Equally weighted particles as one chain."""
+    found = unnamed_draws(np.asarray(z)[None], evaluate(posterior, z)[None], moved)
+    return replace(named_draws(posterior, found), moved=moved)
+
+
+_BY_KIND = {ChainSettings: _by_chains, SMCSettings: _by_smc, NestedSettings: _by_nested}

@@ -4,7 +4,7 @@ Derivatives are forward: through thousands of time steps and a handful of parame
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,8 +13,11 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior import Posterior, as_key
 from seatrial.sampling.target import AT_ONCE, evaluate
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 FLAT = 1e-2
 """Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider than its prior."""
@@ -32,6 +35,8 @@ class Mode(NamedTuple):
         values: the mode in the parameters' own units, shape (d,).
         sd: delta-method standard deviations of `values`, shape (d,).
         flat: whether a direction had no curvature, so that its variance was set to the prior's.
+        names: of the parameters.
+        units: theirs, SI.
     """
 
     z: Float[np.ndarray, " d"]
@@ -42,14 +47,27 @@ class Mode(NamedTuple):
     values: Float[np.ndarray, " d"]
     sd: Float[np.ndarray, " d"]
     flat: bool
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The mode by parameter name, SI."""
+        return dict(zip(self.names, map(float, self.values), strict=True))
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each parameter: unit, value at the mode, and standard deviation of the normal approximation."""
+        from pandas import DataFrame
+
+        return DataFrame({"unit": self.units, "mode": self.values, "sd": self.sd}, index=list(self.names))
 
 
-def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: int = 3) -> Mode:
+def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512, tries: int = 3) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
     Args:
         posterior: density to maximise.
-        key: random key of the prior draws.
+        key: random key of the prior draws, or a seed.
         starts: prior draws that are evaluated.
         tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
             straight way to a maximum already found is not: it has nothing else to show.
@@ -57,7 +75,7 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
     Raises:
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
-    candidates = np.asarray(posterior.sample_prior(key, starts))
+    candidates = np.asarray(posterior.sample_prior(as_key(key), starts))
     drawn = _best(evaluate(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]
     if not followed:
@@ -112,6 +130,8 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
         np.asarray(posterior.constrain(jnp.asarray(z))),
         np.abs(slope) * np.sqrt(np.diag(cov)),
         flat,
+        posterior.names,
+        tuple(parameter.unit for parameter in posterior.parameters),
     )
 
 

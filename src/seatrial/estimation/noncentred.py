@@ -12,7 +12,7 @@ o_i = a_i + b_i z. Where trials know nothing x is z; where they know all, x_i is
 Skoeld, Statistical Science 22, 2007, between the two). The posterior stays what it was, whatever o and p.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.output_error import deviation_name, spread_name
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior import Posterior, named_draws
 from seatrial.sampling.run import Draws
 from seatrial.sampling.target import Target
 
@@ -164,8 +164,10 @@ def coupled(target: Target, x: Any) -> Any:
 
 
 def in_posterior(target: Target, draws: Draws) -> Draws:
-    """Draws from a target of `uncouple` as of the posterior itself."""
-    if not isinstance(target, Uncoupled):
-        return draws
+    """Draws from a target of `uncouple` as of the posterior itself: by its names, in its units."""
+    if isinstance(target, Posterior):
+        return named_draws(target, draws)
+    assert isinstance(target, Uncoupled)  # `uncouple` gives no third
     z = target.coupled(jnp.asarray(draws.z))
-    return draws._replace(z=np.asarray(z), log_density=draws.log_density - np.asarray(target.log_volume(z)))
+    there = replace(draws, z=np.asarray(z), log_density=draws.log_density - np.asarray(target.log_volume(z)))
+    return named_draws(target.posterior, there)

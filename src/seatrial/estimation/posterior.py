@@ -1,7 +1,7 @@
 """A posterior: named parameters with priors, and a log-likelihood of the data; densities act on the unconstrained vector."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -10,8 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.errors import InputError
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import Prior
+from seatrial.sampling.run import Draws
 
 LogLikelihood = Callable[[dict[str, Any], Any], Any]
 
@@ -19,7 +21,14 @@ LogLikelihood = Callable[[dict[str, Any], Any], Any]
 @compiled_tree("name", "unit", "label")
 @dataclass(frozen=True)
 class Parameter:
-    """One unknown: its name, SI unit, printed label (LaTeX) and prior."""
+    """One unknown.
+
+    Attributes:
+        name: by which the likelihood asks for its value.
+        unit: SI.
+        label: as printed, LaTeX.
+        prior: what is known of it before the data.
+    """
 
     name: str
     unit: str
@@ -85,4 +94,78 @@ class Posterior:
         keys = jax.random.split(key, self.dim)
         return jnp.stack(
             [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)], -1
+        )
+
+
+@dataclass(frozen=True)
+class _OfValues:
+    """A log-likelihood of the parameters' values alone; NaN counts as a density of zero."""
+
+    function: Callable[[dict[str, Any]], Any]
+
+    def __call__(self, values: dict[str, Any], data: Any) -> Any:
+        value = jnp.asarray(self.function(values), float)
+        return jnp.where(jnp.isnan(value), -jnp.inf, value)
+
+
+def posterior_of_density(
+    log_density: Callable[[dict[str, Any]], Any], priors: Mapping[str, Prior], units: Mapping[str, str] | None = None
+) -> Posterior:
+    """Build a posterior from one's own log-likelihood.
+
+    Args:
+        log_density: log density of the data for parameter values by name, in the priors' units; a scalar, written with `jax.numpy` so
+            that it can be compiled and differentiated. The priors are added here.
+        priors: one for each parameter, in the order of the report.
+        units: of the parameters, for tables; "1" where not given.
+
+    Raises:
+        InputError: no prior, or a function that cannot be compiled or returns no scalar.
+    """
+    if not priors:
+        raise InputError(
+            "priors", found="none", expected="one parameter at least", remedy='for example {"a": Normal(0, 1)}'
+        )
+    _check_density(log_density, tuple(priors))
+    known = units or {}
+    parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())
+    return Posterior(parameters, _OfValues(log_density), ())
+
+
+def named_draws(posterior: Posterior, draws: Draws) -> Draws:
+    """Return draws of a posterior's z by its names and in its units."""
+    values = np.asarray(posterior.constrain(jnp.asarray(draws.z)))
+    units = tuple(parameter.unit for parameter in posterior.parameters)
+    return replace(draws, names=posterior.names, units=units, values=values)
+
+
+def as_key(key: jax.Array | int) -> jax.Array:
+    """Return a random key, from a seed where an integer is given."""
+    return jax.random.key(key) if isinstance(key, int) else key
+
+
+def _check_density(log_density: Callable[[dict[str, Any]], Any], names: tuple[str, ...]) -> None:
+    where = f"log density {getattr(log_density, '__name__', '')}".rstrip()
+    try:
+        shape = jax.eval_shape(log_density, dict.fromkeys(names, jax.ShapeDtypeStruct((), float)))
+    except KeyError as cause:
+        raise InputError(
+            where,
+            found=f"a parameter {cause} without a prior",
+            expected="parameters among " + ", ".join(names),
+            remedy="add its prior, or correct the name",
+        ) from cause
+    except jax.errors.JAXTypeError as cause:
+        raise InputError(
+            where,
+            found=f"code that cannot be compiled: {str(cause).splitlines()[0]}",
+            expected="a function of traced numbers",
+            remedy="use jax.numpy in place of numpy, and jnp.where in place of if",
+        ) from cause
+    if getattr(shape, "shape", None) != ():
+        raise InputError(
+            where,
+            found=f"a result of shape {getattr(shape, 'shape', None)}",
+            expected="one number",
+            remedy="sum the log densities of the data",
         )

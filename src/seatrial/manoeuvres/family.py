@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.manoeuvres.schedule import Schedule
 from seatrial.manoeuvres.shapes import SHAPES, Shape
 
 
@@ -89,6 +90,16 @@ class Family:
             return np.asarray(self.signal(amplitude, period, time))
 
         return Manoeuvre(self.words, self.control, self.duration, settings, signal)
+
+    def schedule(self, amplitude: float, period: float, **held: float) -> Schedule:
+        """One member as controls over time, SI; all other controls are held at the value given.
+
+        Raises:
+            InputError: a period that does not fit.
+        """
+        time, driven = self.manoeuvre(amplitude, period).sample(self.sample_time)
+        others = {name: np.full(time.size, float(value)) for name, value in held.items()}
+        return Schedule(time, {self.control: driven, **others})
 
     def expected(self) -> dict[str, str]:
         """What a period has to be, and how to mend one that is not, for errors."""

@@ -11,6 +11,7 @@ and frozen after warm-up. Chains in step wait for the one whose path is longest.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -145,7 +146,7 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSett
 
 def finish(run: Run) -> Draws:
     """Draws of a finished run, with the number of divergent transitions."""
-    return runs.finish(run)._replace(divergences=int(run.state.divergences))
+    return replace(runs.finish(run), divergences=int(run.state.divergences))
 
 
 class _Phase(NamedTuple):

@@ -4,16 +4,21 @@ A run advances in blocks of 100 iterations. Iteration t uses the key folded with
 and resumed, gives the same bits.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError, nearest
+from seatrial.sampling.diagnostics import complaints, diagnose, mixing
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import DataTree
 
 BLOCK = 100
 
@@ -53,20 +58,135 @@ class Run(NamedTuple):
     acceptance: Float[np.ndarray, " kept"]
 
 
-class Draws(NamedTuple):
-    """Draws after warm-up.
+class Mixing(NamedTuple):
+    """What a method says of its own draws, NaN where it has no such number.
 
     Attributes:
-        z: positions, shape (chains, draws, d).
-        log_density: log densities there, shape (chains, draws).
+        r_hat: largest R-hat of all parameters.
+        ess: smallest effective sample size.
+        diverged: share of the transitions that diverged.
+        moved: smallest share of the moves of a population that were made.
+    """
+
+    r_hat: float = np.nan
+    ess: float = np.nan
+    diverged: float = np.nan
+    moved: float = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Draws of named parameters after warm-up, by chain; a population counts as one chain.
+
+    `draws["X_u"]` are those of one parameter, in its own unit, of shape (chains, draws).
+
+    Attributes:
+        z: unconstrained positions, shape (chains, draws, d).
+        log_density: unnormalised log densities of z, shape (chains, draws).
         acceptance: mean acceptance probability.
         divergences: transitions after warm-up whose trajectory left the surface it was to follow; 0 where there are none.
+        names: of the d parameters.
+        units: theirs, SI.
+        values: draws in these units, shape (chains, draws, d).
+        moved: of a population, the smallest share of its moves that were made; NaN for chains.
     """
 
     z: Float[np.ndarray, "chains draws d"]
     log_density: Float[np.ndarray, "chains draws"]
     acceptance: float
-    divergences: int = 0
+    divergences: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Float[np.ndarray, "chains draws d"]
+    moved: float = np.nan
+
+    @property
+    def is_population(self) -> bool:
+        """Whether these are equally weighted particles and not chains, so that R-hat has no meaning."""
+        return not np.isnan(self.moved)
+
+    def __getitem__(self, name: str) -> Float[np.ndarray, "chains draws"]:
+        """Return the draws of one parameter, in its own unit.
+
+        Raises:
+            InputError: no parameter of that name.
+        """
+        return self.values[..., self._place(name)]
+
+    def array(self, names: Sequence[str] | None = None) -> Float[np.ndarray, "n k"]:
+        """Return the draws of some parameters, all where none are named, chain after chain, shape (n, k).
+
+        Raises:
+            InputError: no parameter of that name.
+        """
+        places = [self._place(name) for name in (self.names if names is None else names)]
+        return self.values.reshape(-1, len(self.names))[:, places]
+
+    def mixing(self) -> Mixing:
+        """Return the method's own diagnostics of all parameters together."""
+        if self.is_population:
+            return Mixing(moved=self.moved)
+        chains, kept, _ = self.z.shape
+        return Mixing(*mixing(self.z), diverged=self.divergences / (chains * kept))
+
+    def complaints(self) -> list[str]:
+        """Return what makes the draws unfit for use, one sentence each; empty where chains are healthy."""
+        if self.is_population:
+            return []
+        return complaints(self.names, diagnose(self.values)) + complaints_of_draws(self)
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each parameter: unit, mean, sd, the 5 % and 95 % quantiles, and how well they are known.
+
+        `mcse` is the Monte Carlo error of the mean; it, `r_hat`, `ess_bulk` and `ess_tail` are NaN for a population.
+        """
+        from pandas import DataFrame
+
+        flat, nan = self.array(), np.full(len(self.names), np.nan)
+        low, high = np.quantile(flat, (0.05, 0.95), axis=0)
+        health = None if self.is_population else diagnose(self.values)
+        named = {
+            key: nan if health is None else getattr(health, key) for key in ("mcse", "r_hat", "ess_bulk", "ess_tail")
+        }
+        columns = {"unit": self.units, "mean": flat.mean(0), "sd": flat.std(0), "5%": low, "95%": high}
+        return DataFrame(columns | named, index=list(self.names))
+
+    def to_arviz(self) -> "DataTree":
+        """Return a tree that ArviZ reads: `posterior` with a variable for each parameter, and `sample_stats` with `lp`.
+
+        Both lie on `chain` and `draw`; every variable tells its unit in `attrs`. Means over all chains, such as the acceptance, are
+        attributes of `sample_stats`.
+        """
+        from xarray import DataArray, Dataset, DataTree
+
+        chains, kept = self.log_density.shape
+        at = {"chain": np.arange(chains), "draw": np.arange(kept)}
+
+        def variable(values: np.ndarray, unit: str) -> DataArray:
+            return DataArray(values, at, ("chain", "draw"), attrs={"units": unit})
+
+        drawn = {name: variable(self[name], unit) for name, unit in zip(self.names, self.units, strict=True)}
+        told = {"acceptance_rate": self.acceptance, "divergences": self.divergences}
+        stats = Dataset({"lp": variable(self.log_density, "nat")}, attrs=told)
+        return DataTree.from_dict(
+            {"posterior": Dataset(drawn, attrs={"inference_library": "seatrial"}), "sample_stats": stats}
+        )
+
+    def _place(self, name: str) -> int:
+        if name in self.names:
+            return self.names.index(name)
+        raise InputError("draws", found=f'"{name}"', expected=", ".join(self.names), remedy=nearest(name, self.names))
+
+
+def unnamed_draws(
+    z: Float[np.ndarray, "chains draws d"],
+    log_density: Float[np.ndarray, "chains draws"],
+    acceptance: float,
+    divergences: int = 0,
+) -> Draws:
+    """Return draws of a density whose components have no names: z[0], z[1] and so on, which are their own values."""
+    d = z.shape[-1]
+    return Draws(z, log_density, acceptance, divergences, tuple(f"z[{i}]" for i in range(d)), ("1",) * d, z)
 
 
 def begin(state: Any) -> Run:
@@ -110,7 +230,7 @@ def is_finished(run: Run, settings: ChainSettings) -> bool:
 
 def finish(run: Run) -> Draws:
     """Draws of a finished run."""
-    return Draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
+    return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
 
 
 def complaints_of_draws(draws: Draws) -> list[str]:

@@ -24,7 +24,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior import Posterior, as_key
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
@@ -174,7 +174,7 @@ class Keys(NamedTuple):
 
 def agreed_evidence(
     posterior: Posterior,
-    keys: Keys,
+    keys: Keys | jax.Array | int = 0,
     settings: EvidenceSettings = EvidenceSettings(),
     progress: Progress = no_progress,
 ) -> Evidence:
@@ -182,7 +182,7 @@ def agreed_evidence(
 
     Args:
         posterior: density to integrate.
-        keys: random keys.
+        keys: random keys; or one of which both are made, or a seed.
         settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly.
         progress: called with the work done and the work in all.
 
@@ -193,6 +193,7 @@ def agreed_evidence(
     Raises:
         NumericalError: tempered SMC cannot leave the prior.
     """
+    keys = keys if isinstance(keys, Keys) else Keys(*jax.random.split(as_key(keys)))
     gathering = Gathering(settings.repeats)
     waiting = gathering.begin()
     done = 0

@@ -2,12 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.selection.evidence import Evidence
+from seatrial.core.errors import InputError
+from seatrial.core.progress import Progress, no_progress
+from seatrial.estimation.posterior import Posterior, as_key
+from seatrial.selection.combined_evidence import agreed_evidence
+from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
 
 DECIDED, LIKELY = 0.95, 0.75
@@ -112,6 +117,41 @@ def select(
         tuple(verdicts),
         tuple(unsettled),
     )
+
+
+def compare(
+    posteriors: Mapping[str, Posterior],
+    settings: EvidenceSettings = EvidenceSettings(),
+    key: jax.Array | int = 0,
+    progress: Progress = no_progress,
+) -> Selection:
+    """Compare posteriors of the same data by their evidences, equally probable before.
+
+    Args:
+        posteriors: by label. A parameter that some have and others lack is a term in question.
+        settings: of each evidence.
+        key: random key, or a seed.
+        progress: called with the evidences that are there, and how many there will be.
+
+    Raises:
+        InputError: fewer than two.
+        NumericalError: an evidence that cannot be computed.
+    """
+    if len(posteriors) < 2:
+        raise InputError(
+            "compare",
+            found=f"{len(posteriors)} posteriors",
+            expected="two at least",
+            remedy="use `evidence` for one alone",
+        )
+    structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
+    shared = set.intersection(*(set(structure.terms) for structure in structures))
+    optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
+    evidences, keys = [], jax.random.split(as_key(key), len(posteriors))
+    for posterior, own in zip(posteriors.values(), keys, strict=True):
+        evidences.append(agreed_evidence(posterior, own, settings))
+        progress(len(evidences), len(posteriors))
+    return select(structures, evidences, optional)
 
 
 def _doubt(evidence: Evidence) -> float:

@@ -9,13 +9,10 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.state_space import StateSpace
-from seatrial.design.prior_belief import draw_values
+from seatrial.design.prior_belief import coefficient_space, draw_values, normal_of
 from seatrial.estimation.priors import Prior
-from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 
-STATE_SD = 0.05
-"""Standard deviation of the vehicle's own state about trim at the start of a designed trial, in its unit (m/s)."""
 HALF = 400
 """Draws of the priors behind each probability of staying inside the limits."""
 
@@ -32,7 +29,7 @@ def prior_draws(campaign: Campaign, model: VehicleModel) -> Float[np.ndarray, "S
 
 def believed(priors: Sequence[Prior]) -> Gaussian:
     """The normal belief with the means and standard deviations of independent priors."""
-    return Gaussian(np.array([prior.mean for prior in priors]), np.diag([prior.sd for prior in priors]))
+    return normal_of(tuple(priors))
 
 
 def belief_space(campaign: Campaign, model: VehicleModel, belief: Gaussian) -> tuple[StateSpace, np.ndarray]:
@@ -43,11 +40,4 @@ def belief_space(campaign: Campaign, model: VehicleModel, belief: Gaussian) -> t
         model: vehicle.
         belief: about its coefficients, SI.
     """
-    scales, d = np.asarray(belief.sd), len(model.states)
-    chol = np.zeros((d + scales.size,) * 2)
-    chol[range(d), range(d)] = STATE_SD
-    chol[d:, d:] = np.asarray(belief.chol_cov) / scales[:, None]
-    initial = Gaussian(np.concatenate([campaign.state_trim(model), np.asarray(belief.mean) / scales]), chol)
-    noise = np.array(list(campaign.noise.values()))
-    space = discretise(model, campaign.channels, initial, np.zeros(d + scales.size), noise, scales.tolist())
-    return space, scales
+    return coefficient_space(model, belief, campaign.state_trim(model), campaign.noise)

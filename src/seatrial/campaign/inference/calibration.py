@@ -23,9 +23,10 @@ from seatrial.core.batching import map_lanes
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.calibration import ranks_of, spread_evenly
-from seatrial.estimation.draw_posterior import Draw, Drawn, find_method
+from seatrial.estimation.draw_posterior import Draw, find_method
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
+from seatrial.sampling.run import Mixing
 from seatrial.sampling.target import VECTOR
 
 AT_ONCE = 8
@@ -77,7 +78,7 @@ def calibrate(
         dims = {"rank": ("replicate", "quantity"), "tries": ("replicate",), "health": ("replicate", "diagnostic")}
         return xr.Dataset(
             {name: (dims[name], value) for name, value in arrays.items()},
-            {"quantity": [*names, LIKELIHOOD], "diagnostic": list(Drawn._fields[1:])},
+            {"quantity": [*names, LIKELIHOOD], "diagnostic": list(Mixing._fields)},
             {"structure": structure.label, "method": method},
         )
 
@@ -159,9 +160,10 @@ def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> _Replicate:
             f"none of {TRIES} draws from the prior can be simulated over these records: narrow the priors; `seatrial prior` shows why"
         )
     drawn = draw(made, draw_key)
-    chosen = jnp.asarray(spread_evenly(drawn.z))
+    # Chain after chain: draws taken at even distances are then as far apart as can be.
+    chosen = jnp.asarray(spread_evenly(drawn.z.reshape(-1, made.dim)))
     values = np.column_stack([made.constrain(chosen), _log_likelihoods(made, chosen)])
-    return _Replicate(ranks_of(np.append(np.asarray(truth), at_truth), values), tried, np.array(drawn[1:]))
+    return _Replicate(ranks_of(np.append(np.asarray(truth), at_truth), values), tried, np.array(drawn.mixing()))
 
 
 @jax.jit

@@ -146,7 +146,7 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Targe
 
 
 def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, float]) -> xr.Dataset:
-    values = np.asarray(posterior.constrain(jnp.asarray(draws.z)))
+    values = draws.values
     health = diagnose(values)
     parameters = posterior.parameters
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])

@@ -7,7 +7,6 @@ import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.design.prior_state_space import STATE_SD
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.files import Store, StoredResult, key_of
@@ -15,6 +14,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
+from seatrial.design.prior_belief import STATE_SD
 from seatrial.estimation.simulation import delay_control
 from seatrial.filters.large import unscented_filter
 from seatrial.filters.run import FilterTrace, run_filter

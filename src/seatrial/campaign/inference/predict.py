@@ -3,9 +3,8 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import jax
 import jax.numpy as jnp
@@ -19,19 +18,15 @@ from seatrial.campaign.store.estimates import Estimate, Fit, HasKey, OfStructure
 from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
-from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.output_error import OutputError, initial_name
+from seatrial.estimation.output_error import initial_name
+from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws
 from seatrial.estimation.predictive_check import LEVELS, Verdict, judge, worst
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.replicate import motions
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
-from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.sensors import correlation_name
 from seatrial.estimation.validation import score_channel
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
-ANY = "any"
-"""Label that stands for every record's."""
 MOST_NAMED = 6
 """Trials that one sentence names."""
 
@@ -152,8 +147,8 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
         if parameter.name in starts:
             prior = Normal(prior.mean, starts[parameter.name])
         values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
-    outputs = np.asarray(_outputs(likelihood)(values, data, keys[1:]))
-    noise = np.column_stack([_noise_sd(sensor, values) for sensor in campaign.sensor_models])
+    outputs = np.asarray(outputs_of_draws(likelihood)(values, data, keys[1:]))
+    noise = np.column_stack([noise_sd(sensor, values) for sensor in campaign.sensor_models])
     noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)
     return {
@@ -164,24 +159,6 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
         "sd": np.hypot(motion, noise),
         "noise": noise,
     }
-
-
-def _noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
-    """Standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
-    sd = np.asarray(values[noise_name(sensor.channel)])
-    if sensor.noise != "heavy":
-        return sd
-    dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
-    return sd * np.sqrt(dof / (dof - 2.0))
-
-
-@lru_cache(maxsize=16)
-def _outputs(likelihood: OutputError | FilterError):
-    @jax.jit
-    def of_draws(values: Mapping[str, Any], data: TrialData, keys: jax.Array) -> jax.Array:
-        return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys)
-
-    return of_draws
 
 
 def _fits(

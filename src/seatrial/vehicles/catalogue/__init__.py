@@ -63,7 +63,12 @@ class PublishedVehicle:
         return acting_terms(tuple(self.coefficients), moves or self.moves, given, self.thrusters)
 
     def build(
-        self, moves: Sequence[str] | None = None, given: Sequence[str] = (), actuators: bool = False, **options: Any
+        self,
+        moves: Sequence[str] | None = None,
+        given: Sequence[str] = (),
+        actuators: bool = False,
+        free: Sequence[str] | None = None,
+        **options: Any,
     ) -> VehicleModel:
         """Vehicle with the published terms that have a part in a motion.
 
@@ -71,6 +76,8 @@ class PublishedVehicle:
             moves: velocities that are states; all that is published where None.
             given: velocities and angles that are measured.
             actuators: whether published lags and limits come before the controls.
+            free: coefficients whose values are left open, in this order; the others stay as published. Terms that are not published may
+                be among them. All that is published, where None.
             options: those of `whole_vehicle`; of a written vehicle `attitude` and `positions`.
 
         Raises:
@@ -78,18 +85,19 @@ class PublishedVehicle:
         """
         chosen = tuple(moves or self.moves)
         if self.written is not None:
-            if chosen != self.moves or given:
+            if chosen != self.moves or given or free is not None:
                 raise InputError(
                     f'vehicle "{self.hull.name}", moves',
-                    found=", ".join(chosen),
+                    found=", ".join(free or chosen),
                     expected="all six velocities: its forces are no sum of terms that could be left out",
-                    remedy="leave moves and given out, or take a vehicle of named coefficients",
+                    remedy="leave moves, given and free out, or take a vehicle of named coefficients",
                 )
             model = self.written(**options)
         else:
+            terms = self.terms(chosen, given) if free is None else tuple(free)
             model = whole_vehicle(
-                self.hull,
-                self.terms(chosen, given),
+                self.hull if free is None else replace(self.hull, fixed=self._fixed_beside(terms)),
+                terms,
                 moves=chosen,
                 given=given,
                 added_coriolis=self.added_coriolis,
@@ -98,6 +106,55 @@ class PublishedVehicle:
             )
         acting = {name: actuator for name, actuator in self.actuators.items() if name in model.controls}
         return with_actuators(model, acting) if actuators and acting else model
+
+    def _fixed_beside(self, terms: Sequence[str]) -> dict[str, float]:
+        """Every value that is not left open."""
+        sought = {CoefficientName.parse(term) for term in terms}
+        known = {**self.hull.fixed, **self.coefficients}
+        return {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
+
+
+def make_vehicle(
+    name: str,
+    mass: float,
+    coefficients: Mapping[str, float],
+    *,
+    inertia: Sequence[float | None] = (None, None, None),
+    moves: Sequence[str] | None = None,
+    actuators: Mapping[str, Actuator] | None = None,
+    thrusters: Sequence[Thruster] = (),
+    added_coriolis: AddedCoriolis = "named",
+    **body: Any,
+) -> PublishedVehicle:
+    """Build a vehicle of one's own.
+
+    Args:
+        name: short name.
+        mass: dry mass, kg.
+        coefficients: values by name, SI, added masses (`X_udot`, negative) among them.
+        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown.
+        moves: velocities that are modelled; where not given, those whose axes have terms and a known inertia.
+        actuators: lags and limits by control.
+        thrusters: of an open frame; none for one propeller on the axis.
+        added_coriolis: whether Coriolis forces of the added mass are among the coefficients or follow from it (`automatic`).
+        body: `centre_of_gravity`, `centre_of_buoyancy`, `products`, `weight`, `buoyancy`, `thrust_deduction`, `wake`, `trim` and
+            `symmetric` of `whole_hull`.
+
+    Raises:
+        InputError: a name that is none, or numbers that no body has.
+    """
+    values = {CoefficientName.parse(key).text: float(value) for key, value in coefficients.items()}
+    fixed = {key: value for key, value in values.items() if CoefficientName.parse(key).is_added_mass}
+    hull = whole_hull(name, mass, inertia, fixed=fixed, **body)
+    free = {key: value for key, value in values.items() if key not in fixed}
+    return PublishedVehicle(
+        hull,
+        free,
+        tuple(moves or _moving(hull, values)),
+        added_coriolis,
+        tuple(thrusters),
+        dict(actuators or {}),
+    )
 
 
 @dataclass(frozen=True)

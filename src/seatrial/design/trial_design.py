@@ -1,0 +1,155 @@
+"""The next trial of one vehicle: of some families, amplitudes and periods the one that tells most about its coefficients."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.core.gaussian import Gaussian
+from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
+from seatrial.design.sweep import Sweep, sweep_family
+from seatrial.estimation.priors import Prior
+from seatrial.manoeuvres.family import Family, check_family
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.schedule import Schedule
+from seatrial.sampling.run import Draws
+from seatrial.vehicles.model import VehicleModel
+
+
+@dataclass(frozen=True, eq=False)
+class TrialDesign:
+    """What was looked at, and the best of it.
+
+    Attributes:
+        sweeps: the entropy reduction of every design, one sweep for each family that has a design inside the limits, the best first.
+        refused: why each other family has none, by its kind.
+        sd_before: standard deviation of each coefficient before the trial, SI, by name.
+        sd_after: what is predicted of it after the best trial.
+    """
+
+    sweeps: tuple[Sweep, ...]
+    refused: Mapping[str, str]
+    sd_before: Mapping[str, float]
+    sd_after: Mapping[str, float]
+
+    @property
+    def gain(self) -> float:
+        """Entropy reduction that the best trial promises, nats."""
+        best = self.sweeps[0]
+        return float(best.gain[best.best])
+
+    @property
+    def schedule(self) -> Schedule:
+        """Controls of the best trial, SI."""
+        best = self.sweeps[0]
+        row, column = best.best
+        held = {name: value for name, value in best.trim if name != best.family.control}
+        return best.family.schedule(float(best.amplitude[row]), float(best.period[column]), **held)
+
+    def __str__(self) -> str:
+        """Name the best trial, in SI, and what it promises."""
+        best = self.sweeps[0]
+        row, column = best.best
+        known = ", ".join(f"{name} from {sd:.3g} to {self.sd_after[name]:.3g}" for name, sd in self.sd_before.items())
+        return (
+            f"{best.family.words} in {best.family.control}, amplitude {best.amplitude[row]:.4g}, {best.family.shape.period_is} "
+            f"{best.period[column]:.3g} s: {self.gain:.2f} nat; standard deviations {known}"
+        )
+
+
+def design_trial(
+    model: VehicleModel,
+    belief: Draws | Mapping[str, Prior],
+    families: Family | Sequence[Family],
+    amplitude: Sequence[float],
+    period: Sequence[float],
+    noise: Mapping[str, float],
+    *,
+    start: Mapping[str, float] | None = None,
+    held: Mapping[str, float] | None = None,
+    limits: Limits = Limits(),
+    rates: Mapping[str, float] | None = None,
+) -> TrialDesign:
+    """Predict how much every trial of some families would tell, by running a filter over the motion that is expected.
+
+    Args:
+        model: vehicle; what it leaves open is what the trial is to tell.
+        belief: draws of a posterior, or priors, of its coefficients by name.
+        families: shapes of the driven control, with its trim and timing.
+        amplitude: changes from trim, SI.
+        period: s.
+        noise: standard deviation of each measured channel, SI.
+        start: state at the first sample, signal name to SI value; 0 where nothing is said.
+        held: value of every control that is not driven, SI.
+        limits: bounds of the driven control.
+        rates: samples a second of sensors that are slower than the families' sample time.
+
+    Raises:
+        InputError: no design inside the limits, or something unknown of a coefficient or a control.
+        NumericalError: the expected motion diverges for a design inside the limits.
+    """
+    chosen = [families] if isinstance(families, Family) else list(families)
+    names = tuple(term.text for term in model.coefficients)
+    before = _belief(belief, names)
+    state = tuple((start or {}).get(name, 0.0) for name in model.states)
+    space, scales = coefficient_space(model, before, state, noise)
+    sweeps, refused = [], {}
+    for family in chosen:
+        trim = _trim(model, family, held or {})
+        mask = _measured(family, noise, rates or {})
+        try:
+            checked, grid = check_family(family), (np.asarray(amplitude, float), np.asarray(period, float))
+            sweeps.append(sweep_family(space, checked, *grid, limits, measured=mask, trim=trim))
+        except InputError as error:
+            if len(chosen) == 1:
+                raise
+            refused[family.kind] = f"{error.found}; expected {error.expected}"
+    if not sweeps:
+        raise InputError(
+            "families",
+            found="; ".join(f"{kind}: {why}" for kind, why in refused.items()),
+            expected="one design at least inside the limits",
+            remedy="lower the amplitudes, choose other periods, or widen the limits if the vehicle allows it",
+        )
+    sweeps.sort(key=lambda sweep: -sweep.gain[sweep.best])
+    after = sweeps[0].final_sd[sweeps[0].best] * scales
+    return TrialDesign(
+        tuple(sweeps),
+        refused,
+        dict(zip(names, map(float, scales), strict=True)),
+        dict(zip(names, map(float, after), strict=True)),
+    )
+
+
+def _belief(belief: Draws | Mapping[str, Prior], names: tuple[str, ...]) -> Gaussian:
+    """Joint normal of the coefficients, SI."""
+    if isinstance(belief, Draws):
+        return normal_belief(belief.array(names))
+    if missing := [name for name in names if name not in belief]:
+        raise InputError(
+            "belief",
+            found="none of " + ", ".join(missing),
+            expected="a prior of each of " + ", ".join(names),
+            remedy="add them, or fix these coefficients in the vehicle",
+        )
+    return normal_of(tuple(belief[name] for name in names))
+
+
+def _trim(model: VehicleModel, family: Family, held: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    known = {**held, family.control: family.trim}
+    if family.control not in model.controls or any(name not in known for name in model.controls):
+        raise InputError(
+            f"manoeuvre {family.kind}, controls",
+            found=", ".join(known),
+            expected="a value of " + ", ".join(model.controls),
+            remedy="drive one of them, and give the others in `held`",
+        )
+    return tuple((name, float(known[name])) for name in model.controls)
+
+
+def _measured(family: Family, noise: Mapping[str, float], rates: Mapping[str, float]) -> np.ndarray:
+    """1 where each sensor gives a sample, 0 between, shape (n, m)."""
+    time = family.time()
+    steps = [max(1, round(1.0 / (rates[name] * family.sample_time))) if name in rates else 1 for name in noise]
+    return np.column_stack([(np.arange(time.size) % every == 0).astype(float) for every in steps])

@@ -1,0 +1,185 @@
+"""What a record should show by draws of a posterior: its motion in free simulation, from its inputs alone, and the noise of its sensors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.posterior import Parameter, Posterior, as_key
+from seatrial.estimation.priors import Normal
+from seatrial.estimation.record_posterior import start_of
+from seatrial.estimation.replicate import motions
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.trial_data import TrialData, stack_trials
+from seatrial.estimation.validation import Score, score_channel
+from seatrial.sampling.run import Draws
+
+ANY = "any"
+"""Label that stands for every record's, so that records of one length share compiled code."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A record as draws of a posterior predict it; n samples, m channels.
+
+    Attributes:
+        record: what was predicted.
+        channels: measured channels, in the order of the columns.
+        mean: SI, shape (n, m).
+        motion_sd: standard deviation of the motion, for the parameters are uncertain, SI, shape (n, m).
+        noise_sd: of each sensor's noise, SI, shape (m,).
+        correlation_time: of each sensor's noise, s; None where it is white.
+    """
+
+    record: Record
+    channels: tuple[str, ...]
+    mean: Float[np.ndarray, "n m"]
+    motion_sd: Float[np.ndarray, "n m"]
+    noise_sd: Float[np.ndarray, " m"]
+    correlation_time: tuple[float | None, ...]
+
+    @property
+    def sd(self) -> Float[np.ndarray, "n m"]:
+        """Standard deviation of a measurement about the mean, SI, shape (n, m)."""
+        return np.hypot(self.motion_sd, self.noise_sd)
+
+    def score(self, channel: str) -> Score:
+        """Return how well a measured channel was predicted.
+
+        Raises:
+            InputError: no such channel.
+        """
+        if channel not in self.channels:
+            raise InputError(
+                "prediction",
+                found=f'channel "{channel}"',
+                expected="one of " + ", ".join(self.channels),
+                remedy="only channels of the posterior's sensors are predicted",
+            )
+        at = self.channels.index(channel)
+        return score_channel(
+            self.record.time,
+            self.record.channel(channel),
+            self.mean[:, at],
+            self.motion_sd[:, at],
+            noise_sd=float(self.noise_sd[at]),
+            correlation_time=self.correlation_time[at],
+        )
+
+
+def predict(
+    posterior: Posterior,
+    draws: Draws,
+    record: Record,
+    *,
+    start: Mapping[str, float] | None = None,
+    n: int = 200,
+    key: jax.Array | int = 0,
+) -> Prediction:
+    """Predict a record by free simulation with draws of a posterior of `make_posterior`.
+
+    Args:
+        posterior: of the records that were fitted.
+        draws: of it.
+        record: one of these, or another one. What only its own trial would tell, such as its own bias, is drawn from its prior.
+        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
+        n: draws that are simulated, at most.
+        key: random key, or a seed.
+
+    Raises:
+        InputError: a posterior of no records, or a control, channel or start that the record lacks.
+    """
+    likelihood = posterior.likelihood
+    if not isinstance(likelihood, OutputError | FilterError):
+        raise InputError(
+            "posterior",
+            found="a log density of one's own",
+            expected="a posterior of records, of `make_posterior`",
+            remedy="simulate with the draws themselves",
+        )
+    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    sensors = output.simulator.sensors
+    first = start_of(likelihood.model, record, start or {}, output.free_initial)
+    data = stack_trials([record], likelihood.model, likelihood.channels, [first])
+    table = draws.array()
+    table = table[:: max(1, table.shape[0] // n)][:n]
+    keys = jax.random.split(as_key(key), 1 + len(table))
+    known = dict(zip(draws.names, table.T, strict=True))
+    values = _values_of(posterior, record.label, dict(zip(likelihood.model.states, first, strict=True)), known, keys[0])
+    anonymous = replace(output, labels=(ANY,), complete=(False,) * len(sensors))
+    alone = anonymous if isinstance(likelihood, OutputError) else replace(likelihood, output=anonymous)
+    shown = np.asarray(outputs_of_draws(alone)(values, data, keys[1:]))
+    noise = np.column_stack([noise_sd(sensor, values) for sensor in sensors])
+    times = [correlation_name(sensor.channel) for sensor in sensors]
+    return Prediction(
+        record,
+        likelihood.channels,
+        shown.mean(axis=0),
+        shown.std(axis=0),
+        np.sqrt((noise**2).mean(axis=0)),
+        tuple(float(np.median(values[name])) if name in values else None for name in times),
+    )
+
+
+def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
+    """Standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
+    sd = np.asarray(values[noise_name(sensor.channel)])
+    if sensor.noise != "heavy":
+        return sd
+    dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
+    return sd * np.sqrt(dof / (dof - 2.0))
+
+
+@lru_cache(maxsize=16)
+def outputs_of_draws(likelihood: OutputError | FilterError):
+    """Return the compiled function of draws' values, the data of one trial and a key for each: outputs, shape (draws, n, m)."""
+
+    @jax.jit
+    def of_draws(values: Mapping[str, Any], data: TrialData, keys: jax.Array) -> jax.Array:
+        return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys)
+
+    return of_draws
+
+
+def _values_of(
+    posterior: Posterior, label: str, first: Mapping[str, float], known: Mapping[str, np.ndarray], key: jax.Array
+) -> dict[str, jax.Array]:
+    """Values of every parameter under each draw, those of one trial under the label `ANY`."""
+    labels, count = posterior.likelihood.labels, len(next(iter(known.values())))
+    own = label if label in labels else labels[0]
+    values = {}
+    for index, parameter in enumerate(posterior.parameters):
+        name, is_own = _anonymous(parameter.name, own)
+        if name is None:
+            continue
+        if is_own and own != label:
+            prior = _prior_of(parameter, first, known)
+            values[name] = prior.draw(jax.random.fold_in(key, index), (count,))
+        else:
+            values[name] = jnp.asarray(known[parameter.name])
+    return values
+
+
+def _anonymous(name: str, label: str) -> tuple[str | None, bool]:
+    """Name of a parameter under the label `ANY`, None if it is another trial's, and whether it is one trial's."""
+    base, bracket, of = name.partition("[")
+    if not bracket:
+        return name, False
+    return (f"{base}[{ANY}]" if of == f"{label}]" else None), True
+
+
+def _prior_of(parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray]) -> Any:
+    """Prior of a trial's own parameter; an initial state lies about its first measurement, by the sensor's noise."""
+    state, _, _ = parameter.name.partition("_0[")
+    if state in first and noise_name(state) in known:
+        return Normal(first[state], float(np.mean(known[noise_name(state)])))
+    return parameter.prior

@@ -1,0 +1,282 @@
+"""From a vehicle, records and priors to a posterior: whatever has a prior is unknown, and says what is modelled.
+
+X_u, T_nabsn, …          a coefficient of the vehicle            sigma_u          the noise of a sensor, always needed
+tau_u, dof_u             where its noise is coloured, heavy      bias_u, lag_u    where the sensor has them
+delay                    between command and action, s           current          of the water along the course, m/s
+process_u                process noise of a state, all of them or none: a filter then integrates it out
+spread_X_u               X_u differs between trials, by so much  u_0              the initial state of each trial, all states or none
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.record import Record
+from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
+from seatrial.estimation.filter_error import FilterError, filter_error, process_name
+from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.output_error import (
+    OutputError,
+    deviation_name,
+    initial_name,
+    output_error,
+    own_name,
+    spread_name,
+)
+from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.priors import Normal, Prior
+from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.trial_data import TrialData
+from seatrial.numerics.rotations import quaternion_of_angles
+from seatrial.vehicles.model import VehicleModel
+
+DELAY = "delay"
+UNSEEN_SD = 1.0
+"""Standard deviation of a state at the start where no sensor shows it, in its own unit."""
+
+
+def make_posterior(
+    model: VehicleModel,
+    records: Record | Sequence[Record],
+    priors: Mapping[str, Prior],
+    sensors: Sequence[Sensor | str] | None = None,
+    *,
+    start: Mapping[str, float] | None = None,
+    own: Sequence[str] = (),
+) -> Posterior:
+    """Build the posterior of everything that has a prior, given one record or several that are fitted jointly.
+
+    Args:
+        model: vehicle; its coefficients are unknown, all others are part of it.
+        records: trials, each with a label of its own.
+        priors: of each unknown by name, SI; the head of this module lists the names.
+        sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
+        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
+        own: unknowns of which each trial has its own, such as `bias_u` or `current`.
+
+    Returns:
+        a posterior whose parameters have the names of the priors; those of one trial end in its label, as `u_0[trial]`.
+
+    Raises:
+        InputError: an unknown without a prior, a prior that nothing uses, a channel or control that a record lacks, or a velocity of
+            which nothing says where it starts.
+    """
+    records = [records] if isinstance(records, Record) else list(records)
+    chosen = sensors_of(model, records, sensors)
+    unknown = _unknowns(model, chosen, priors)
+    _check_priors(priors, unknown, own)
+    spread = {name: prior.mean for name, prior in priors.items()}
+    free = f"{model.states[0]}_0" in priors
+    starts = [start_of(model, record, start or {}, free) for record in records]
+    likelihood, data = likelihood_of(
+        model,
+        records,
+        chosen,
+        spread,
+        starts,
+        own=own,
+        varying=[term.text for term in model.coefficients if spread_name(term.text) in priors],
+        free_initial=free,
+        starts_over_ground="u" not in (start or {}),
+    )
+    parameters = tuple(_parameters(unknown, priors, [record.label for record in records], own))
+    guess = None
+    if model.states != ("u",):
+        found = first_guess(model, records, starts, priors)
+        guess = np.array([found.get(parameter.name, np.nan) for parameter in parameters])
+    return Posterior(parameters, likelihood, data, guess)
+
+
+def sensors_of(
+    model: VehicleModel, records: Sequence[Record], sensors: Sequence[Sensor | str] | None
+) -> tuple[Sensor, ...]:
+    """Return the sensors: as given, or all channels of the first record that the vehicle has.
+
+    Raises:
+        InputError: a channel that the vehicle does not have, or none at all.
+    """
+    known = model.channel_units()
+    asked = [name for name in records[0].measured if name in known] if sensors is None else list(sensors)
+    chosen = tuple(Sensor(one) if isinstance(one, str) else one for one in asked)
+    for sensor in chosen:
+        if sensor.channel not in known:
+            raise InputError(
+                "sensors",
+                found=f'channel "{sensor.channel}"',
+                expected="one of " + ", ".join(known),
+                remedy=nearest(sensor.channel, known),
+            )
+    if not chosen:
+        raise InputError(
+            f'record "{records[0].label}"',
+            found="no channel that the vehicle has",
+            expected="one of " + ", ".join(known),
+            remedy="measure one of them, or choose another vehicle",
+        )
+    return chosen
+
+
+def start_of(model: VehicleModel, record: Record, known: Mapping[str, float], free: bool = False) -> tuple[float, ...]:
+    """Return the state at the first sample, SI: as known, else as first measured; angles, positions and actuators else at rest.
+
+    Raises:
+        InputError: a velocity of which neither says anything, unless it is `free`.
+    """
+    known = {**_first_measured(record), **known}
+    missing = [state for state in model.states if state in RATES and state not in known]
+    if missing and not free:
+        raise InputError(
+            f'record "{record.label}", start',
+            found=f"nothing about {', '.join(missing)}",
+            expected="the state at the first sample",
+            remedy=f"measure it, or give start={{{', '.join(f'{name!r}: 0.0' for name in missing)}}} or other values",
+        )
+    angles = tuple(known.get(angle, 0.0) for angle in ANGLES)
+    turned = dict(zip(QUATERNION, map(float, quaternion_of_angles(*angles)), strict=True))
+    return tuple(
+        turned[state] if state in turned else known.get(state, known.get(state.removesuffix(ACTUAL), 0.0))
+        for state in model.states
+    )
+
+
+def likelihood_of(
+    model: VehicleModel,
+    records: Sequence[Record],
+    sensors: Sequence[Sensor],
+    values: Mapping[str, float],
+    starts: Sequence[Sequence[float]],
+    *,
+    free_initial: bool = False,
+    **options: Any,
+) -> tuple[OutputError | FilterError, TrialData]:
+    """Return the likelihood in which everything of `values` is a parameter, and its data.
+
+    Args:
+        model: vehicle.
+        records: trials.
+        sensors: measured channels.
+        values: of the parameters, SI, of which the size of a sensor's noise says how well a start is known.
+        starts: state at the first sample of each trial.
+        free_initial: whether the starts are parameters; a filter takes them as uncertain anyway.
+        options: `own`, `varying` and `starts_over_ground` of `output_error`.
+
+    Raises:
+        InputError: as `output_error` and `filter_error`.
+    """
+    options |= {"delay": DELAY in values, "current": CURRENT in values}
+    if any(process_name(state) in values for state in model.states):
+        spread = [float(values.get(noise_name(state), UNSEEN_SD)) for state in model.states]
+        return filter_error(model, records, sensors, starts, spread, **options)
+    return output_error(model, records, sensors, starts, free_initial=free_initial, **options)
+
+
+class _Unknown(NamedTuple):
+    """Something that may have a prior: its name, SI unit, label (LaTeX), and whether it is an initial state, one for each trial."""
+
+    name: str
+    unit: str
+    label: str
+    is_initial: bool = False
+
+
+def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], priors: Mapping[str, Prior]) -> list[_Unknown]:
+    """Everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
+    terms = [_Unknown(term.text, model.unit_of(term), term.label) for term in model.coefficients]
+    found = list(terms)
+    found += [
+        _Unknown(spread_name(term.name), term.unit, rf"s_{{{term.label}}}")
+        for term in terms
+        if spread_name(term.name) in priors
+    ]
+    if DELAY in priors:
+        found.append(_Unknown(DELAY, "s", r"t_{\mathrm{delay}}"))
+    if CURRENT in priors:
+        found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}"))
+    found += [_of_sensor(sensor, name) for sensor in sensors for name in sensor.parameters]
+    if any(process_name(state) in priors for state in model.states):
+        found += [
+            _Unknown(process_name(state), signal_unit(state), rf"q_{{{_label(state)}}}") for state in model.states
+        ]
+    if any(f"{state}_0" in priors for state in model.states):
+        found += [_Unknown(f"{state}_0", signal_unit(state), f"{_label(state)}_0", True) for state in model.states]
+    return found
+
+
+def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
+    channel = sensor.channel
+    unit, label = signal_unit(channel), _label(channel)
+    known = {
+        noise_name(channel): (unit, rf"\sigma_{{{label}}}"),
+        correlation_name(channel): ("s", rf"\tau_{{{label}}}"),
+        dof_name(channel): ("1", rf"\nu_{{{label}}}"),
+        bias_name(channel): (unit, rf"b_{{{label}}}"),
+        lag_name(channel): ("s", rf"t_{{\mathrm{{lag}},{label}}}"),
+    }
+    return _Unknown(name, *known[name])
+
+
+def _parameters(
+    unknown: Sequence[_Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
+) -> list[Parameter]:
+    """All parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
+    shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
+    found = []
+    for one in shared:
+        if one.name in own:
+            found += [_of_trial(one, label, priors[one.name]) for label in labels]
+        else:
+            found.append(Parameter(one.name, one.unit, one.label, priors[one.name]))
+    varying = [one.name.removeprefix(spread_name("")) for one in shared if one.name.startswith(spread_name(""))]
+    found += [
+        Parameter(
+            deviation_name(name, label),
+            "1",
+            rf"\delta_{{{CoefficientName.parse(name).label}}}[{label}]",
+            Normal(0.0, 1.0),
+        )
+        for name in varying
+        for label in labels
+    ]
+    return found + [_of_trial(one, label, priors[one.name]) for label in labels for one in initial]
+
+
+def _of_trial(one: _Unknown, label: str, prior: Prior) -> Parameter:
+    name = initial_name(one.name.removesuffix("_0"), label) if one.is_initial else own_name(one.name, label)
+    return Parameter(name, one.unit, f"{one.label}[{label}]", prior)
+
+
+def _check_priors(priors: Mapping[str, Prior], unknown: Sequence[_Unknown], own: Sequence[str]) -> None:
+    needed = {one.name: one.unit for one in unknown}
+    missing = {name: unit for name, unit in needed.items() if name not in priors}
+    if missing:
+        raise InputError(
+            "priors",
+            found="none of " + ", ".join(missing),
+            expected="a prior of " + ", ".join(f"{name} ({unit})" for name, unit in missing.items()),
+            remedy=f'for example priors["{next(iter(missing))}"] = Uniform(lower, upper)',
+        )
+    shared = [one.name for one in unknown if not one.is_initial]
+    for where, names, allowed in (("priors", priors, needed), ("own", own, shared)):
+        for name in names:
+            if name not in allowed:
+                raise InputError(
+                    where,
+                    found=f'"{name}", which nothing uses',
+                    expected="among " + ", ".join(allowed),
+                    remedy=nearest(name, allowed),
+                )
+
+
+def _first_measured(record: Record) -> dict[str, float]:
+    """First value of every channel of a record that has one, and of every control, SI."""
+    columns = {name: record.channel(name) for name in (*record.controls, *record.measured)}
+    finite = {name: column[np.isfinite(column)] for name, column in columns.items()}
+    return {name: float(column[0]) for name, column in finite.items() if column.size}
+
+
+def _label(channel: str) -> str:
+    return SIGNALS[channel].label if channel in SIGNALS else rf"\dot{{{channel.removesuffix('dot')}}}"

@@ -1,0 +1,76 @@
+"""The best next trial by priors or draws: that of the sweep it rests on, and better known than before."""
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.core.gaussian import Gaussian
+from seatrial.design.sweep import sweep_family
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.vehicles.discretise import discretise
+
+RPM = 2 * np.pi / 60
+MODEL = st.load_vehicle("remus100_surge").build(free=["X_uabsu", "T_nabsn"])
+FAMILY = st.Family("n", 1200 * RPM, duration=20.0, active=16.0, sample_time=0.1, kind="repeated-doublet")
+PRIORS = {"T_nabsn": st.Normal(6.3e-4, 5e-5), "X_uabsu": st.Normal(-3.0, 0.5)}
+GRID = np.array([100.0, 250.0]) * RPM, [4.0, 8.0]
+
+
+def design(**more):
+    asked = {"belief": PRIORS, "families": FAMILY, "start": {"u": 1.5}} | more
+    return st.design_trial(MODEL, asked.pop("belief"), asked.pop("families"), *GRID, {"u": 0.05}, **asked)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return design()
+
+
+def test_against_the_sweep_itself(found):
+    """Coefficients in units of their own size, as the filter likes them, give what SI units give."""
+    mean, sd = np.array([1.5, -3.0, 6.3e-4]), np.diag([0.05, 0.5, 5e-5])
+    space = discretise(MODEL, ["u"], Gaussian(mean, sd), np.zeros(3), np.array([0.05]))
+    sweep = sweep_family(space, FAMILY, *map(np.asarray, GRID))
+    np.testing.assert_allclose(found.sweeps[0].gain, sweep.gain, rtol=1e-6)
+    assert found.gain == pytest.approx(np.nanmax(sweep.gain))
+    after = sweep.final_sd[sweep.best]
+    assert found.sd_after == pytest.approx(dict(zip(("X_uabsu", "T_nabsn"), after, strict=True)), rel=1e-6)
+    assert found.sd_before == pytest.approx({"X_uabsu": 0.5, "T_nabsn": 5e-5})
+
+
+def test_the_schedule_is_that_of_the_best(found):
+    best = found.sweeps[0]
+    row, column = best.best
+    expected = FAMILY.schedule(float(best.amplitude[row]), float(best.period[column]))
+    assert np.array_equal(found.schedule.controls["n"], expected.controls["n"])
+    assert np.array_equal(found.schedule.time, expected.time)
+    assert f"period {best.period[column]:.3g} s: {found.gain:.2f} nat" in str(found)
+
+
+def test_slower_sensors_and_limits_count(found):
+    assert design(rates={"u": 1.0}).gain < found.gain
+    inside = design(limits=Limits(upper=1350 * RPM))
+    assert np.isnan(inside.sweeps[0].gain[1]).all()
+    with pytest.raises(st.InputError, match="no design of 4 inside the limits"):
+        design(limits=Limits(upper=1250 * RPM))
+
+
+def test_families_compete(found):
+    step = st.Family("n", 1200 * RPM, duration=20.0, active=16.0, sample_time=0.1, kind="step")
+    both = design(families=[step, FAMILY])
+    assert both.gain == found.gain
+    assert {sweep.family.kind for sweep in both.sweeps} == {"step", "repeated-doublet"}
+
+
+def test_draws_are_a_belief_too():
+    rng = np.random.default_rng(0)
+    values = rng.normal([6.3e-4, -3.0], [5e-5, 0.5], (4, 500, 2))
+    draws = st.Draws(values, values[..., 0], 0.5, 0, ("T_nabsn", "X_uabsu"), ("kg m/rad^2", "kg/m"), values)
+    assert design(belief=draws).gain == pytest.approx(design().gain, rel=0.05)
+
+
+def test_what_is_missing_is_said():
+    with pytest.raises(st.InputError, match="none of X_uabsu"):
+        design(belief={"T_nabsn": PRIORS["T_nabsn"]})
+    with pytest.raises(st.InputError, match="a value of n"):
+        design(families=st.Family("delta_r", 0.0, duration=20.0, active=16.0, sample_time=0.1))

@@ -1,0 +1,187 @@
+"""Posteriors from records and priors are those of a campaign of the same content; simulated records are what a plain loop makes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.posterior import build_posterior
+from tests.campaign.small import write_small
+
+RPM = 2 * np.pi / 60
+VEHICLE = st.load_vehicle("remus100_surge")
+MODEL = VEHICLE.build(free=["X_u", "X_uabsu", "T_nabsn"])
+TRUTH = {"X_u": -6.0, "X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.02}
+FAMILY = st.Family("n", 1200 * RPM, duration=12.0, active=10.0, sample_time=0.05, kind="doublet")
+SCHEDULE, START = FAMILY.schedule(200 * RPM, 8.0), {"u": 1.5}
+PRIORS = {
+    "X_u": st.Uniform(-20.0, 0.0),
+    "X_uabsu": st.half_normal(10.0, upper=0.0),
+    "T_nabsn": st.LogNormal(6e-4, 1.5),
+    "sigma_u": st.LogUniform(0.002, 0.2),
+}
+
+
+@pytest.fixture(scope="module")
+def record():
+    return st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, rates={"u": 10.0}, key=1)
+
+
+def test_a_simulated_record_against_a_plain_loop(record):
+    """Motion by a loop of RK4 over the published equation, and noise of the stated size on every second sample."""
+    n = SCHEDULE.controls["n"]
+    effective = VEHICLE.hull.mass - VEHICLE.hull.fixed["X_udot"]
+    share = 1 - VEHICLE.hull.thrust_deduction
+
+    def rate(u, n):
+        thrust = share * TRUTH["T_nabsn"] * n * abs(n)
+        return (TRUTH["X_u"] * u + TRUTH["X_uabsu"] * u * abs(u) + thrust) / effective
+
+    speed = [START["u"]]
+    for held in n[:-1]:
+        u, h = speed[-1], 0.05
+        a = rate(u, held)
+        b = rate(u + h / 2 * a, held)
+        c = rate(u + h / 2 * b, held)
+        speed.append(u + h / 6 * (a + 2 * b + 2 * c + rate(u + h * c, held)))
+    left = record.channel("u") - np.array(speed)
+    assert np.isnan(left[1::2]).all()
+    assert np.isfinite(left[::2]).all()
+    assert left[::2].std() == pytest.approx(TRUTH["sigma_u"], rel=0.2)
+    assert np.array_equal(record.channel("n"), n)
+    exact = st.simulate(MODEL, TRUTH | {"sigma_u": 0.0}, SCHEDULE, ["u"], start=START)
+    np.testing.assert_allclose(exact.channel("u"), speed, rtol=1e-12)
+
+
+def test_what_a_sensor_adds_is_in_the_record():
+    """A bias shifts, a current shows over ground, a delay moves the command; coloured noise is correlated."""
+    still = TRUTH | {"sigma_u": 0.0}
+    exact, late, biased, carried = (
+        st.simulate(MODEL, still | more, SCHEDULE, [sensor], start=START).channel("u")
+        for more, sensor in (
+            ({}, "u"),
+            ({"delay": 0.5}, "u"),
+            ({"bias_u": 0.1}, st.Sensor("u", bias=True)),
+            ({"current": 0.2}, "u"),
+        )
+    )
+    np.testing.assert_allclose(biased, exact + 0.1, rtol=1e-12)
+    np.testing.assert_allclose(carried, exact + 0.2, rtol=1e-12)
+    np.testing.assert_allclose(late[30 + 10 : 200], late[40:200])
+    assert np.abs(late - exact).max() > 0.01
+    coloured = st.simulate(MODEL, TRUTH | {"tau_u": 1.0}, SCHEDULE, [st.Sensor("u", "coloured")], start=START, key=3)
+    left = coloured.channel("u") - exact
+    assert np.corrcoef(left[1:], left[:-1])[0, 1] > 0.8
+
+
+@pytest.fixture(scope="module")
+def posterior(record):
+    return st.make_posterior(MODEL, record, PRIORS, start=START)
+
+
+def test_the_truth_is_found(posterior, record):
+    mode = st.find_mode(posterior)
+    for name, sd in zip(mode.names, mode.sd, strict=True):
+        assert abs(mode.by_name[name] - TRUTH[name]) < 4 * sd
+    assert list(mode.summary()["unit"]) == ["kg/s", "kg/m", "kg m/rad^2", "m/s"]
+
+
+def test_a_campaign_has_the_same_posterior(tmp_path):
+    campaign = load_campaign(write_small(tmp_path / "small"))
+    records = get_trials(campaign).fit
+    theirs = build_posterior(campaign, campaign.structures[0], records)
+    priors = {parameter.name: parameter.prior for parameter in theirs.parameters}
+    start = dict(zip(("u",), np.asarray(theirs.data.initial)[0], strict=True))
+    ours = st.make_posterior(campaign.model(campaign.structures[0]), records, priors, start=start)
+    assert ours.parameters == theirs.parameters
+    z = ours.sample_prior(jax.random.key(0), 5)
+    assert np.array_equal(jax.vmap(ours.log_density)(z), jax.vmap(theirs.log_density)(z))
+
+
+def test_names_of_priors_say_what_is_modelled(record):
+    """Everything at once: two trials, one coefficient that differs between them, a bias of each, delay, free starts."""
+    other = st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, key=2, label="other")
+    more = {
+        "delay": st.Uniform(0.0, 1.0),
+        "bias_u": st.Normal(0.0, 0.1),
+        "tau_u": st.LogUniform(0.05, 10.0),
+        "spread_X_u": st.half_normal(1.0, lower=0.0),
+        "u_0": st.Normal(1.5, 0.5),
+    }
+    sensors = [st.Sensor("u", "coloured", bias=True)]
+    found = st.make_posterior(MODEL, [record, other], PRIORS | more, sensors, own=["bias_u"])
+    assert found.names == (
+        *("X_u", "X_uabsu", "T_nabsn", "spread_X_u", "delay", "sigma_u", "tau_u", "bias_u[trial]", "bias_u[other]"),
+        *("dev_X_u[trial]", "dev_X_u[other]", "u_0[trial]", "u_0[other]"),
+    )
+    assert np.isfinite(found.log_density(jnp.zeros(found.dim)))
+    noisy = st.make_posterior(MODEL, record, PRIORS | {"process_u": st.LogUniform(1e-4, 1.0)})
+    assert type(noisy.likelihood).__name__ == "FilterError"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"priors": {name: PRIORS[name] for name in ("X_u", "T_nabsn", "sigma_u")}}, "a prior of X_uabsu (kg/m)"),
+        ({"priors": PRIORS | {"X_uu": PRIORS["X_u"]}}, '"X_uu", which nothing uses'),
+        ({"priors": PRIORS | {"tau_u": PRIORS["sigma_u"]}}, '"tau_u", which nothing uses'),
+        ({"sensors": ["v"]}, 'channel "v"'),
+        ({"own": ["bias_u"]}, '"bias_u", which nothing uses'),
+    ],
+)
+def test_what_cannot_be_a_posterior_is_refused(record, change, words):
+    with pytest.raises(st.InputError) as error:
+        st.make_posterior(**({"model": MODEL, "records": record, "priors": PRIORS} | change))
+    assert words in str(error.value)
+
+
+def test_what_cannot_be_simulated_is_refused():
+    with pytest.raises(st.InputError, match="nothing about u"):
+        st.simulate(MODEL, TRUTH, SCHEDULE, ["u"])
+    with pytest.raises(st.InputError, match="none of sigma_u"):
+        st.simulate(MODEL, {name: TRUTH[name] for name in ("X_u", "X_uabsu", "T_nabsn")}, SCHEDULE, ["u"], start=START)
+    with pytest.raises(st.InputError, match="n among them"):
+        st.simulate(MODEL, TRUTH, st.Schedule(SCHEDULE.time, {"delta_r": SCHEDULE.time}), ["u"], start=START)
+    with pytest.raises(st.NumericalError, match="the simulated vehicle runs away: u is no number from"):
+        st.simulate(MODEL, TRUTH | {"X_uabsu": 900.0}, SCHEDULE, ["u"], start=START)
+
+
+@pytest.fixture(scope="module")
+def draws(posterior):
+    return st.sample(posterior, settings=st.ChainSettings(chains=8, warmup=200, draws=200))
+
+
+def test_a_prediction_holds_what_it_says(posterior, draws, record):
+    """Held-back trials lie inside the stated bands as often as stated, and the exact motion within its own."""
+    schedule = FAMILY.schedule(-250 * RPM, 6.0)
+    held = st.simulate(MODEL, TRUTH, schedule, ["u"], start=START, key=9, label="held")
+    exact = st.simulate(MODEL, TRUTH | {"sigma_u": 0.0}, schedule, ["u"], start=START).channel("u")
+    found = st.predict(posterior, draws, held, start=START)
+    assert found.mean.shape == found.motion_sd.shape == (240, 1)
+    assert (np.abs(found.mean[:, 0] - exact) < 4 * found.motion_sd[:, 0] + 1e-9).all()
+    assert found.noise_sd[0] == pytest.approx(TRUTH["sigma_u"], rel=0.2)
+    score = found.score("u")
+    assert score.explained > 0.9
+    assert score.coverage == pytest.approx(0.9, abs=0.06)
+    with pytest.raises(st.InputError, match='channel "v"'):
+        found.score("v")
+
+
+def test_a_trial_that_was_not_fitted_begins_about_its_first_measurement(record):
+    """Where initial states are unknown, that of a fitted trial comes from its draws, that of another from its own first sample."""
+    posterior = st.make_posterior(MODEL, record, PRIORS | {"u_0": st.Normal(1.5, 0.5)})
+    draws = st.sample(posterior, settings=st.ChainSettings(chains=8, warmup=200, draws=200))
+    other = st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start={"u": 0.8}, key=4, label="other")
+    same, new = (st.predict(posterior, draws, one) for one in (record, other))
+    assert same.mean[0, 0] == pytest.approx(draws["u_0[trial]"].mean(), abs=0.01)
+    assert new.mean[0, 0] == pytest.approx(other.channel("u")[0], abs=0.01)
+    assert new.motion_sd[0, 0] == pytest.approx(TRUTH["sigma_u"], rel=0.3)
+
+
+def test_a_density_of_ones_own_predicts_no_record(draws, record):
+    own = st.posterior_of_density(lambda p: p["a"], {"a": st.Normal(0.0, 1.0)})
+    with pytest.raises(st.InputError, match="a log density of one's own"):
+        st.predict(own, draws, record)

@@ -1,0 +1,46 @@
+"""Exports in one call: the catalogue's vehicle, one's own with draws, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+import seatrial as st
+
+VEHICLE = st.load_vehicle("remus100_surge")
+
+
+def drawn(**means):
+    values = np.stack(
+        [np.random.default_rng(i).normal(mean, 0.01 * abs(mean), (4, 200)) for i, mean in enumerate(means.values())], -1
+    )
+    return st.Draws(values, values[..., 0], 0.5, 0, tuple(means), ("1",) * len(means), values)
+
+
+def test_a_published_vehicle_by_name_and_as_an_object(tmp_path):
+    statement, (path,) = st.export_vehicle("remus100_surge", "json", tmp_path / "name")
+    _, (other,) = st.export_vehicle(VEHICLE, "json", tmp_path / "object")
+    assert any("estimated: nothing" in line for line in statement.lines)
+    one, two = (json.loads(file.read_text()) for file in (path, other))
+    assert one["coefficients"] == two["coefficients"]
+
+
+def test_means_of_draws_take_their_places(tmp_path):
+    draws = drawn(X_u=-6.0, sigma_u=0.02)
+    statement, (path,) = st.export_vehicle(VEHICLE, "json", tmp_path, draws=draws)
+    content = json.loads(path.read_text())
+    assert f"X_u = {draws['X_u'].mean():.6g}" in "\n".join(statement.lines)
+    assert repr(float(draws["X_u"].mean()))[:10] in json.dumps(content)
+    assert "-2.93" in json.dumps(content)
+
+
+def test_what_has_no_meaning_is_refused(tmp_path):
+    with pytest.raises(st.InputError, match="coefficients of the vehicle: X_u"):
+        st.export_vehicle(VEHICLE, "json", tmp_path, draws=drawn(sigma_u=0.1))
+    with pytest.raises(st.InputError, match="rest, which has no meaning there"):
+        st.export_vehicle(VEHICLE, "json", tmp_path, rest="remus100_prestero")
+    with pytest.raises(st.InputError, match="draws, which has no meaning there"):
+        st.export_vehicle("remus100_surge", "json", tmp_path, draws=drawn(X_u=-6.0))
+    with pytest.raises(st.InputError, match="neither a folder nor a vehicle"):
+        st.export_vehicle("remus100_sorge", "json", tmp_path)
+    assert not list(tmp_path.iterdir())

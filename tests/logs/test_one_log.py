@@ -1,0 +1,52 @@
+"""A log read in one call is what the map, the reader and the alignment make of it."""
+
+import numpy as np
+import pytest
+
+import seatrial as st
+
+ROWS = 21
+T = np.arange(ROWS) * 0.5
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "run7.csv"
+    rows = (f"{100 + t:.1f},{1200 + 10 * t:g},{1.5 + 0.1 * t:g},{90 + t:g}" for t in T)
+    path.write_text("t,prop,speed,heading\n" + "\n".join(rows) + "\n")
+    return path
+
+
+MAP = {"n": ("prop", "rpm"), "u": ("speed", "m/s"), "psi": ("heading", "deg")}
+
+
+def test_channels_roles_and_units(log):
+    record = st.read_log(log, MAP, ["n"], time=("t", "s"))
+    assert (record.controls, record.measured, record.label) == (("n",), ("u", "psi"), "run7")
+    np.testing.assert_allclose(record.time, T)
+    np.testing.assert_allclose(record.channel("n"), (1200 + 10 * T) * 2 * np.pi / 60)
+    np.testing.assert_allclose(record.channel("psi"), np.radians(90 + T))
+
+
+def test_a_grid_and_its_ends(log):
+    record = st.read_log(log, MAP, ["n"], time=("t", "s"), step=1.0, start=2.0, end=8.0, label="middle")
+    assert record.label == "middle"
+    np.testing.assert_allclose(record.time, np.arange(7.0))
+    assert record.channel("u")[0] == pytest.approx(1.7)
+
+
+def test_velocities_over_the_earth_are_turned(tmp_path):
+    path, small = tmp_path / "earth.csv", 1e-4 * T
+    rows = (f"{t:.1f},{1200 + t:g},{e},{1.5 + 0.1 * t:g},{e},{e},{e},{90 + e}" for t, e in zip(T, small, strict=True))
+    path.write_text("t,prop,north,east,down,roll,pitch,yaw\n" + "\n".join(rows) + "\n")
+    channels = {"n": ("prop", "rpm")} | {f"v_{name}": (name, "m/s") for name in ("north", "east", "down")}
+    channels |= {"phi": ("roll", "deg"), "theta": ("pitch", "deg"), "psi": ("yaw", "deg")}
+    record = st.read_log(path, channels, ["n"], time=("t", "s"))
+    assert set(record.measured) == {"u", "v", "w", "phi", "theta", "psi"}
+    np.testing.assert_allclose(record.channel("u"), 1.5 + 0.1 * T, atol=1e-3)
+    np.testing.assert_allclose(record.channel("v"), 0.0, atol=2e-3)
+
+
+def test_a_control_without_a_column_is_refused(log):
+    with pytest.raises(st.InputError, match="map the control to a column"):
+        st.read_log(log, MAP, ["delta_r"], time=("t", "s"))
