@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+from seatrial.campaign.store.files import Store, write_stamped_json
+from seatrial.campaign.store.structures import NextTrial, StoredCoefficient
+
 SMALL = """
 [campaign]
 name = "small"
@@ -75,3 +78,17 @@ def write_small(folder: Path, *replacements: tuple[str, str]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "campaign.toml").write_text(text)
     return folder
+
+
+def write_summary(folder: Path, terms: tuple[str, ...] = (), chosen: str = "M-0", **found: tuple[float, float]) -> None:
+    """Write the summary of a campaign that has been run: mean and standard deviation of what it found, all else blank."""
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
+    rows = [
+        {"name": name, "unit": "", "label": name, **numbers, "mean": mean, "sd": sd}
+        for name, (mean, sd) in found.items()
+    ]
+    known = {"stage": "after", "structure": chosen, "parameters": [], "directions": [], "verdict": []}
+    blank = {"name": "small", "structures": [], "verdicts": [], "cautions": [], "alarms": [], "fits": []}
+    content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}
+    following = dict.fromkeys(NextTrial.__dataclass_fields__)
+    write_stamped_json(Store(folder).summary, {**blank, **content, "next_trial": following}, "any")

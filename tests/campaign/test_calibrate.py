@@ -9,7 +9,8 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import calibration as module
-from seatrial.campaign.inference.calibration import Calibrated, calibrate
+from seatrial.campaign.inference.calibration import calibrate
+from seatrial.campaign.store.estimates import Calibrated
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration

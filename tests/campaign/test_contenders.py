@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from seatrial.campaign.selection.runner_up import absorbed, change_words, contending, undecided_words
+from seatrial.campaign.selection.runner_up import absorbed, change_words, contending
+from seatrial.campaign.store.structures import undecided_words
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.report.outcomes import make_contenders, make_outcome

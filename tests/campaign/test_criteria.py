@@ -13,6 +13,8 @@ from seatrial.campaign.selection.criteria import (
     criteria_lines,
     differences,
 )
+from seatrial.campaign.store.files import write_dataset
+from seatrial.campaign.store.structures import read_criteria
 from seatrial.selection.criteria import DevianceCriteria, MonteCarloValue, PredictiveCriterion
 from seatrial.selection.structures import Structure
 
@@ -68,16 +70,18 @@ def test_what_is_missing_or_doubtful_is_said_once():
     assert "nothing to compare" in "\n".join(criteria_lines(nothing))
 
 
-def test_criteria_survive_the_disk():
-    kept = made("M-0", 2.0).predictive
-    back = _criteria_in(_dataset(list(kept.values()), ""))
+def test_criteria_survive_the_disk(tmp_path):
+    kept, path = made("M-0", 2.0).predictive, tmp_path / "M-0.nc"
+    write_dataset(path, _dataset(list(kept.values()), ""), "key")
+    back = _criteria_in(read_criteria(path))
     assert back.keys() == kept.keys()
     for name, one in kept.items():
         assert back[name].value == one.value
         assert back[name].effective == pytest.approx(one.effective, nan_ok=True)
         np.testing.assert_array_equal(back[name].pointwise, one.pointwise)
         np.testing.assert_array_equal(back[name].k_hat, one.k_hat)
-    assert _criteria_in(_dataset([], "because")) == {}
+    write_dataset(path, _dataset([], "because"), "key")
+    assert _criteria_in(read_criteria(path)) == {}
 
 
 @pytest.mark.parametrize(

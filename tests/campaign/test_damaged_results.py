@@ -100,6 +100,22 @@ def test_wrong_bits_never_reach_the_library(tmp_path, monkeypatch):
             read(path)
 
 
+def test_what_another_tool_wrote_again_is_believed_by_its_content(tmp_path):
+    path = write(tmp_path / "result.nc")
+    for factor, believed in ((1.0, True), (2.0, False)):
+        again = xr.load_dataset(path, engine="h5netcdf")
+        again["draws"] = again["draws"] * factor
+        again.to_netcdf(path, engine="h5netcdf")
+        assert is_current(path, "k") is believed
+
+
+def test_only_the_header_is_read_for_a_stamp(tmp_path, monkeypatch):
+    path = write(tmp_path / "result.nc")
+    monkeypatch.setattr(dataset_file.xr, "load_dataset", lambda *about, **options: pytest.fail("opened"))
+    assert stamp_of(path) == "k"
+    assert is_current(path, "k")
+
+
 def test_asking_for_a_stamp_moves_nothing(tmp_path):
     path = write(tmp_path / "result.nc")
     path.write_bytes(b"")

@@ -6,7 +6,8 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from seatrial.campaign.inference.identifiability import BY_ITSELF, _known, _read
+from seatrial.campaign.inference.identifiability import _known
+from seatrial.campaign.store.estimates import BY_ITSELF, decode_known
 from seatrial.estimation.identifiability import identify
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal
@@ -74,4 +75,4 @@ def test_it_survives_the_disk():
     without_derivatives = judged(np.full((9, 3), np.nan))[0]
     assert without_derivatives.directions == ()
     for known in (judged(regressors())[0], without_derivatives):
-        assert _read(json.loads(json.dumps(asdict(known), allow_nan=False))) == known
+        assert decode_known(json.loads(json.dumps(asdict(known), allow_nan=False))) == known

@@ -7,7 +7,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.batch import plan_together
 from seatrial.campaign.design.compare_utilities import compare_measures
 from seatrial.campaign.design.free_form import design_free_trial
-from seatrial.campaign.design.global_search import search_design
+from seatrial.campaign.design.global_search import search_design, search_lines
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.sensors import sensor_table
 from seatrial.campaign.design.sweep import design_first
@@ -170,10 +170,10 @@ def test_trials_of_one_day_sensors_and_a_search_between_the_points(tmp_path):
     found, family, schedule = search_design(campaign, 160)
     assert found.utility > found.beside - 0.05  # the search chose on other draws
     assert schedule.is_file()
-    assert (
-        search_design(campaign, 170)[0].lines(family)[0].startswith("global search over 160 designs (170 asked for: ")
+    assert search_lines(search_design(campaign, 170)[0], family)[0].startswith(
+        "global search over 160 designs (170 asked for: "
     )
-    assert f"{found.utility:.3f} nat, the best of the grid" in found.lines(family)[0]
+    assert f"{found.utility:.3f} nat, the best of the grid" in search_lines(found, family)[0]
     assert search_design(campaign, 160)[0] == found
 
 

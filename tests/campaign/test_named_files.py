@@ -11,9 +11,8 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.named_files import VARIABLE, find, folders_outside, keep_within
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.data.import_logs import import_trials, read_untrimmed
-from seatrial.campaign.store.files import write_stamped_json
 from seatrial.core.errors import InputError
-from tests.campaign.small import write_small
+from tests.campaign.small import write_small, write_summary
 
 LOG = "".join(f"{0.1 * k:.1f},{1500 + k % 7},{1 + 0.01 * (k % 5)},{1400 + k % 9}\n" for k in range(200))
 FILE = """
@@ -116,8 +115,7 @@ def test_an_earlier_campaign_outside_is_refused_and_so_is_one_by_a_link(here):
     boat_folder = write_small(here / "served" / "boat")
     earlier = here / "elsewhere" / "results"
     earlier.mkdir()
-    row = {"name": "X_u", "mean": -1.0, "sd": 0.1}
-    write_stamped_json(earlier / "summary.json", {"terms": ["X_u"], "coefficients": [row]}, "a key")
+    write_summary(earlier.parent, ("X_u",), X_u=(-1.0, 0.1))
     shutil.copytree(earlier.parent, here / "served" / "surge")
     write_small(boat_folder, ("[vehicle]\n", '[vehicle]\nknown_from = ["../../elsewhere"]\n'))
     assert load_campaign(boat_folder).known_from == ("../../elsewhere",)

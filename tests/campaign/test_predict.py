@@ -2,7 +2,8 @@
 
 import json
 
-from seatrial.campaign.inference.predict import MOST_NAMED, Fit, fit_complaints, trial_verdicts
+from seatrial.campaign.inference.predict import MOST_NAMED, fit_complaints, trial_verdicts
+from seatrial.campaign.store.estimates import Fit
 from seatrial.estimation.predictive_check import judge
 from seatrial.estimation.validation import Score
 

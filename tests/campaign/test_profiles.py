@@ -1,6 +1,5 @@
 """Profile likelihoods on disk: open ends and points where the model diverges survive, and nothing is computed twice."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,21 +7,29 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.profile import _as_json, _from_json, profile_all
+from seatrial.campaign.inference.profile import _as_json, profile_all
+from seatrial.campaign.store.estimates import read_profiles
+from seatrial.campaign.store.files import write_stamped_json
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SilentReporter
+from seatrial.estimation.profile import Profile
 from tests.campaign.small import NO_X_U, write_small
 from tests.report.test_profile_picture import profile
 
 
-def test_open_ends_survive_the_disk():
+def test_open_ends_survive_the_disk(tmp_path):
+    def through(one):
+        path = tmp_path / "M-0.json"
+        write_stamped_json(path, {"profiles": [_as_json(one)]}, "key")
+        return Profile(**vars(read_profiles(path, "seatrial profile")[one.name]))
+
     for kind in ("closed", "open above", "flat"):
         one = profile(kind)
-        back = _from_json(json.loads(json.dumps(_as_json(one), allow_nan=False)))
+        back = through(one)
         assert (back.kind, back.line, back.bounds) == (one.kind, one.line, one.bounds)
         np.testing.assert_array_equal(back.values, one.values)
     steep = replace(profile("closed"), drop=np.append(profile("closed").drop[:-1], np.inf))
-    assert _from_json(json.loads(json.dumps(_as_json(steep), allow_nan=False))).values.size == steep.values.size - 1
+    assert through(steep).values.size == steep.values.size - 1
 
 
 class Bars(SilentReporter):

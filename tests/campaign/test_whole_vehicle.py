@@ -7,10 +7,10 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.design.relay import design_relay_trial
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.store.files import Store, write_stamped_json
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
+from tests.campaign.small import write_summary
 
 PITCH = """
 [campaign]
@@ -149,9 +149,8 @@ def test_a_trial_is_designed_and_simulated_in_pitch(tmp_path):
 
 
 def test_what_an_earlier_campaign_found_is_a_prior_or_fixed(tmp_path):
-    rows = [{"name": "M_uw", "mean": 22.5, "sd": 0.3}, {"name": "M_uq", "mean": -2.2, "sd": 0.1}]
-    summary = {"terms": ["M_uw", "M_uq"], "coefficients": [*rows, {"name": "sigma_q", "mean": 1.0, "sd": 0.1}]}
-    write_stamped_json(Store(tmp_path / "first").summary, summary, "key")
+    found = {"M_uw": (22.5, 0.3), "M_uq": (-2.2, 0.1), "sigma_q": (1.0, 0.1)}
+    write_summary(tmp_path / "first", ("M_uw", "M_uq"), **found)
     (tmp_path / "second").mkdir()
     campaign = pitch(tmp_path / "second", ("published_to", 'known_from = ["../first"]\npublished_to'))
     prior = campaign.prior("M_uw")

@@ -9,9 +9,9 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.store.files import Store, write_dataset, write_stamped_json
+from seatrial.campaign.store.files import Store, write_dataset
 from seatrial.export import from_campaign
-from tests.campaign.small import write_small
+from tests.campaign.small import write_small, write_summary
 
 MEAN = {
     "X_u": -1.3,
@@ -43,5 +43,5 @@ def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(
         )
         key = estimate_key(campaign, structure, TRIALS)
         write_dataset(Store(folder).posterior(structure.label), data, key)
-    write_stamped_json(Store(folder).summary, {"chosen": campaign.structures[0].label}, "any")
+    write_summary(folder, chosen=campaign.structures[0].label)
     return folder

@@ -10,11 +10,9 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
-from seatrial.campaign.inference.estimate import Estimate
-from seatrial.campaign.inference.identifiability import Direction, Known, KnownParameter
-from seatrial.campaign.inference.predict import Fit
-from seatrial.campaign.selection.runner_up import NEXT, Contenders, change_words, contending
-from seatrial.campaign.selection.screening import Screened
+from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
+from seatrial.campaign.store.estimates import Direction, Estimate, Fit, Known, KnownParameter
+from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record

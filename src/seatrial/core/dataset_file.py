@@ -80,6 +80,13 @@ def stored(path: Path) -> Iterator[h5py.File]:
             yield file
 
 
+def is_sealed(path: Path) -> bool:
+    """Return whether the hash of a file's bytes stands behind them, as in all that was not written again by another tool."""
+    with path.open("rb") as stream:
+        stream.seek(max(path.stat().st_size - _TAIL, 0))
+        return stream.read().startswith(_MARK)
+
+
 def check_heaps(path: Path) -> None:
     """Walk the global heaps of an HDF5 file, which hold strings and references: in an object of no size the library walks for ever.
 

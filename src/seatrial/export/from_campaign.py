@@ -14,11 +14,12 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.estimate import Estimate, estimate_key
+from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.selection.screening import with_shortlist
-from seatrial.campaign.store.files import Store, is_current, read_json
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation import CURRENT
@@ -67,13 +68,13 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
         InputError: results missing or made from another configuration, or an unknown structure.
     """
     store, remedy = Store(campaign.folder), f"run `seatrial run {campaign.folder}` first"
-    summary = read_json(store.summary, f"seatrial run {campaign.folder}")
-    if summary["seatrial_version"] != __version__:
-        raise _stale(campaign.folder, f"results of seatrial {summary['seatrial_version']}", remedy)
+    summary = read_summary(store.summary, f"seatrial run {campaign.folder}")
+    if summary.seatrial_version != __version__:
+        raise _stale(campaign.folder, f"results of seatrial {summary.seatrial_version}", remedy)
     trials = get_trials(campaign)
     campaign = with_shortlist(campaign, trials)
     labels = {structure.label: structure for structure in campaign.structures}
-    chosen = label or summary["chosen"]
+    chosen = label or summary.chosen
     if chosen not in labels:
         raise InputError(
             f"{campaign.folder}, structure {chosen}",
@@ -81,11 +82,10 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
             expected="one of " + ", ".join(labels),
             remedy=nearest(chosen, labels) if label else remedy,
         )
-    key = estimate_key(campaign, labels[chosen], trials)
-    path = store.posterior(chosen)
-    if not is_current(path, key):
+    kept = stored_estimates(campaign, trials)[labels[chosen]]
+    if not kept.is_current():
         raise _stale(campaign.folder, "another configuration, or none", remedy)
-    return Estimate(labels[chosen], open_dataset(path))
+    return kept.read(kept.path)
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:

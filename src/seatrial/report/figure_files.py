@@ -9,14 +9,14 @@ from markupsafe import escape
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.accelerations import RATE, SmoothedChannel
-from seatrial.campaign.design.relay import RelayTrial, relay_loop
-from seatrial.campaign.inference.calibration import Calibrated
+from seatrial.campaign.design.relay import relay_loop
 from seatrial.campaign.inference.profile import Profiled
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.prior.summary import prior_summary
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.selection.runner_up import Contenders
-from seatrial.campaign.selection.screening import Screened
+from seatrial.campaign.store.designs import RelayTrial
+from seatrial.campaign.store.estimates import Calibrated
+from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text

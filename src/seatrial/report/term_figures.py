@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.campaign.selection.runner_up import Contenders
-from seatrial.campaign.selection.screening import Screened
+from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.report.figures.structures import (
     CoefficientPath,

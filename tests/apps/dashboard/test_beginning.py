@@ -41,7 +41,7 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     (tmp_path / "dive.csv").write_text(
         "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{900 + i}\n" for i in range(99))
     )
-    asked = thinking.asked(str(tmp_path))
+    asked = thinking.form_data(str(tmp_path))
     assert (asked.imported, asked.simulated) == (False, False)
     found = look_into(str(tmp_path / "dive.csv"), "dive.csv", asked.channels)
     assert [(one.name, one.spread) for one in found.columns][1:] == [("speed", "1.5 to 1.5"), ("rpm", "900 to 998")]

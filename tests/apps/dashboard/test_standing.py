@@ -52,7 +52,7 @@ def test_a_damaged_result_is_stale(tmp_path):
 
 
 def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):
-    from seatrial.campaign.workflow import status as module
+    from seatrial.campaign.workflow import steps as module
 
     truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
     files = """[import]

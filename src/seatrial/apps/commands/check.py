@@ -15,10 +15,10 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
         if not campaign.has_records:
             return _say_what_is_missing(campaign)
         from seatrial.campaign.data.check import check_records
-        from seatrial.campaign.data.import_logs import get_trials
+        from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_check_picture
 
-        trials = get_trials(campaign, reporter)
+        trials = Workflow(campaign, reporter).get("trials")
         pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
         judged = check_records(campaign, trials)
         for one, picture in zip(judged, pictures, strict=True):
@@ -45,12 +45,11 @@ def tuning(folder: Folder, quiet: Quiet = False) -> None:
     """Check the tuning of the filter along each fitted record, and say which of P, Q and R to change."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.data.import_logs import get_trials
-        from seatrial.campaign.inference.estimate import estimate_all
         from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
+        from seatrial.campaign.workflow.steps import Workflow
 
-        trials = get_trials(campaign, reporter)
-        checks = check_filter(campaign, estimate_all(campaign, trials, reporter)[0], trials)
+        flow = Workflow(campaign, reporter)
+        checks = check_filter(campaign, flow.get("full"), flow.get("trials"))
         for check in checks:
             typer.echo(f"record {check.record.label}")
             typer.echo("\n".join(check.lines()))
@@ -74,11 +73,10 @@ def calibrate(
     """Check that stated uncertainty is right: truths from the priors, data from them, and their ranks in the posteriors."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.data.import_logs import get_trials
-        from seatrial.campaign.inference.calibration import calibrate as run_calibration
+        from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_calibration_picture
 
-        found = run_calibration(campaign, get_trials(campaign, reporter), replicates, method, reporter)
+        found = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
         typer.echo("\n".join(found.lines()))
         typer.echo(f"picture: {write_calibration_picture(campaign.folder, campaign.name, found)}")
         return Exit.ALARMS if found.calibration.outside() else Exit.OK

@@ -53,11 +53,10 @@ def profile(
     """Profile the likelihood of the full structure: where the data alone allow each parameter to be, priors aside."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.data.import_logs import get_trials
-        from seatrial.campaign.inference.profile import profile_all
+        from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_profile_picture
 
-        found = profile_all(campaign, get_trials(campaign, reporter), parameter or [], reporter)
+        found = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
         typer.echo("\n".join(found.lines()))
         typer.echo(f"picture: {write_profile_picture(campaign.folder, campaign.name, campaign.truth, found)}")
         return Exit.OK
@@ -69,18 +68,15 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
     """Decide which terms the data support."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.data.import_logs import get_trials
-        from seatrial.campaign.selection.evidence import agreement_words, select_structure
-        from seatrial.campaign.selection.runner_up import find_contenders
-        from seatrial.campaign.selection.screening import screening_of, with_shortlist
+        from seatrial.campaign.selection.evidence import agreement_words
+        from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_select_picture
 
-        trials = get_trials(campaign, reporter)
-        screened, cautions = screening_of(campaign, trials, reporter)
+        flow = Workflow(campaign, reporter)
+        screened, cautions = flow.get("screening")
         if screened is not None:
             typer.echo("\n".join(screened.lines()))
-        campaign = with_shortlist(campaign, trials, reporter)
-        selection = select_structure(campaign, trials, reporter)
+        campaign, selection = flow.get("candidates"), flow.get("selection")
         for structure, evidence, probability in zip(
             selection.structures, selection.evidences, selection.probability, strict=True
         ):
@@ -89,7 +85,7 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
             typer.echo(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
             typer.echo(verdict)
-        contenders = find_contenders(campaign, selection, trials, reporter)
+        contenders = flow.get("contenders")
         if contenders is not None:
             typer.echo("\n".join(contenders.lines(selection)))
         if screened is not None or contenders is not None:
@@ -119,24 +115,20 @@ def criteria(
     """Compare the structures by every information criterion, by leave-future-out and by Savage-Dickey ratios."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.data.import_logs import get_trials
-        from seatrial.campaign.inference.estimate import estimate_all
         from seatrial.campaign.selection.criteria import (
-            criteria_all,
             criteria_cautions,
             criteria_lines,
             future_edges,
             nested_pairs,
         )
         from seatrial.campaign.selection.evidence import current_selection
-        from seatrial.campaign.selection.screening import with_shortlist
+        from seatrial.campaign.workflow.steps import Workflow
 
-        lengths = _seconds(first, "--first"), _seconds(block, "--block")
-        trials = get_trials(campaign, reporter)
-        campaign = with_shortlist(campaign, trials, reporter)
-        future_edges(trials, *lengths)
-        estimates = estimate_all(campaign, trials, reporter)
-        found = criteria_all(campaign, estimates, trials, *lengths, reporter)
+        lengths = {"from_time": _seconds(first, "--first"), "block": _seconds(block, "--block")}
+        flow = Workflow(campaign, reporter, **lengths)
+        trials, campaign = flow.get("trials"), flow.get("candidates")
+        future_edges(trials, *lengths.values())
+        estimates, found = flow.get("estimates"), flow.get("criteria")
         typer.echo("\n".join(criteria_lines(found)))
         pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
         if pairs:
@@ -151,15 +143,12 @@ def criteria(
 
 
 def _by_chains(campaign: Any, reporter: Any) -> Exit:
-    from seatrial.campaign.data.import_logs import get_trials
-    from seatrial.campaign.inference.estimate import estimate_all
     from seatrial.campaign.inference.identifiability import known_after
-    from seatrial.campaign.selection.screening import with_shortlist
+    from seatrial.campaign.workflow.steps import Workflow
 
-    trials = get_trials(campaign, reporter)
-    campaign = with_shortlist(campaign, trials, reporter)
-    estimates = estimate_all(campaign, trials, reporter)
-    told = []
+    flow = Workflow(campaign, reporter)
+    estimates = flow.get("estimates")
+    said = []
     for item in estimates:
         typer.echo(f"{item.structure.label}")
         for name in item.names:
@@ -167,22 +156,21 @@ def _by_chains(campaign: Any, reporter: Any) -> Exit:
             typer.echo(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
         for name, label, mean, sd, unit in item.own_values():
             typer.echo(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
-        known = known_after(campaign, item, trials)
+        known = known_after(flow.get("candidates"), item, flow.get("trials"))
         typer.echo("\n".join(known.lines()))
-        told += known.verdict
+        said += known.verdict
     return finish(
         [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms],
-        [text for text in estimates[0].cautions if text not in told],
+        [text for text in estimates[0].cautions if text not in said],
     )
 
 
 def _first_answers(campaign: Any, reporter: Any, by: By, window: float | None) -> Exit:
-    from seatrial.campaign.data.import_logs import get_trials
     from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
-    from seatrial.campaign.selection.screening import with_shortlist
+    from seatrial.campaign.workflow.steps import Workflow
 
-    trials = get_trials(campaign, reporter)
-    campaign = with_shortlist(campaign, trials, reporter)
+    flow = Workflow(campaign, reporter)
+    trials, campaign = flow.get("trials"), flow.get("candidates")
     answers = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for answer in answers:
         typer.echo("\n".join(answer.lines()))

@@ -1,6 +1,7 @@
 """Before the trial: a campaign file, what its priors mean, the most informative trial."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any
 
 import typer
@@ -32,11 +33,11 @@ def prior(folder: Folder, quiet: Quiet = False) -> None:
     """Show what the priors mean in metres per second, before any data are used."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.prior.predictive import predict_from_prior
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
+        from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_prior_picture
 
-        found = predict_from_prior(campaign, reporter)
+        found = Workflow(campaign, reporter).get("prior")
         typer.echo("\n".join(prior_lines(found)))
         typer.echo(f"picture: {write_prior_picture(campaign.folder, campaign.name, found)}")
         return finish(prior_alarms(found), prior_cautions(found))
@@ -76,28 +77,29 @@ def design(
     """Find the most informative trial of the families, inside the limits."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.design.sweep import design_first
-        from seatrial.campaign.inference.identifiability import known_before
         from seatrial.campaign.store.files import Store
+        from seatrial.campaign.workflow.steps import Workflow
 
         _check_options(campaign, free_form, self_oscillation, trials, search, compare)
-        designs = design_first(campaign, reporter)
+        settings = {"levels": free_form, "together": trials, "budget": search, "designs": max(compare, 5)}
+        flow = Workflow(campaign, reporter, **settings)
+        designs = flow.get("design")
         first, *others = designs.lines()
         typer.echo(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
         for line in (*others, *designs.safety, *designs.prediction):
             typer.echo(f"  {line}")
-        promised = known_before(campaign, designs.best)
+        promised = flow.get("promised")
         typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
         typer.echo("\n".join(promised.lines()))
-        asked = (
-            (free_form, lambda: _free_form(campaign, free_form, reporter)),
-            (self_oscillation, lambda: _self_oscillation(campaign, reporter)),
-            (trials, lambda: _together(campaign, trials, reporter)),
-            (sensors, lambda: _sensors(campaign, reporter)),
-            (search, lambda: _searched(campaign, search, reporter)),
-            (compare, lambda: _compared(campaign, max(compare, 5), reporter)),
-        )
-        _each([one for wanted, one in asked if wanted])
+        options = {
+            _free_form: free_form,
+            _self_oscillation: self_oscillation,
+            _together: trials,
+            _sensors: sensors,
+            _searched: search,
+            _compared: compare,
+        }
+        _each([partial(option, flow) for option, wanted in options.items() if wanted])
         if not campaign.has_records:
             typer.echo(f"after the trial its log goes on with this campaign: `seatrial check {folder}` says how")
         return Exit.OK
@@ -143,41 +145,32 @@ def _each(options: list[Callable[[], list[str]]]) -> None:
         raise failed[-1]
 
 
-def _free_form(campaign: Any, levels: int, reporter: Any) -> list[str]:
-    from seatrial.campaign.design.free_form import design_free_trial
-
-    found, schedule = design_free_trial(campaign, levels, reporter)
+def _free_form(flow: Any) -> list[str]:
+    found, schedule = flow.get("free_form")
     return [*found.lines(), f"schedule: {schedule}"]
 
 
-def _self_oscillation(campaign: Any, reporter: Any) -> list[str]:
-    from seatrial.campaign.design.relay import design_relay_trial
+def _self_oscillation(flow: Any) -> list[str]:
     from seatrial.report.figure_files import write_relay_picture
 
-    test, schedule = design_relay_trial(campaign, reporter)
-    return [*test.lines(), f"schedule as foreseen: {schedule}; picture: {write_relay_picture(campaign, test)}"]
+    test, schedule = flow.get("relay")
+    return [*test.lines(), f"schedule as foreseen: {schedule}; picture: {write_relay_picture(flow.campaign, test)}"]
 
 
-def _together(campaign: Any, trials: int, reporter: Any) -> list[str]:
-    from seatrial.campaign.design.batch import plan_together
-
-    return plan_together(campaign, trials, reporter).lines()
+def _together(flow: Any) -> list[str]:
+    return flow.get("batch").lines()
 
 
-def _sensors(campaign: Any, reporter: Any) -> list[str]:
-    from seatrial.campaign.design.sensors import sensor_table
-
-    return sensor_table(campaign, reporter).lines()
+def _sensors(flow: Any) -> list[str]:
+    return flow.get("sensors").lines()
 
 
-def _searched(campaign: Any, designs: int, reporter: Any) -> list[str]:
-    from seatrial.campaign.design.global_search import search_design
+def _searched(flow: Any) -> list[str]:
+    from seatrial.campaign.design.global_search import search_lines
 
-    found, family, schedule = search_design(campaign, designs, reporter)
-    return [*found.lines(family), f"schedule: {schedule}"]
+    found, family, schedule = flow.get("searched")
+    return [*search_lines(found, family), f"schedule: {schedule}"]
 
 
-def _compared(campaign: Any, designs: int, reporter: Any) -> list[str]:
-    from seatrial.campaign.design.compare_utilities import compare_measures
-
-    return compare_measures(campaign, designs, reporter).lines()
+def _compared(flow: Any) -> list[str]:
+    return flow.get("measures").lines()

@@ -17,10 +17,10 @@ def rehearse(
     """Rehearse the campaign on simulated vehicles: trials until the goal is met, chosen anew, repeated or at random."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.rehearsal.run import rehearse as run_rehearsal
+        from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_rehearsal_picture
 
-        found = run_rehearsal(campaign, truths, reporter)
+        found = Workflow(campaign, reporter, vehicles=truths).get("rehearsal")
         typer.echo("\n".join(found.lines()))
         typer.echo(f"picture: {write_rehearsal_picture(campaign, found)}")
         return finish(found.alarms(), [])

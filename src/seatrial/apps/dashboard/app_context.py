@@ -13,7 +13,7 @@ from nicegui import ui
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Job, Jobs
-from seatrial.apps.dashboard.view_models import Asked, Stage, words_of
+from seatrial.apps.dashboard.view_models import FormData, Stage, words_of
 from seatrial.apps.dashboard.worker_pool import WorkerPool
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import SeatrialError
@@ -52,9 +52,9 @@ class AppContext:
         files = await asyncio.to_thread(evidence_of, folder)
         return await self.worker_pool.think("steps", str(folder), files=files)
 
-    async def asked(self, folder: Path) -> Asked:
+    async def form_data(self, folder: Path) -> FormData:
         """A campaign, for the forms."""
-        return await self.worker_pool.think("asked", str(folder), files=[folder / CAMPAIGN])
+        return await self.worker_pool.think("form_data", str(folder), files=[folder / CAMPAIGN])
 
 
 async def fill(

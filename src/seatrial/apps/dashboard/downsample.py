@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int
 
+from seatrial.campaign.store.files import text_of
 from seatrial.core.dataset_file import stored
 
 COLUMNS = 720
@@ -98,8 +99,3 @@ def draw_record(path: Path, columns: int = COLUMNS) -> Drawn:
 def rows_of(file: h5py.File, name: str, first: int, last: int) -> np.ndarray:
     """Rows of one variable, whole: columns picked out one by one would be read an element at a time."""
     return np.asarray(file[name][first:last], float)  # pyright: ignore[reportIndexIssue]
-
-
-def text_of(value: object) -> str:
-    """An attribute as text."""
-    return value.decode() if isinstance(value, bytes) else str(value)

@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Drawn, envelopes
 from seatrial.apps.dashboard.result_plots import as_plot, as_recorded
-from seatrial.apps.dashboard.view_models import Asked, Beginning, Clicked, Limit, Margin, Recorded, Stage
+from seatrial.apps.dashboard.view_models import Beginning, Clicked, FormData, Limit, Margin, Recorded, Stage
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import TRACKS
@@ -24,9 +24,10 @@ from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import read_designs
+from seatrial.campaign.store.designs import read_sweeps
+from seatrial.campaign.store.estimates import read_estimate
 from seatrial.campaign.store.files import Store
 from seatrial.campaign.workflow.status import standing
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
@@ -37,7 +38,6 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.drawing import schedule_figure
 from seatrial.report.figures.style import own_settings
-from seatrial.selection.structures import Structure
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 
@@ -58,7 +58,7 @@ def whole_vehicles() -> tuple[str, ...]:
     return tuple(name for name, one in found.items() if set(one.moves) == set(RATES) and one.written is None)
 
 
-def asked(folder: str) -> Asked:
+def form_data(folder: str) -> FormData:
     """Read a campaign for the forms."""
     campaign = load_campaign(folder)
     control, imports = campaign.family.control, campaign.imports
@@ -70,7 +70,7 @@ def asked(folder: str) -> Asked:
         written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
         limits.append(Limit(name, unit, *written, has_rate=name == control))
     shown = true_coefficients(campaign, campaign.model(campaign.full))
-    return Asked(
+    return FormData(
         campaign.name,
         imports is not None,
         campaign.is_simulated,
@@ -135,8 +135,8 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     """
     campaign, store = load_campaign(folder), Store(Path(folder))
     path = store.design if which == "design" else store.next_design
-    kinds = [str(kind) for kind in open_dataset(path)["family"].values]
-    sweep = next(one for one in read_designs(campaign, path).sweeps if one.family.kind == kinds[family])
+    kind = read_sweeps(path).families[family]
+    sweep = next(one for one in read_designs(campaign, path).sweeps if one.family.kind == kind)
     if not (0 <= row < sweep.amplitude.size and 0 <= column < sweep.period.size):
         raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
     chosen = chosen_of(sweep, (row, column))
@@ -226,13 +226,8 @@ def _believed(campaign: Campaign, which: str):
         draws = prior_draws(campaign, model)
         return model, draws[len(draws) // 2 :]
     store = Store(campaign.folder)
-    label = str(open_dataset(store.next_design).attrs["basis"]).removeprefix("the posterior of ")
-    data = open_dataset(store.posterior(label))
-    names = [str(name) for name in data["parameter"].values]
-    structure = next((one for one in campaign.structures if one.label == label), None) or Structure(
-        label, campaign.full.terms
-    )
-    model = campaign.model(structure)
-    terms = [term.text for term in model.coefficients]
-    table = data["draws"].sel(parameter=[term for term in terms if term in names]).values.reshape(-1, len(terms))
+    label = read_sweeps(store.next_design).basis.removeprefix("the posterior of ")
+    estimate = read_estimate(store.posterior(label))
+    model = campaign.model(estimate.structure)
+    table = estimate.draws([term.text for term in model.coefficients])
     return model, table[:: max(1, len(table) // 400)][:400]

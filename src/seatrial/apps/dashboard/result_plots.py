@@ -1,6 +1,5 @@
 """Figures of stored results as inline SVG, from the files alone: nothing here knows a vehicle, so nothing heavy is imported."""
 
-import json
 import tempfile
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
@@ -10,8 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, envelopes, rows_of, text_of
-from seatrial.apps.dashboard.view_models import Plot, Recorded, Swept, Told
+from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, envelopes, rows_of
+from seatrial.apps.dashboard.view_models import Plot, Recorded, Swept
+from seatrial.campaign.store.designs import read_sweeps
+from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.report.drawing import axes_box, inline_svg, signal_axis, signal_symbol
@@ -65,29 +66,27 @@ def swept(path: Path) -> Swept:
     Raises:
         InputError: missing or damaged.
     """
-    data = open_dataset(path)
-    control = str(data.attrs["control"])
-    factor, unit = shown_unit(control)
-    worth = data["worth"].values
-    best = np.unravel_index(np.nanargmax(worth), worth.shape)
+    stored = read_sweeps(path)
+    factor, unit = shown_unit(stored.control)
+    best = np.unravel_index(np.nanargmax(stored.worth), stored.worth.shape)
     return Swept(
-        tuple(map(str, data["family"].values)),
-        control,
+        stored.families,
+        stored.control,
         unit,
-        tuple((data["amplitude"].values * factor).tolist()),
-        tuple(data["period"].values.tolist()),
-        data["gain"].values,
-        worth,
+        tuple((stored.amplitude * factor).tolist()),
+        tuple(stored.period.tolist()),
+        stored.gain,
+        stored.worth,
         (int(best[0]), int(best[1]), int(best[2])),
-        tuple(map(str, data["coefficient"].values)),
-        tuple(data["sd_before"].values.tolist()),
-        data["final_sd"].values,
-        data["peak_speed"].values,
-        data["length"].values,
-        str(data.attrs["basis"]),
-        json.loads(data.attrs["refused"]),
-        tuple(json.loads(data.attrs["safety"])),
-        tuple(json.loads(data.attrs["prediction"])),
+        stored.names,
+        tuple(stored.sd_before.tolist()),
+        stored.final_sd,
+        stored.peak_speed,
+        stored.length,
+        stored.basis,
+        stored.refused,
+        stored.safety,
+        stored.prediction,
     )
 
 
@@ -153,28 +152,19 @@ def panels(curves: Sequence[tuple[str, Envelope, str]], title: str) -> Plot:
         return as_plot(figure, "record", f"The record as it is, {title}")
 
 
-def predicted(path: Path) -> Told:
+def predicted(path: Path) -> Predictions:
     """Read all but the curves.
 
     Raises:
         InputError: missing or damaged.
     """
-    with stored(path) as file:
-        about = {name: text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "structure")}
-        channels = tuple(text_of(name) for name in np.asarray(file["channel"]).tolist())
-    return Told(
-        tuple(json.loads(about["records"])),
-        tuple(json.loads(about["held_back"])),
-        channels,
-        tuple(json.loads(about["fits"])),
-        about["structure"],
-    )
+    return read_predictions(path)
 
 
 def fit(path: Path, index: int, channel: int) -> tuple[str, str]:
     """Draw one channel of one record beside its prediction, and what that leaves over."""
-    told = predicted(path)
-    held_back, name = told.records[index] in told.held_back, told.channels[channel]
+    about = predicted(path)
+    held_back, name = about.records[index] in about.held_back, about.channels[channel]
     factor = shown_unit(name)[0]
     with stored(path) as file:
         owner = file[
@@ -197,7 +187,7 @@ def fit(path: Path, index: int, channel: int) -> tuple[str, str]:
 
         drawn = envelopes(time, load)
         few = load(0, min(time.size, CORRELATED))["residual"]
-    title = f"Run {told.records[index]}, {name}"
+    title = f"Run {about.records[index]}, {name}"
     with own_settings():
         curve = _fit_figure(drawn, signal_axis(name), ORANGE if held_back else BLUE)
         left = _residual_figure(
@@ -211,7 +201,7 @@ def fit(path: Path, index: int, channel: int) -> tuple[str, str]:
 
 def posteriors(path: Path, truth: tuple[tuple[str, float], ...], most: int = MOST_LISTED) -> list[str]:
     """Draw every parameter of one structure before and after the data."""
-    data, known = open_dataset(path), dict(truth)
+    data, known = read_estimate(path).data, dict(truth)
     found = []
     with own_settings():
         for index, name in enumerate(map(str, data["parameter"].values[:most])):

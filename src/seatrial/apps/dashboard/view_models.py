@@ -1,6 +1,6 @@
 """What the two working processes answer with: plain tuples, so that the server can take them without what made them."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,16 +67,6 @@ class Swept(NamedTuple):
     prediction: tuple[str, ...]
 
 
-class Told(NamedTuple):
-    """What a file of predictions holds: records, which of them were held back, channels, and the verdicts."""
-
-    records: tuple[str, ...]
-    held_back: tuple[str, ...]
-    channels: tuple[str, ...]
-    fits: tuple[dict[str, Any], ...]
-    structure: str
-
-
 class Limit(NamedTuple):
     """A row of the form of limits: signal, unit in which it is shown, bounds as written, and whether it may have a rate."""
 
@@ -88,7 +78,7 @@ class Limit(NamedTuple):
     has_rate: bool
 
 
-class Asked(NamedTuple):
+class FormData(NamedTuple):
     """What the forms need to know of a campaign."""
 
     name: str

@@ -20,7 +20,7 @@ from distributed import Client, Future, KilledWorker, get_worker
 from distributed.comm.core import CommClosedError
 
 from seatrial.campaign.compute.machine import environment, processor
-from seatrial.campaign.compute.workers import Done, Told, Work, nobody
+from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
 from seatrial.core import engine
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
 from seatrial.core.progress import Reporter
@@ -210,18 +210,30 @@ class WatchedDaskWorkers:
     def __init__(self, cluster: DaskWorkers, reporter: Reporter):
         self.cluster, self.reporter = cluster, reporter
 
-    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, told: Told = nobody) -> None:
+    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, on_progress: OnProgress = nobody) -> None:
         """See `Workers.run`."""
-        _Run(self.cluster, self.reporter, work, shared, items, told).until_done(done)
+        _Run(self.cluster, self.reporter, work, shared, items, on_progress).until_done(done)
 
 
 class _Run:
     """Pieces of one call of `run`."""
 
     def __init__(
-        self, cluster: DaskWorkers, reporter: Reporter, work: Work, shared: Any, items: Sequence[Any], told: Told
+        self,
+        cluster: DaskWorkers,
+        reporter: Reporter,
+        work: Work,
+        shared: Any,
+        items: Sequence[Any],
+        on_progress: OnProgress,
     ):
-        self.cluster, self.client, self.reporter, self.work, self.told = cluster, cluster.client, reporter, work, told
+        self.cluster, self.client, self.reporter, self.work, self.on_progress = (
+            cluster,
+            cluster.client,
+            reporter,
+            work,
+            on_progress,
+        )
         self.name, self.total = f"{work.__name__.strip('_')}-{uuid.uuid4().hex[:12]}", len(items)
         self.waiting, self.ended = deque(enumerate(items)), queue.SimpleQueue[Future]()
         self.running: dict[str, tuple[int, Future]] = {}
@@ -319,7 +331,7 @@ class _Run:
     @contextmanager
     def _listening(self) -> Iterator[None]:
         """Receive reports while the block runs; at its end, also by an error or Ctrl-C, what still runs is cancelled."""
-        self.client.subscribe_topic(self.name, lambda event: self.told(*event[1]))
+        self.client.subscribe_topic(self.name, lambda event: self.on_progress(*event[1]))
         try:
             yield
         finally:

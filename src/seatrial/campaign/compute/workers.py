@@ -17,8 +17,8 @@ Work = Callable[[Any, Any, Callable[[int, int], None]], Any]
 """`work(shared, item, report)`; it may report how far it has come, by `report(done, total)`."""
 Done = Callable[[int, Any], Any]
 """`done(index, result)`; the item with which the same piece goes on, or None."""
-Told = Callable[[int, int, int], None]
-"""`told(index, done, total)`: how far a piece that still runs has come."""
+OnProgress = Callable[[int, int, int], None]
+"""`on_progress(index, done, total)`: how far a piece that still runs has come."""
 
 
 def nobody(index: int, done: int, total: int) -> None:
@@ -28,7 +28,7 @@ def nobody(index: int, done: int, total: int) -> None:
 class Workers(Protocol):
     """Does pieces of work. A sibling of this file for each kind; tests/campaign/test_workers.py runs over all of them."""
 
-    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, told: Told = nobody) -> None:
+    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, on_progress: OnProgress = nobody) -> None:
         """Do the work of every item, in any order, and hand over each result as soon as it is there.
 
         Args:
@@ -37,7 +37,7 @@ class Workers(Protocol):
             items: one for each piece; plain data.
             done: called in the caller's thread, one call at a time. What it returns, unless None, is the item with which that piece
                 goes on; pieces that are begun come before those that are not.
-            told: receives what a piece reports, from any thread.
+            on_progress: receives what a piece reports, from any thread.
 
         Raises:
             SeatrialError: of the first piece that fails, or because the workers are gone. All that `done` was called with is the
@@ -52,7 +52,7 @@ class LocalWorkers:
     def __init__(self, count: int | None = None):
         self.cores = count or cores()
 
-    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, told: Told = nobody) -> None:
+    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, on_progress: OnProgress = nobody) -> None:
         """See `Workers.run`."""
         waiting, running = deque(enumerate(items)), dict[Future, int]()
         with ThreadPoolExecutor(self.cores) as pool:
@@ -61,7 +61,7 @@ class LocalWorkers:
                     # One more than there are threads, so that none waits while a result is being kept.
                     while waiting and len(running) <= self.cores:
                         index, item = waiting.popleft()
-                        running[pool.submit(work, shared, item, partial(told, index))] = index
+                        running[pool.submit(work, shared, item, partial(on_progress, index))] = index
                     for ended in wait(running, return_when=FIRST_COMPLETED).done:
                         index = running.pop(ended)
                         following = done(index, ended.result())

@@ -11,7 +11,8 @@ from pathlib import Path
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.schema import PriorTable, VehicleTable
-from seatrial.campaign.store.files import Store, read_json
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 
@@ -44,9 +45,8 @@ def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
             )
         if store.summary.exists():  # a link may lead outside
             find(folder, str(Path(item) / store.summary.relative_to(there)), where)
-        summary = read_json(store.summary, f"seatrial run {there}")
-        terms = set(summary["terms"])
-        found |= {row["name"]: (row["mean"], row["sd"]) for row in summary["coefficients"] if row["name"] in terms}
+        summary = read_summary(store.summary, f"seatrial run {there}")
+        found |= {row.name: (row.mean, row.sd) for row in summary.coefficients if row.name in summary.terms}
     return found
 
 

@@ -4,11 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from xarray import Dataset
+
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.settings import Imports, LogFile
 from seatrial.campaign.data.simulate import check_simulated, no_record, simulated_records
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, located
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record, Role
@@ -93,22 +95,26 @@ def read_untrimmed(campaign: Campaign, run: str) -> Record:
     return _aligned(campaign, imports, run, _located(campaign, imports, run), {})
 
 
-def record_key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path], str] = hash_of_log) -> str:
-    """Key of the record of one run, without reading more of its files than `hash_of` does.
+def stored_record(
+    campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path], str] = hash_of_log
+) -> StoredResult[Record]:
+    """Return where the record of one run is kept, and what it depends on; of its files no more is read than `hash_of` does.
 
     Raises:
         InputError: a name that cannot be a file's, or files that are missing.
     """
-    return _key(campaign, imports, run, _located(campaign, imports, run), hash_of)
+    key = _key(campaign, imports, run, _located(campaign, imports, run), hash_of)
+    return StoredResult(Store(campaign.folder).record(run), key, read_record)
 
 
 def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record, str]:
-    paths = _located(campaign, imports, run)
-    key = _key(campaign, imports, run, paths, hash_of_log)
-    path = Store(campaign.folder).record(run)
-    if not is_current(path, key):
-        _write(path, _aligned(campaign, imports, run, paths, imports.ends.get(run, {})), key)
-    return read_record(path), key
+    kept = stored_record(campaign, imports, run)
+
+    def read_files() -> Dataset:
+        paths = _located(campaign, imports, run)
+        return record_dataset(_aligned(campaign, imports, run, paths, imports.ends.get(run, {})))
+
+    return kept.read_or_make(read_files), kept.key
 
 
 def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], ends: Mapping[str, float]) -> Record:
@@ -190,7 +196,3 @@ def _source(campaign: Campaign, file: LogFile, path: Path, index: int, roles: Ma
         table=file.table,
         axes=file.axes,
     )
-
-
-def _write(path: Path, record: Record, key: str) -> None:
-    write_dataset(path, record_dataset(record), key)

@@ -5,7 +5,6 @@ afford: the filter's entropy reduction at the prior means, and criteria of the F
 """
 
 import json
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -16,46 +15,24 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
-from seatrial.core.dataset_file import open_dataset
+from seatrial.campaign.store.designs import EXPECTED, Measures, read_measures
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import local_utility, utility_table
-from seatrial.design.utility_agreement import Agreement, compare_utilities
 
 FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
-EXPECTED = "expected information gain"
 SETTINGS = GainSettings(inner=256)
 """Four times the usual importance draws: weak designs leave posteriors that press on the priors' bounds."""
 
 
-@dataclass(frozen=True, eq=False)
-class Measures:
-    """Every measure of some designs, as stored: each by `design`, and `error`, the Monte Carlo error of the expected gain."""
-
-    data: xr.Dataset
-
-    @property
-    def agreements(self) -> tuple[Agreement, ...]:
-        """Each cheap measure beside the expected gain."""
-        cheap = {name: self.data[name].values for name in self.data.data_vars if name not in (EXPECTED, "error")}
-        return compare_utilities(
-            {str(name): x for name, x in cheap.items()}, self.data[EXPECTED].values, self.data["error"].values
-        )
-
-    def lines(self) -> list[str]:
-        """The best design by the expected gain, and how each cheap measure ranks them."""
-        gain, best = self.data[EXPECTED].values, int(np.argmax(self.data[EXPECTED].values))
-        error = float(self.data["error"].values[best])
-        return [
-            f"of {gain.size} designs the {self.data['design'].values[best]} has the largest {EXPECTED}: {gain[best]:.2f} ± {error:.2g} "
-            f"nat; the least has {gain.min():.2f}",
-            *(found.words for found in self.agreements),
-            *json.loads(self.data.attrs["refused"]),
-        ]
+def stored_measures(campaign: Campaign, count: int) -> StoredResult[Measures]:
+    """Return where the measures of so many designs are kept, and what they depend on."""
+    key = key_of("measures", count, design_key(campaign))
+    return StoredResult(Store(campaign.folder).measures, key, read_measures)
 
 
 def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT) -> Measures:
@@ -70,10 +47,7 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
         NumericalError: the motion diverges at a draw of the priors.
     """
     check_whole_trials(campaign, "--compare", joules=True)
-    store, key = Store(campaign.folder), key_of("measures", count, design_key(campaign))
-    if not is_current(store.measures, key):
-        write_dataset(store.measures, _compute(campaign, count, reporter), key)
-    return Measures(open_dataset(store.measures))
+    return stored_measures(campaign, count).read_or_make(lambda: _compute(campaign, count, reporter))
 
 
 def _compute(campaign: Campaign, count: int, reporter: Reporter) -> xr.Dataset:

@@ -1,6 +1,7 @@
 """The free-form trial: not a member of a family but every level chosen, by gradients, inside all limits."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from seatrial.campaign.design.prior_state_space import HALF
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.store.designs import FreeTrial, read_free_trial
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
@@ -36,42 +38,11 @@ RISK = 0.75
 """Share of the risk allowed that the search takes: the rest is for what draws it has not seen."""
 
 
-@dataclass(frozen=True)
-class FreeTrial:
-    """The trial found, and what it is worth beside the best of the families.
-
-    Attributes:
-        levels: of the control, SI, each held as long as the others.
-        utility: mean of the D criterion over draws of the priors, nats, whatever the utility of the campaign.
-        beside: the same of the best design of the families.
-        family: name of that one.
-        at_bounds: share of the levels at a bound.
-        active: limits that hold it back.
-        safety: how surely each limit of the motion is kept, on fresh draws.
-        starts: name and utility in nats of each start, before and after.
-        status: of the search.
-    """
-
-    levels: tuple[float, ...]
-    utility: float
-    beside: float
-    family: str
-    at_bounds: float
-    active: tuple[str, ...]
-    safety: tuple[str, ...]
-    starts: tuple[tuple[str, float, float], ...]
-    status: str
-
-    def lines(self) -> list[str]:
-        """In words."""
-        held = f"; held back by {', '.join(self.active)}" if self.active else ""
-        return [
-            f"free-form design by the D criterion: {self.utility:.2f} nat, the best of the families ({self.family}) "
-            f"{self.beside:.2f} nat by the same measure; {self.at_bounds:.0%} of {len(self.levels)} levels at a bound{held}",
-            *(f"start {name}: {before:.2f} nat, then {after:.2f}" for name, before, after in self.starts),
-            self.status,
-            *self.safety,
-        ]
+def stored_free_trial(campaign: Campaign, levels: int) -> StoredResult[FreeTrial]:
+    """Return where the free-form trial is kept, and what it depends on."""
+    key = key_of("free form", "active", levels, design_key(campaign))
+    read = partial(read_free_trial, made_by=f"seatrial design {campaign.folder}")
+    return StoredResult(Store(campaign.folder).free_design, key, read)
 
 
 def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILENT) -> tuple[FreeTrial, Path]:
@@ -85,16 +56,12 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
         NumericalError: the vehicle diverges at a draw of the priors.
     """
     check_free_trial(campaign)
-    store = Store(campaign.folder)
-    key = key_of("free form", "active", levels, design_key(campaign))
-    if not is_current(store.free_design, key):
-        write_stamped_json(store.free_design, asdict(_search(campaign, levels, reporter)), key)
-    content: dict[str, Any] = read_json(store.free_design, f"seatrial design {campaign.folder}")
-    fields = {name: content[name] for name in FreeTrial.__dataclass_fields__}
-    found = FreeTrial(**{name: _tuples(value) for name, value in fields.items()})
+    kept = stored_free_trial(campaign, levels)
+    found = kept.read_or_make(lambda: asdict(_search(campaign, levels, reporter)))
     manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
     about = {"design": design_key(campaign)}
-    return found, write_schedule(store.schedule(store.free_design), manoeuvre, campaign.family.sample_time, about=about)
+    path = Store(campaign.folder).schedule(kept.path)
+    return found, write_schedule(path, manoeuvre, campaign.family.sample_time, about=about)
 
 
 def check_free_trial(campaign: Campaign) -> None:
@@ -183,7 +150,3 @@ def _random(limits: Limits, seed: int, size: int) -> dict[str, np.ndarray]:
     assert limits.lower is not None
     assert limits.upper is not None
     return {f"random levels {i + 1}": random.choice([limits.lower, limits.upper], size) for i in range(2)}
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

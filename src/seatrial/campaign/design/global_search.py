@@ -1,8 +1,8 @@
 """The best design between the points of the grid: amplitude and period of every family by global search (CMA-ES)."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.store.designs import Searched, read_searched
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.global_search import search_globally
@@ -27,50 +28,11 @@ POPULATION = 16
 """Designs that are evaluated at once."""
 
 
-@dataclass(frozen=True)
-class Searched:
-    """The design found.
-
-    Attributes:
-        kind: of its family.
-        amplitude: SI.
-        period: s.
-        utility: on draws that had no part in the search.
-        beside: the same of the best design of the grid.
-        grid: that one, in words.
-        evaluations: designs evaluated.
-        settled: whether the search of its family had come to rest.
-        safety: how surely each limit of the motion is kept, on fresh draws.
-        refused: families without a design inside the limits.
-        unit: of the utility.
-        budget: designs asked for.
-    """
-
-    kind: str
-    amplitude: float
-    period: float
-    utility: float
-    beside: float
-    grid: str
-    evaluations: int
-    settled: bool
-    safety: tuple[str, ...]
-    refused: tuple[str, ...]
-    unit: str
-    budget: int
-
-    def lines(self, family: Family) -> list[str]:
-        """In words."""
-        rest = "" if self.settled else "; it had not come to rest: search longer"
-        rounded = f" ({self.budget} asked for: whole populations of {POPULATION} in each family)"
-        over = f"{self.evaluations} designs{rounded if self.evaluations != self.budget else ''}"
-        found, beside = (f"{value:.3f} {self.unit}".rstrip() for value in (self.utility, self.beside))
-        return [
-            f"global search over {over}: {design_words(family, self.amplitude, self.period)}: "
-            f"{found}, the best of the grid ({self.grid}) {beside} by the same measure{rest}",
-            *self.safety,
-            *(f"{kind}: no design inside the limits was met" for kind in self.refused),
-        ]
+def stored_search(campaign: Campaign, budget: int) -> StoredResult[Searched]:
+    """Return where the design found by a global search is kept, and what it depends on."""
+    key = key_of("searched", list(Searched.__dataclass_fields__), budget, design_key(campaign))
+    read = partial(read_searched, made_by=f"seatrial design {campaign.folder}")
+    return StoredResult(Store(campaign.folder).searched, key, read)
 
 
 def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) -> tuple[Searched, Family, Path]:
@@ -89,23 +51,27 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
         NumericalError: the motion diverges at a draw of the priors.
     """
     check_search(campaign, budget)
-    store, key = (
-        Store(campaign.folder),
-        key_of("searched", list(Searched.__dataclass_fields__), budget, design_key(campaign)),
-    )
-    if not is_current(store.searched, key):
-        write_stamped_json(store.searched, asdict(_search(campaign, budget, reporter)), key)
-    content: dict[str, Any] = read_json(store.searched, f"seatrial design {campaign.folder}")
-    fields = {name: content[name] for name in Searched.__dataclass_fields__}
-    found = Searched(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    kept = stored_search(campaign, budget)
+    found = kept.read_or_make(lambda: asdict(_search(campaign, budget, reporter)))
     family = next(one for one in campaign.families if one.kind == found.kind)
     manoeuvre = family.manoeuvre(found.amplitude, found.period)
     about = {"design": design_key(campaign)}
-    return (
-        found,
-        family,
-        write_schedule(store.schedule(store.searched), manoeuvre, family.sample_time, about=about),
-    )
+    path = Store(campaign.folder).schedule(kept.path)
+    return found, family, write_schedule(path, manoeuvre, family.sample_time, about=about)
+
+
+def search_lines(found: Searched, family: Family) -> list[str]:
+    """Say what was found."""
+    rest = "" if found.settled else "; it had not come to rest: search longer"
+    rounded = f" ({found.budget} asked for: whole populations of {POPULATION} in each family)"
+    over = f"{found.evaluations} designs{rounded if found.evaluations != found.budget else ''}"
+    best, beside = (f"{value:.3f} {found.unit}".rstrip() for value in (found.utility, found.beside))
+    return [
+        f"global search over {over}: {design_words(family, found.amplitude, found.period)}: "
+        f"{best}, the best of the grid ({found.grid}) {beside} by the same measure{rest}",
+        *found.safety,
+        *(f"{kind}: no design inside the limits was met" for kind in found.refused),
+    ]
 
 
 def check_search(campaign: Campaign, budget: int) -> None:

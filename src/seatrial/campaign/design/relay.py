@@ -1,9 +1,9 @@
 """The self-oscillating test: its amplitude and threshold chosen, and its loop closed on every vehicle that is believed possible."""
 
 from dataclasses import asdict, dataclass
+from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,8 @@ from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.store.designs import RelayTrial, read_relay_trial
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
@@ -157,79 +158,10 @@ RANGE = (0.05, 0.5, 0.95)
 """Quantiles over the vehicles that are believed possible."""
 
 
-@dataclass(frozen=True)
-class RelayTrial:
-    """The test found, and what it is worth beside the best of the open-loop families.
-
-    Attributes:
-        control: channel that is switched.
-        output: channel that is fed back.
-        amplitude: of the control about its trim, SI.
-        threshold: of the output about its trim, SI.
-        effect: +1 where more control raises the output, -1 where it lowers it.
-        gain: entropy reduction by the filter at the prior means, nats.
-        utility: expected entropy reduction by Fisher information over draws of the priors, nats.
-        beside: the same of the best design of the families.
-        family: name of that one.
-        oscillates: share of the vehicles in which the control is reversed twice at least.
-        reversals: 5, 50 and 95 % quantiles of their number over the vehicles.
-        period: likewise, s; of those that oscillate.
-        first_overshoot: likewise, SI.
-        second_overshoot: likewise, SI.
-        passed_over: more informative designs that may not oscillate or may break a limit.
-        safety: how surely each limit of the motion is kept, on draws that had no part in choosing it.
-    """
-
-    control: str
-    output: str
-    amplitude: float
-    threshold: float
-    effect: float
-    gain: float
-    utility: float
-    beside: float
-    family: str
-    oscillates: float
-    reversals: tuple[float, ...]
-    period: tuple[float, ...]
-    first_overshoot: tuple[float, ...]
-    second_overshoot: tuple[float, ...]
-    passed_over: int
-    safety: tuple[str, ...]
-
-    @property
-    def rule(self) -> str:
-        """What the operator or the autopilot does."""
-        (c, c_unit), (y, y_unit) = shown_unit(self.control), shown_unit(self.output)
-        first, second = ("+", "-") if self.effect > 0 else ("-", "+")
-        return (
-            f"begin with {self.control} {self.amplitude * c:.4g} {c_unit} above trim; below trim once {self.output} is "
-            f"{first}{self.threshold * y:.4g} {y_unit} from its trim, above again once it is {second}{self.threshold * y:.4g} {y_unit}"
-        )
-
-    def lines(self) -> list[str]:
-        """In words."""
-        (c, c_unit), (y, y_unit) = shown_unit(self.control), shown_unit(self.output)
-        low, middle, high = (value * y for value in self.first_overshoot)
-        after = [value * y for value in self.second_overshoot]
-        return [
-            f"self-oscillation of ±{self.amplitude * c:.4g} {c_unit} in {self.control}, reversed at ±{self.threshold * y:.4g} {y_unit} "
-            f"of {self.output}: {self.gain:.2f} nat",
-            f"over the priors {self.utility:.2f} nat, the best of the families ({self.family}) {self.beside:.2f} nat by the same measure",
-            f"{self.reversals[1]:g} reversals (90 % of vehicles {self.reversals[0]:g} to {self.reversals[2]:g}), period "
-            f"{self.period[1]:.3g} s ({self.period[0]:.3g} to {self.period[2]:.3g}), first overshoot {middle:.3g} {y_unit} "
-            f"({low:.3g} to {high:.3g}), second {after[1]:.3g} {y_unit} ({after[0]:.3g} to {after[2]:.3g})",
-            f"it oscillates in {self.oscillates:.0%} of the vehicles that are believed possible",
-            *(
-                (
-                    f"{self.passed_over} more informative design{'s' * (self.passed_over != 1)} may not oscillate, or break a limit",
-                )
-                if self.passed_over
-                else ()
-            ),
-            *self.safety,
-            self.rule,
-        ]
+def stored_relay(campaign: Campaign) -> StoredResult[RelayTrial]:
+    """Return where the self-oscillating test is kept, and what it depends on."""
+    read = partial(read_relay_trial, made_by=f"seatrial design {campaign.folder}")
+    return StoredResult(Store(campaign.folder).relay_design, key_of("self-oscillation", design_key(campaign)), read)
 
 
 def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[RelayTrial, Path]:
@@ -243,14 +175,9 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
             inside the limits.
         NumericalError: the vehicle diverges at the prior means.
     """
-    store, loop = Store(campaign.folder), relay_loop(campaign)
-    key = key_of("self-oscillation", design_key(campaign))
-    if not is_current(store.relay_design, key):
-        write_stamped_json(store.relay_design, asdict(_search(campaign, loop, reporter)), key)
-    content: dict[str, Any] = read_json(store.relay_design, f"seatrial design {campaign.folder}")
-    fields = {name: content[name] for name in RelayTrial.__dataclass_fields__}
-    found = RelayTrial(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
-    path = store.schedule(store.relay_design)
+    loop, kept = relay_loop(campaign), stored_relay(campaign)
+    found = kept.read_or_make(lambda: asdict(_search(campaign, loop, reporter)))
+    path = Store(campaign.folder).schedule(kept.path)
     foreseen, _ = loop.foreseen(found.amplitude, found.threshold)
     law = {"family": loop.family.as_plain(), "amplitude": found.amplitude, "threshold": found.threshold}
     about = {"relay": law, "design": design_key(campaign)}

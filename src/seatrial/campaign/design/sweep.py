@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,9 +17,10 @@ from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.campaign.store.designs import read_sweeps
+from seatrial.campaign.store.estimates import Estimate, OfStructure
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.batching import on_accelerator
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.progress import SILENT, Progress, Reporter
@@ -175,7 +177,7 @@ def design_key(campaign: Campaign) -> str:
     return key_of(
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
-        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits),
+        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits, campaign.seed),
     )
 
 
@@ -218,60 +220,64 @@ class Designs:
         return "" if worth == gain else f", worth {worth:.3g} {self.unit}".rstrip()
 
 
+def stored_first(campaign: Campaign) -> StoredResult[Designs]:
+    """Return where the first design is kept, and what it depends on."""
+    return StoredResult(Store(campaign.folder).design, design_key(campaign), partial(read_designs, campaign))
+
+
+def stored_next(campaign: Campaign, estimate: OfStructure) -> StoredResult[Designs]:
+    """Return where the design of the next trial is kept, and what it depends on."""
+    key = key_of("next", design_key(campaign), estimate.key, estimate.structure.terms)
+    return StoredResult(Store(campaign.folder).next_design, key, partial(read_designs, campaign))
+
+
 def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
     """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
-    store, key = Store(campaign.folder), design_key(campaign)
-    if is_current(store.design, key):
-        return read_designs(campaign, store.design)
-    model = campaign.model(campaign.full)
-    belief, draws = believed(campaign.coefficient_priors(model)), prior_draws(campaign, model)
-    return _sweep(campaign, campaign.full, belief, draws, store.design, key, "the priors", reporter)
+
+    def sweep() -> xr.Dataset:
+        model = campaign.model(campaign.full)
+        belief, draws = believed(campaign.coefficient_priors(model)), prior_draws(campaign, model)
+        return _sweep(campaign, campaign.full, belief, draws, "the priors", reporter)
+
+    return stored_first(campaign).read_or_make(sweep)
 
 
 def is_designed(campaign: Campaign) -> bool:
     """Whether there is a first design that belongs to the campaign as it is."""
-    return is_current(Store(campaign.folder).design, design_key(campaign))
+    return stored_first(campaign).is_current()
 
 
-def design_next(campaign: Campaign, structure: Structure, draws: np.ndarray, key: str, reporter: Reporter) -> Designs:
-    """Sweep the grid for the chosen structure from what the trials so far have taught.
+def design_next(campaign: Campaign, estimate: Estimate, reporter: Reporter = SILENT) -> Designs:
+    """Sweep the grid for a structure from what its posterior says after the trials so far; a current result is read."""
 
-    Args:
-        campaign: configuration.
-        structure: chosen structure.
-        draws: posterior draws of its coefficients, SI, shape (n, k).
-        key: key of the posterior.
-        reporter: who is told.
-    """
-    store = Store(campaign.folder)
-    stamp = key_of("next", design_key(campaign), key, structure.terms)
-    if is_current(store.next_design, stamp):
-        return read_designs(campaign, store.next_design)
-    belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
-    basis = f"the posterior of {structure.label}"
-    order = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
-    return _sweep(campaign, structure, belief, draws[order], store.next_design, stamp, basis, reporter)
+    def sweep() -> xr.Dataset:
+        structure = estimate.structure
+        draws = estimate.draws([name for name in structure.terms if name in estimate.names])
+        belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
+        basis = f"the posterior of {structure.label}"
+        order = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
+        return _sweep(campaign, structure, belief, draws[order], basis, reporter)
+
+    return stored_next(campaign, estimate).read_or_make(sweep)
 
 
 def read_designs(campaign: Campaign, path: Path) -> Designs:
     """Read stored sweeps; the schedule of the best trial is written again where it is missing or not the same."""
-    data, families = open_dataset(path), {family.kind: family for family in campaign.families}
-    grid = np.asarray(data["amplitude"]), np.asarray(data["period"])
-    trim = tuple((str(name), float(value)) for name, value in json.loads(data.attrs["trim"]))
+    stored, families = read_sweeps(path), {family.kind: family for family in campaign.families}
     sweeps = []
-    for kind in data["family"].values:
-        gain, worth, peak_speed, final_sd, length = (np.asarray(data[name].sel(family=kind)) for name in SWEPT)
-        ended = length if campaign.design.per == "second" else None
-        sweeps.append(Sweep(families[str(kind)], *grid, gain, peak_speed, final_sd, trim, worth, ended))
+    for i, kind in enumerate(stored.families):
+        ended = stored.length[i] if campaign.design.per == "second" else None
+        arrays = stored.gain[i], stored.peak_speed[i], stored.final_sd[i], stored.trim, stored.worth[i], ended
+        sweeps.append(Sweep(families[kind], stored.amplitude, stored.period, *arrays))
     found = Designs(
         tuple(sorted(sweeps, key=lambda sweep: -sweep.worth[sweep.best])),
-        json.loads(data.attrs["refused"]),
-        data.attrs["basis"],
-        tuple(str(name) for name in data["coefficient"].values),
-        np.asarray(data["sd_before"]),
+        stored.refused,
+        stored.basis,
+        stored.names,
+        stored.sd_before,
         utility_unit(campaign.design),
-        tuple(json.loads(data.attrs["safety"])),
-        tuple(json.loads(data.attrs["prediction"])),
+        stored.safety,
+        stored.prediction,
     )
     sample_time = campaign.family.sample_time
     schedule, about = Store(campaign.folder).schedule(path), {"design": design_key(campaign)}
@@ -284,11 +290,9 @@ def _sweep(
     structure: Structure,
     belief: Gaussian,
     draws: np.ndarray,
-    path: Path,
-    key: str,
     basis: str,
     reporter: Reporter,
-) -> Designs:
+) -> xr.Dataset:
     model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
     scales, plan, trim = (
         belief_space(campaign, model, belief)[1],
@@ -318,7 +322,7 @@ def _sweep(
         "length": "s",
     }
     safety = safety_lines(campaign.motion_limits, campaign.design.probability, plan, best, draws)
-    dataset = xr.Dataset(
+    return xr.Dataset(
         {
             name: (
                 ("family", "amplitude", "period", *(("coefficient",) if name == "final_sd" else ())),
@@ -343,8 +347,6 @@ def _sweep(
             "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         },
     )
-    write_dataset(path, dataset, key)
-    return read_designs(campaign, path)
 
 
 def _kept(sweep: Sweep, name: str) -> np.ndarray:

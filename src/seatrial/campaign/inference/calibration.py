@@ -1,7 +1,6 @@
 """Calibration of a whole campaign: is the stated uncertainty right for this vehicle, these trials and these priors?"""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
@@ -19,12 +17,12 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
+from seatrial.campaign.store.estimates import Calibrated, HasKey, read_calibration
+from seatrial.campaign.store.files import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.batching import map_lanes
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Progress, Reporter
-from seatrial.estimation.calibration import DRAWS, Calibration, ranks_of, spread_evenly
+from seatrial.estimation.calibration import ranks_of, spread_evenly
 from seatrial.estimation.draw_posterior import Draw, find_method
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
@@ -36,84 +34,17 @@ AT_ONCE = 8
 TRIES = 200
 """Draws from the prior until one can be simulated."""
 LIKELIHOOD = "log-likelihood"
-MANY_REFUSED = 0.05
-"""Share of the prior beyond which a reader is told."""
-MAX_R_HAT, MIN_ESS, MIN_MOVED = 1.3, DRAWS, 0.05
-"""What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short chains 99 effective
-draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where nothing is wrong with them."""
-WORST = (
-    ("R-hat up to {:.2f}", np.max),
-    ("{:.0f} effective draws at least", np.min),
-    ("{:.2%} of transitions diverged at most", np.max),
-    ("{:.0%} of the moves made at least", np.min),
-)
-"""How the worst of each diagnostic is told."""
-MANY_POOR = 0.02
-"""Share of the replicates that did not mix well from which on they may be why ranks are uneven."""
 
 
-@dataclass(frozen=True, eq=False)
-class Calibrated:
-    """Result of a calibration, and what it was made of.
+def stored_calibration(campaign: Campaign, trials: HasKey, replicates: int, method: str) -> StoredResult[Calibrated]:
+    """Return where the ranks of a calibration are kept, and what they depend on."""
+    key = key_of(_key(campaign, trials, method), replicates)
+    return StoredResult(Store(campaign.folder).calibration(method), key, read_calibration)
 
-    Attributes:
-        calibration: ranks.
-        method: how posteriors were drawn.
-        structure: label of the structure.
-        refused: share of the prior's draws that could not be simulated, and were drawn again.
-        health: of each replicate, r of them: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN
-            where the method has no such number, shape (r, 4).
-    """
 
-    calibration: Calibration
-    method: str
-    structure: str
-    refused: float
-    health: Float[np.ndarray, "r 4"]
-
-    def poor(self) -> Bool[np.ndarray, " r"]:
-        """Replicates whose draws did not mix well, by the method's own diagnostics."""
-        r_hat, ess, diverged, moved = self.health.T
-        return (
-            (r_hat > MAX_R_HAT)
-            | (ess < MIN_ESS)
-            | (diverged > 0.0)
-            | (moved < MIN_MOVED)
-            | np.isnan(self.health).all(1)
-        )
-
-    def lines(self) -> list[str]:
-        """What was found, in words."""
-        outside, k = self.calibration.outside(), len(self.calibration.names)
-        band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
-        verdict = (
-            f"calibrated: the ranks lie inside {band}"
-            if not outside
-            else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
-        )
-        said = [*self.calibration.lines(), self.mixing_words()]
-        if self.refused > MANY_REFUSED:
-            said.append(
-                f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
-            )
-        return [*said, f"{verdict} (structure {self.structure}, {self.method})"]
-
-    def mixing_words(self) -> str:
-        """Whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
-        poor, r = self.poor(), len(self.health)
-        worst = [
-            text.format(extreme(column[~np.isnan(column)]))
-            for (text, extreme), column in zip(WORST, self.health.T, strict=True)
-            if not np.isnan(column).all()
-        ]
-        numbers = ", ".join(worst)
-        if not poor.any():
-            end = ": it is not the sampling that makes the ranks uneven" if self.calibration.outside() else ""
-            return f"the draws mixed well in all {r} replicates ({numbers}){end}"
-        said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
-        if poor.mean() < MANY_POOR:
-            return f"{said}: too few to make ranks uneven"
-        return f"{said}: uneven ranks may be the sampling's and not the posterior's; try another method, or narrower priors"
+def _key(campaign: Campaign, trials: HasKey, method: str) -> str:
+    """Return what every replicate depends on."""
+    return key_of("calibration with diagnostics", estimate_key(campaign, campaign.full, trials), method)
 
 
 def calibrate(
@@ -135,30 +66,24 @@ def calibrate(
         NumericalError: a prior of which hardly a draw can be simulated.
     """
     structure, _ = campaign.full, find_method(method)
-    store = Store(campaign.folder)
-    path = store.calibration(method)
-    stamp = key_of("calibration with diagnostics", estimate_key(campaign, structure, trials), method)
-    key = key_of(stamp, replicates)
-    if not is_current(path, key):
+    checkpoint = Store(campaign.folder).checkpoint(f"calibration-{method}")
+
+    def run() -> xr.Dataset:
         workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit, method)
         names = study.posterior(structure).names
         progress = reporter.progress(f"calibrate {structure.label} by {method}")
-        found = _Found(store.checkpoint(f"calibration-{method}"), key_of(stamp, "by number"))
+        found = _Found(checkpoint, key_of(_key(campaign, trials, method), "by number"))
         _replicate_all(study, found, replicates, progress, workers)
         arrays = found.arrays(range(replicates))
         dims = {"rank": ("replicate", "quantity"), "tries": ("replicate",), "health": ("replicate", "diagnostic")}
-        dataset = xr.Dataset(
+        return xr.Dataset(
             {name: (dims[name], value) for name, value in arrays.items()},
             {"quantity": [*names, LIKELIHOOD], "diagnostic": list(Mixing._fields)},
             {"structure": structure.label, "method": method},
         )
-        write_dataset(path, dataset, key)
-        found.path.unlink(missing_ok=True)
-    data = open_dataset(path)
-    names = tuple(map(str, data["quantity"].values))
-    refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
-    ranks = Calibration(names, data["rank"].values)
-    return Calibrated(ranks, method, data.attrs["structure"], refused, data["health"].values)
+
+    kept = stored_calibration(campaign, trials, replicates, method)
+    return kept.read_or_make(run, lambda: checkpoint.unlink(missing_ok=True))
 
 
 class _Replicate(NamedTuple):

@@ -1,8 +1,8 @@
 """Estimation of every candidate structure: mode, chains with checkpoints, health in words."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -15,14 +15,13 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import is_whole, random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, load_checkpoint, save_checkpoint, write_dataset
-from seatrial.core.dataset_file import open_dataset
+from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
+from seatrial.campaign.store.files import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
-from seatrial.estimation.output_error import deviation_name, is_deviation, of_deviation, spread_name
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
@@ -43,54 +42,7 @@ CURVE = 241
 """Points of a prior's density."""
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Posterior of one structure as stored: parameters on `parameter`, draws on `chain` and `draw`.
-
-    Attributes:
-        structure: which terms.
-        data: the stored dataset.
-    """
-
-    structure: Structure
-    data: xr.Dataset
-
-    @property
-    def key(self) -> str:
-        """Stamp of the result."""
-        return self.data.attrs["key"]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(str(name) for name in self.data["parameter"].values)
-
-    @property
-    def alarms(self) -> list[str]:
-        """What makes the draws unfit for use."""
-        return json.loads(self.data.attrs["alarms"])
-
-    @property
-    def cautions(self) -> list[str]:
-        """What a reader must know."""
-        return json.loads(self.data.attrs["cautions"])
-
-    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
-        """Draws of the named parameters, SI, all chains together, shape (n, k)."""
-        chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
-        return chosen.values.reshape(-1, chosen.sizes["parameter"])
-
-    def own_values(self) -> list[tuple[str, str, float, float, str]]:
-        """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
-        found = []
-        for name, label in map(of_deviation, filter(is_deviation, self.names)):
-            common, spread, deviation = self.draws([name, spread_name(name), deviation_name(name, label)]).T
-            own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
-            found.append((name, label, float(own.mean()), float(own.std()), unit))
-        return found
-
-
-def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
+def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
         "posterior",
@@ -99,10 +51,22 @@ def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> st
     )
 
 
+def stored_estimates(campaign: Campaign, trials: HasKey) -> dict[Structure, StoredResult[Estimate]]:
+    """Return where the posterior of each candidate structure is kept, and what it depends on."""
+    return {
+        one: StoredResult(
+            Store(campaign.folder).posterior(one.label),
+            estimate_key(campaign, one, trials),
+            partial(read_estimate, structure=one),
+        )
+        for one in campaign.structures
+    }
+
+
 def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[Estimate]:
     """Estimate every candidate structure, side by side; current results are read."""
-    store, keys = Store(campaign.folder), {one: estimate_key(campaign, one, trials) for one in campaign.structures}
-    missing = [one for one, key in keys.items() if not is_current(store.posterior(one.label), key)]
+    store, kept = Store(campaign.folder), stored_estimates(campaign, trials)
+    missing = [one for one, result in kept.items() if not result.is_current()]
     if missing:
         total = campaign.estimation.warmup + campaign.estimation.draws
         shown = [reporter.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]
@@ -110,22 +74,24 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
         def done(index: int, result: _Ended | _Unended) -> _Unended | None:
             """Keep what is there: a finished posterior, or the chains so far, from which its next piece goes on."""
             structure = missing[index]
-            key, checkpoint = keys[structure], store.checkpoint(f"posterior-{structure.label}")
+            checkpoint = store.checkpoint(f"posterior-{structure.label}")
             if isinstance(result, _Unended):
-                save_checkpoint(checkpoint, key, result.run)
+                save_checkpoint(checkpoint, kept[structure].key, result.run)
                 shown[index](int(result.run["iteration"]), total)
                 return result
-            write_dataset(store.posterior(structure.label), result.data, key)
+            kept[structure].write(result.data)
             checkpoint.unlink(missing_ok=True)
             shown[index](total, total)
             return None
 
-        def told(index: int, done: int, total: int) -> None:
+        def on_progress(index: int, done: int, total: int) -> None:
             shown[index](done, total)
 
-        begun = [_Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), keys[one])) for one in missing]
-        workers_of(campaign, reporter).run(_advance, Study(campaign, trials.fit), begun, done, told)
-    return [Estimate(one, open_dataset(store.posterior(one.label))) for one in keys]
+        begun = [
+            _Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), kept[one].key)) for one in missing
+        ]
+        workers_of(campaign, reporter).run(_advance, Study(campaign, trials.fit), begun, done, on_progress)
+    return [result.read(result.path) for result in kept.values()]
 
 
 class _Begun(NamedTuple):

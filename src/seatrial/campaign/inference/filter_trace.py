@@ -8,9 +8,9 @@ import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.posterior import initial_state
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.campaign.store.estimates import Estimate, OfStructure
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
@@ -23,18 +23,19 @@ from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise
 
 
+def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[xr.Dataset]:
+    """Return where the traces of the filter are kept, and what they depend on."""
+    key = key_of("filter", estimate.key, list(campaign.noise.values()), campaign.process_sds().tolist())
+    return StoredResult(Store(campaign.folder).filter, key, open_dataset)
+
+
 def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
     """Run the filter over the fitted records one after another, each beginning with what the last one taught.
 
     Coefficients start from the mean and standard deviation of their priors; a delay is set to its posterior mean.
     Sensor and process noise are those of the configuration.
     """
-    store = Store(campaign.folder)
-    noise = list(campaign.noise.values())
-    key = key_of("filter", estimate.key, noise, campaign.process_sds().tolist())
-    if not is_current(store.filter, key):
-        write_dataset(store.filter, _traces(campaign, estimate, trials), key)
-    return open_dataset(store.filter)
+    return stored_filter(campaign, estimate).read_or_make(lambda: _traces(campaign, estimate, trials))
 
 
 def filter_complaints(dataset: xr.Dataset) -> list[str]:

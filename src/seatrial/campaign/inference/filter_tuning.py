@@ -7,9 +7,9 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.filter_trace import filter_record, prior_belief
 from seatrial.campaign.inference.posterior import initial_state
+from seatrial.campaign.store.estimates import Estimate
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit

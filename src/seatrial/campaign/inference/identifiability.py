@@ -4,7 +4,8 @@ The directions are the eigenvectors v of the information of the data alone, scal
 change of all parameters at once, in shares of their values, that makes the data one standard error less likely.
 """
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,147 +13,52 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, OfStructure, read_known
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.identifiability import Identifiability, identifiability_of_design, identify
 from seatrial.estimation.information import likelihood_information
 from seatrial.estimation.output_error import is_deviation
 from seatrial.estimation.posterior import Parameter
-from seatrial.estimation.remedies import measured, percent
 
 NAMED = 0.1
 """Share of the largest move from which a parameter is named in a direction."""
-VAIN = 10.0
-"""Standard deviation over the value from which a percentage says nothing."""
-BY_ITSELF = "each parameter is known by itself"
 
 
-@dataclass(frozen=True)
-class KnownParameter:
-    """One parameter: its value, what is known of it, and what it is confused with.
-
-    Attributes:
-        name: parameter.
-        unit: SI unit.
-        value: prior mean before the data, posterior mode after.
-        sd: its standard deviation, expected before the data.
-        relative: `sd` over the size of the value.
-        left: `sd` over the prior's.
-        partner: the parameter it is most strongly correlated with; empty if it is the only one.
-        correlation: with that one.
-    """
-
-    name: str
-    unit: str
-    value: float
-    sd: float
-    relative: float
-    left: float
-    partner: str
-    correlation: float
-
-    @property
-    def known_to(self) -> str:
-        """`relative` in words."""
-        return "not at all" if self.relative >= VAIN else percent(self.relative)
+def stored_known_after(campaign: Campaign, estimate: OfStructure) -> StoredResult[Known]:
+    """Return where it is kept what a fit tells about each parameter, and what that depends on."""
+    path = Store(campaign.folder).known(estimate.structure.label)
+    read = partial(read_known, made_by=f"seatrial estimate {campaign.folder}")
+    return StoredResult(path, key_of("known", _LAYOUT, estimate.key), read)
 
 
-@dataclass(frozen=True)
-class Direction:
-    """A change of several parameters at once that the data alone know to one standard error.
-
-    Attributes:
-        sd: length of the change, 1 / sqrt(eigenvalue).
-        moves: parameters and their changes, the largest first: shares of the value, or of the prior's standard deviation.
-        relative: of each, whether it is a share of the value.
-    """
-
-    sd: float
-    moves: tuple[tuple[str, float], ...]
-    relative: tuple[bool, ...]
-
-    @property
-    def parts(self) -> tuple[tuple[str, str], ...]:
-        """Each parameter with its change in words."""
-        return tuple(
-            (name, _share(move) if share else f"{move:+.2g} prior sd")
-            for (name, move), share in zip(self.moves, self.relative, strict=True)
-        )
-
-    @property
-    def words(self) -> str:
-        """`X_u +25 %, X_uabsu -11 %`."""
-        return ", ".join(f"{name} {size}" for name, size in self.parts)
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is known, before or after the data.
-
-    Attributes:
-        stage: `before` or `after`.
-        structure: label of the structure.
-        parameters: one by one.
-        directions: together, what is known best first; empty where the model has no derivatives.
-        verdict: sentences that name what is known although its parts are not, and what would separate them.
-    """
-
-    stage: str
-    structure: str
-    parameters: tuple[KnownParameter, ...]
-    directions: tuple[Direction, ...]
-    verdict: tuple[str, ...]
-
-    def lines(self) -> list[str]:
-        """A table, the directions known best and least, and the verdict."""
-        before = self.stage == "before"
-        rows = [
-            (
-                item.name,
-                *([measured(item.value, item.sd, item.unit)] if before else []),
-                item.known_to,
-                percent(item.left),
-                f"{item.correlation:+.3f} with {item.partner}" if item.partner else "-",
-            )
-            for item in self.parameters
-        ]
-        heads = ("", *(["expected"] if before else []), "known to", "of the prior's sd left", "strongest correlation")
-        widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-        said = [
-            "  ".join(
-                text.ljust(width) if i in (0, len(heads) - 1) else text.rjust(width)
-                for i, (text, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in (heads, *rows)
-        ]
-        if len(self.directions) > 1:
-            said.append(f"one standard error of the data alone, at its smallest: {self.directions[0].words}")
-            said.append(f"and at its largest: {self.directions[-1].words}")
-        return [f"  {line}" for line in (*said, *(self.verdict or (BY_ITSELF,)))]
+def stored_known_before(campaign: Campaign) -> StoredResult[Known]:
+    """Return where it is kept what the best design would tell about each parameter, and what that depends on."""
+    read = partial(read_known, made_by=f"seatrial design {campaign.folder}")
+    return StoredResult(Store(campaign.folder).known_design, key_of("known", _LAYOUT, design_key(campaign)), read)
 
 
 def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known:
     """Judge a fit by the information of its data at the mode and the covariance of its draws; a current result is read."""
-    store, label = Store(campaign.folder), estimate.structure.label
-    path, key = store.known(label), key_of("known", _LAYOUT, estimate.key)
-    if not is_current(path, key):
+
+    def judge() -> dict[str, Any]:
         posterior = build_posterior(campaign, estimate.structure, trials.fit)
         values = estimate.data["mode"].values
         information = likelihood_information(posterior, values)
         cov = np.atleast_2d(np.cov(estimate.draws().T))
         found = identify(posterior.parameters, values, information, cov=cov, at=campaign.hull.trim)
-        write_stamped_json(path, asdict(_known(found, information, label)), key)
-    return _read(read_json(path, f"seatrial estimate {campaign.folder}"))
+        return asdict(_known(found, information, estimate.structure.label))
+
+    return stored_known_after(campaign, estimate).read_or_make(judge)
 
 
 def known_before(campaign: Campaign, sweep: Sweep) -> Known:
     """Judge the best design for the full structure at its prior means, sensors as rare as they are; a current result is read."""
-    store, structure = Store(campaign.folder), campaign.full
-    key = key_of("known", _LAYOUT, design_key(campaign))
-    if not is_current(store.known_design, key):
+    structure = campaign.full
+
+    def judge() -> dict[str, Any]:
         model, family = campaign.model(structure), campaign.family
         units = {term.text: model.unit_of(term) for term in model.coefficients}
         parameters = [
@@ -168,8 +74,9 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
         found = identifiability_of_design(
             parameters, model, sweep.best_controls(), family.sample_time, start, noise, campaign.hull.trim
         )
-        write_stamped_json(store.known_design, asdict(_known(found, None, structure.label)), key)
-    return _read(read_json(store.known_design, f"seatrial design {campaign.folder}"))
+        return asdict(_known(found, None, structure.label))
+
+    return stored_known_before(campaign).read_or_make(judge)
 
 
 def _known(found: Identifiability, information: np.ndarray | None, label: str) -> Known:
@@ -224,23 +131,6 @@ def _directions(found: Identifiability, information: np.ndarray) -> tuple[Direct
             )
         )
     return tuple(said)
-
-
-def _read(content: dict[str, Any]) -> Known:
-    return Known(
-        content["stage"],
-        content["structure"],
-        tuple(KnownParameter(**item) for item in content["parameters"]),
-        tuple(
-            Direction(item["sd"], tuple((str(a), float(b)) for a, b in item["moves"]), tuple(item["relative"]))
-            for item in content["directions"]
-        ),
-        tuple(content["verdict"]),
-    )
-
-
-def _share(move: float) -> str:
-    return f"{100 * move:+.0f} %" if abs(move) >= 0.1 else f"{100 * move:+.2g} %"
 
 
 _LAYOUT = [field.name for kind in (Known, KnownParameter, Direction) for field in fields(kind)]

@@ -1,8 +1,8 @@
 """What a chosen model leaves out and what that does to its coefficients: delays, offsets, other forces, each tested by itself."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from dataclasses import asdict, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import jax
@@ -12,9 +12,9 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.store.estimates import Estimate, LeftOut, OfStructure, read_left_out
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.omitted_effects import Omitted, score_effects
@@ -36,29 +36,11 @@ LIKELY = 0.01
 DELAY = "delay"
 
 
-@dataclass(frozen=True)
-class LeftOut:
-    """An effect that the data ask for and the model lacks, and that moves a coefficient by more than its standard deviation.
-
-    Attributes:
-        words: its name and size.
-        remedy: how to add it to the model.
-        moves: the coefficient that it moves most, in standard deviations.
-        by: that many.
-    """
-
-    words: str
-    remedy: str
-    moves: str
-    by: float
-
-    @property
-    def sentence(self) -> str:
-        """What is missing and what it does."""
-        return (
-            f"the model lacks {self.words}: with it {self.moves} would move by {abs(self.by):.2g} of its standard deviations, "
-            f"so that the uncertainty stated is too small; {self.remedy}"
-        )
+def stored_left_out(campaign: Campaign, estimate: OfStructure) -> StoredResult[tuple[LeftOut, ...]]:
+    """Return where it is kept what a structure leaves out, and what that depends on."""
+    path = Store(campaign.folder).left_out(estimate.structure.label)
+    read = partial(read_left_out, made_by=f"seatrial estimate {campaign.folder}")
+    return StoredResult(path, key_of("left out", estimate.key), read)
 
 
 def left_out(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[LeftOut, ...]:
@@ -66,10 +48,9 @@ def left_out(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[Le
     posterior = build_posterior(campaign, estimate.structure, trials.fit)
     if not isinstance(posterior.likelihood, OutputError):
         return ()
-    path, key = Store(campaign.folder).left_out(estimate.structure.label), key_of("left out", estimate.key)
-    if not is_current(path, key):
-        write_stamped_json(path, {"effects": [asdict(one) for one in _left_out(campaign, estimate, posterior)]}, key)
-    return tuple(LeftOut(**one) for one in read_json(path, f"seatrial estimate {campaign.folder}")["effects"])
+    return stored_left_out(campaign, estimate).read_or_make(
+        lambda: {"effects": [asdict(one) for one in _left_out(campaign, estimate, posterior)]}
+    )
 
 
 def _left_out(campaign: Campaign, estimate: Estimate, posterior: Posterior) -> tuple[LeftOut, ...]:
@@ -101,20 +82,20 @@ def _left_out(campaign: Campaign, estimate: Estimate, posterior: Posterior) -> t
         {name: (signature * weight).ravel() for name, signature in signatures.items()},
         _worth(residual, weight, np.asarray(data.step)),
     )
-    return _told(campaign.vehicle, estimate, found)
+    return _that_matter(campaign.vehicle, estimate, found)
 
 
-def _told(vehicle: CampaignVehicle, estimate: Estimate, found: Sequence[Omitted]) -> tuple[LeftOut, ...]:
+def _that_matter(vehicle: CampaignVehicle, estimate: Estimate, found: Sequence[Omitted]) -> tuple[LeftOut, ...]:
     names = [name for name in estimate.structure.terms if name in estimate.names]
     at = [estimate.names.index(name) for name in names]
     sd = np.array([float(estimate.data.sel(parameter=name)["sd"]) for name in names])
-    told = []
+    missing = []
     for effect in found:
         moves = effect.shift[at] / sd
         worst = int(np.argmax(np.abs(moves)))
         if effect.p_value < CHANCE / len(found) and abs(moves[worst]) > MATTERS:
-            told.append(LeftOut(*_effect_words(vehicle, estimate, effect), names[worst], float(moves[worst])))
-    return tuple(sorted(told, key=lambda one: -abs(one.by)))
+            missing.append(LeftOut(*_effect_words(vehicle, estimate, effect), names[worst], float(moves[worst])))
+    return tuple(sorted(missing, key=lambda one: -abs(one.by)))
 
 
 def _effect_words(vehicle: CampaignVehicle, estimate: Estimate, effect: Omitted) -> tuple[str, str]:

@@ -2,7 +2,8 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
+from pathlib import Path
 from typing import Protocol
 
 import jax
@@ -12,48 +13,22 @@ import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import Estimate
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
+from seatrial.campaign.store.estimates import Estimate, Fit, HasKey, OfStructure, read_predictions
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.estimation.output_error import initial_name
 from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws
-from seatrial.estimation.predictive_check import LEVELS, Level, Verdict, judge, worst
+from seatrial.estimation.predictive_check import LEVELS, Verdict, judge, worst
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.sensors import correlation_name
-from seatrial.estimation.validation import Score, score_channel
+from seatrial.estimation.validation import score_channel
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
 MOST_NAMED = 6
 """Trials that one sentence names."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fit(Score):
-    """How one channel of one record is predicted in free simulation, from its inputs alone, and what that means.
-
-    Attributes:
-        record: label.
-        held_back: whether the record was not used in the fit.
-        channel: measured channel.
-        level: pass, caution or fail.
-        about: what the verdict is about in a few words; empty for a pass.
-        reason: one sentence: what was found, what it means and what to do.
-    """
-
-    record: str
-    held_back: bool
-    channel: str
-    level: Level
-    about: str
-    reason: str
-
-    @property
-    def verdict(self) -> Verdict:
-        """Level, subject and reason."""
-        return Verdict(self.level, self.about, self.reason)
 
 
 class Drawn(Protocol):
@@ -83,15 +58,26 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> list[
     ]
 
 
+def stored_predictions(
+    campaign: Campaign, estimate: OfStructure, trials: HasKey
+) -> StoredResult[tuple[list[Fit], xr.Dataset]]:
+    """Return where the predictions are kept, and what they depend on."""
+    key = key_of("predictions", [field.name for field in fields(Fit)], estimate.key, trials.key)
+
+    def read(path: Path) -> tuple[list[Fit], xr.Dataset]:
+        return list(read_predictions(path).fits), open_dataset(path)
+
+    return StoredResult(Store(campaign.folder).predictions, key, read)
+
+
 def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], xr.Dataset]:
     """Predict every record with draws from the posterior; returns the fits and the stored curves.
 
     The curves lie on `sample`, the records one after another: record index, time, measured, mean, and the standard
     deviations of the motion (coefficients unknown) and of a measurement (noise added).
     """
-    store = Store(campaign.folder)
-    key = key_of("predictions", [field.name for field in fields(Fit)], estimate.key, trials.key)
-    if not is_current(store.predictions, key):
+
+    def predict() -> xr.Dataset:
         records = [*trials.fit, *trials.predict]
         pieces = [_predict(campaign, estimate, record) for record in records]
         columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0] if name != "noise"}
@@ -101,7 +87,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
             for fit in _fits(campaign.channels, estimate, record, index >= len(trials.fit), piece)
         ]
         lengths = [record.time.size for record in records]
-        dataset = xr.Dataset(
+        return xr.Dataset(
             {
                 "time": ("sample", columns["time"], {"unit": "s"}),
                 "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
@@ -115,9 +101,8 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
                 "fits": json.dumps([fit.__dict__ for fit in fits]),
             },
         )
-        write_dataset(store.predictions, dataset, key)
-    dataset = open_dataset(store.predictions)
-    return [Fit(**{**fit, "pit": tuple(fit["pit"])}) for fit in json.loads(dataset.attrs["fits"])], dataset
+
+    return stored_predictions(campaign, estimate, trials).read_or_make(predict)
 
 
 def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Verdict]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior, random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_stamped_json
+from seatrial.campaign.store.estimates import HasKey, read_profiles
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.mode import find_mode
@@ -48,6 +50,18 @@ class Profiled:
         return [profile.name for profile in self.profiles if profile.kind != "closed"]
 
 
+def stored_profiles(campaign: Campaign, trials: HasKey) -> StoredResult[dict[str, Profile]]:
+    """Return where the profiles of the full structure are kept, as far as they are there, and what they depend on."""
+    structure = campaign.full
+    key = key_of("profiles", [field.name for field in fields(Profile)], estimate_key(campaign, structure, trials))
+
+    def read(path: Path) -> dict[str, Profile]:
+        stored = read_profiles(path, f"seatrial profile {campaign.folder}")
+        return {name: Profile(**vars(one)) for name, one in stored.items()}
+
+    return StoredResult(Store(campaign.folder).profiles(structure.label), key, read)
+
+
 def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), reporter: Reporter = SILENT) -> Profiled:
     """Profile parameters of the full structure; current results are read, and kept as soon as they are there.
 
@@ -61,7 +75,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
         InputError: no such parameter.
         NumericalError: a likelihood of several maxima.
     """
-    structure, store = campaign.full, Store(campaign.folder)
+    structure = campaign.full
     posterior = build_posterior(campaign, structure, trials.fit)
     chosen = list(dict.fromkeys(names)) or list(posterior.names)
     for name in chosen:
@@ -72,9 +86,8 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
                 expected=f"a parameter of {structure.label}: " + ", ".join(posterior.names),
                 remedy=nearest(name, posterior.names),
             )
-    path = store.profiles(structure.label)
-    key = key_of("profiles", [field.name for field in fields(Profile)], estimate_key(campaign, structure, trials))
-    found = _read(campaign, key)
+    kept = stored_profiles(campaign, trials)
+    found = kept.read(kept.path) if kept.is_current() else {}
     missing = [name for name in chosen if name not in found]
     if missing:
         progress = reporter.progress(f"profile {structure.label}: {' '.join(missing)}")
@@ -83,7 +96,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
             _each(posterior, random_key(campaign.seed, f"mode {structure.terms}"), missing), 1
         ):
             found[profile.name] = profile
-            write_stamped_json(path, {"profiles": [_as_json(item) for item in found.values()]}, key)
+            kept.write({"profiles": [_as_json(item) for item in found.values()]})
             progress(done, len(missing))
     labels = {parameter.name: parameter.label for parameter in posterior.parameters}
     return Profiled(structure, tuple(found[name] for name in chosen), tuple(labels[name] for name in chosen))
@@ -96,25 +109,9 @@ def _each(posterior: Posterior, key: Array, names: Sequence[str]) -> Iterator[Pr
         yield from profile_likelihood(posterior, mode, names[start : start + TOGETHER])
 
 
-def _read(campaign: Campaign, key: str) -> dict[str, Profile]:
-    path = Store(campaign.folder).profiles(campaign.full.label)
-    if not is_current(path, key):
-        return {}
-    content = read_json(path, f"seatrial profile {campaign.folder}")
-    return {item["name"]: _from_json(item) for item in content["profiles"]}
-
-
 def _as_json(profile: Profile) -> dict[str, Any]:
     """Open ends are null, and points where the model diverges are left out: JSON has no infinity."""
     there = np.isfinite(profile.drop)
     ends = {side: end if np.isfinite(end := getattr(profile, side)) else None for side in ("lower", "upper")}
     arrays = {name: getattr(profile, name)[there].tolist() for name in ("values", "drop", "others")}
     return {**vars(profile), **arrays, **ends, "bounds": list(profile.bounds)}
-
-
-def _from_json(item: dict[str, Any]) -> Profile:
-    ends = {
-        side: sign * float("inf") if item[side] is None else item[side] for side, sign in (("lower", -1), ("upper", 1))
-    }
-    arrays = {name: np.array(item[name], float) for name in ("values", "drop", "others")}
-    return Profile(**{**item, **arrays, **ends, "bounds": tuple(item["bounds"])})

@@ -14,7 +14,8 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior, is_whole, random_key
-from seatrial.campaign.inference.predict import N_DRAWS, Fit, predict_held_back
+from seatrial.campaign.inference.predict import N_DRAWS, predict_held_back
+from seatrial.campaign.store.estimates import Fit
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record

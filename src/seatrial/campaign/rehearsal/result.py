@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float, Int
 from scipy.stats import beta, binomtest
+
+from seatrial.core.dataset_file import open_dataset
 
 ADAPTIVE = "adaptive"
 WITHIN = 1.64
@@ -187,6 +190,11 @@ class Rehearsal:
             return f"against {name}: no difference beyond chance, {_signed(saved)} trials of {of.value:.1f}"
         verb = "saves" if saved.value > 0 else "costs"
         return f"against {name}: choosing each trial anew {verb} {abs(saved.value):.2f} ± {saved.error:.2f} trials of {of.value:.1f}"
+
+
+def read_rehearsal(path: Path) -> Rehearsal:
+    """Read a stored rehearsal; errors as `open_dataset`."""
+    return Rehearsal(open_dataset(path))
 
 
 def _mean(values: np.ndarray) -> Mean:

@@ -25,10 +25,9 @@ from seatrial.campaign.design.evaluate import check_whole_trials
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.rehearsal.designs import RANDOM, Design, DesignSpace, design_space
-from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal
+from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal, read_rehearsal
 from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
-from seatrial.core.dataset_file import open_dataset
+from seatrial.campaign.store.files import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
@@ -77,8 +76,8 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
         raise InputError(
             "rehearsal", found=f"{truths} vehicles", expected=f"{FEWEST_VEHICLES} at least", remedy="ask for more"
         )
-    path, key = Store(campaign.folder).rehearsal, rehearsal_key(campaign)
-    outcomes = _outcomes(open_dataset(path)) if is_current(path, key) else []
+    kept = stored_rehearsal(campaign)
+    outcomes = _outcomes(kept.read(kept.path).data) if kept.is_current() else []
     if len(outcomes) < truths:
         designs = design_first(campaign, reporter)
         space = design_space(campaign, designs)
@@ -89,9 +88,14 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
         report(len(outcomes), truths)
         while len(outcomes) < truths:
             outcomes.append(_rehearse_one(campaign, goal, space, fixed, len(outcomes)))
-            write_dataset(path, _dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes), key)
+            kept.write(_dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes))
             report(len(outcomes), truths)
-    return Rehearsal(open_dataset(path).isel(vehicle=slice(truths)))
+    return Rehearsal(kept.read(kept.path).data.isel(vehicle=slice(truths)))
+
+
+def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
+    """Return where a rehearsal is kept, of as many vehicles as there are so far, and what it depends on."""
+    return StoredResult(Store(campaign.folder).rehearsal, rehearsal_key(campaign), read_rehearsal)
 
 
 def rehearsal_key(campaign: Campaign) -> str:

@@ -16,12 +16,13 @@ from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import Estimate, estimate_key
+from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior, random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
-from seatrial.core.dataset_file import open_dataset
+from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
+from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.structures import StoredCriteria, read_criteria
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.progress import SILENT, Progress, Reporter, run_side_by_side
+from seatrial.core.progress import SILENT, Progress, Reporter, no_progress, run_side_by_side
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.posterior import Posterior
@@ -69,6 +70,20 @@ class Criteria:
     refused: tuple[str, ...]
 
 
+def stored_criteria(campaign: Campaign, estimate: OfStructure) -> StoredResult[StoredCriteria]:
+    """Return where the criteria of a structure are kept, and what they depend on."""
+    path = Store(campaign.folder).criteria(estimate.structure.label)
+    return StoredResult(path, key_of("criteria", estimate.key, MOST), read_criteria)
+
+
+def stored_future(
+    campaign: Campaign, estimate: OfStructure, trials: HasKey, edges: np.ndarray
+) -> StoredResult[StoredCriteria]:
+    """Return where the leave-future-out of a structure is kept, and what it depends on."""
+    key = key_of("future", estimate_key(campaign, estimate.structure, trials), edges.tolist())
+    return StoredResult(Store(campaign.folder).future(estimate.structure.label), key, read_criteria)
+
+
 def criteria_all(
     campaign: Campaign,
     estimates: Sequence[Estimate],
@@ -96,8 +111,8 @@ def criteria_all(
         label = estimate.structure.label
         titles = (f"criteria {label}", f"leave-future-out {label}")
         done = (
-            is_current(Store(campaign.folder).criteria(label), _key(estimate)),
-            is_current(Store(campaign.folder).future(label), _future_key(campaign, estimate, trials, edges)),
+            stored_criteria(campaign, estimate).is_current(),
+            stored_future(campaign, estimate, trials, edges).is_current(),
         )
         bars = [None if there else reporter.progress(title) for title, there in zip(titles, done, strict=True)]
         tasks.append(partial(_both, campaign, estimate, trials, edges, *bars))
@@ -124,18 +139,16 @@ def _both(
     later: Progress | None,
 ) -> Criteria:
     """Criteria of one structure: computed where a bar is given, and then read."""
-    store, label = Store(campaign.folder), estimate.structure.label
-    if now is not None:
-        now(0, 1)
-        write_dataset(store.criteria(label), _compute(campaign, estimate, trials), _key(estimate))
-        now(1, 1)
-    if later is not None:
-        key = _future_key(campaign, estimate, trials, edges)
-        write_dataset(store.future(label), _predict(campaign, estimate.structure, trials, edges, later), key)
-    present, future = open_dataset(store.criteria(label)), open_dataset(store.future(label))
+    now = now or no_progress
+    now(0, 1)
+    present = stored_criteria(campaign, estimate).read_or_make(lambda: _compute(campaign, estimate, trials))
+    now(1, 1)
+    future = stored_future(campaign, estimate, trials, edges).read_or_make(
+        lambda: _predict(campaign, estimate.structure, trials, edges, later or no_progress)
+    )
     found = {**_criteria_in(present), **_criteria_in(future)}
-    refused = tuple(text for data in (present, future) if (text := data.attrs["refused"]))
-    deviance = DevianceCriteria(*(MonteCarloValue(*pair) for pair in json.loads(present.attrs["deviance"])))
+    refused = tuple(one.refused for one in (present, future) if one.refused)
+    deviance = DevianceCriteria(*(MonteCarloValue(*pair) for pair in present.deviance))
     return Criteria(estimate.structure, deviance, found, edges, refused)
 
 
@@ -202,24 +215,19 @@ def _dataset(found: Sequence[PredictiveCriterion], refused: str) -> xr.Dataset:
     return xr.Dataset(columns, attrs={"criteria": json.dumps(numbers), "refused": refused})
 
 
-def _criteria_in(data: xr.Dataset) -> dict[str, PredictiveCriterion]:
+def _criteria_in(stored: StoredCriteria) -> dict[str, PredictiveCriterion]:
     found: dict[str, Any] = {}
-    for method, (value, error, std_error, effective, status) in json.loads(data.attrs["criteria"]).items():
-        k_hat = data[f"k_hat {method}"].values if f"k_hat {method}" in data else np.empty(0)
-        count = np.nan if effective is None else effective
-        pointwise = data[f"pointwise {method}"].values
-        found[method] = PredictiveCriterion(
-            method, MonteCarloValue(value, error), std_error, count, pointwise, k_hat, status
-        )
+    for name, one in stored.criteria.items():
+        found[name] = PredictiveCriterion(
+            one.method,
+            MonteCarloValue(one.value, one.error),
+            one.std_error,
+            one.effective,
+            one.pointwise,
+            one.k_hat,
+            one.status,
+        )  # pyright: ignore[reportArgumentType]
     return found
-
-
-def _key(estimate: Estimate) -> str:
-    return key_of("criteria", estimate.key, MOST)
-
-
-def _future_key(campaign: Campaign, estimate: Estimate, trials: Trials, edges: np.ndarray) -> str:
-    return key_of("future", estimate_key(campaign, estimate.structure, trials), edges.tolist())
 
 
 # Criteria side by side, in words: each structure's difference to the best, what that tells apart, and nested pairs by

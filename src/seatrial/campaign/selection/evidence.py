@@ -1,6 +1,6 @@
 """Selection among the candidate structures: evidences with checkpointed repeats, probabilities, verdicts."""
 
-from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,15 +13,9 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.selection.screening import shortlist_of
-from seatrial.campaign.store.files import (
-    Store,
-    is_current,
-    key_of,
-    load_checkpoint,
-    read_json,
-    save_checkpoint,
-    write_stamped_json,
-)
+from seatrial.campaign.store.estimates import HasKey
+from seatrial.campaign.store.files import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import ALARM, FLOOR, EvidenceRun, Gathering, Keys, Piece, Weighed, do
@@ -37,23 +31,21 @@ FINE = 1000
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
     """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
-    store = Store(campaign.folder)
-    keys, key = _keys(campaign, trials)
-    if not is_current(store.selection, key):
-        evidences = _evidences(campaign, trials, keys, reporter)
-        write_stamped_json(
-            store.selection,
-            _as_json(_select(campaign, trials, evidences)),
-            key,
-        )
-        for path in store.checkpoint("evidence").parent.glob("evidence-*.npz"):
+
+    def compute() -> dict[str, Any]:
+        return _as_json(_select(campaign, trials, _evidences(campaign, trials, reporter)))
+
+    def forget() -> None:
+        for path in Store(campaign.folder).checkpoint("evidence").parent.glob("evidence-*.npz"):
             path.unlink()
-    return _read(campaign, trials)
+
+    return _selection(campaign, trials, stored_selection(campaign, trials).read_or_make(compute, forget))
 
 
 def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
     """The selection if it has been made and is current; nothing is computed."""
-    return _read(campaign, trials) if is_current(Store(campaign.folder).selection, _keys(campaign, trials)[1]) else None
+    kept = stored_selection(campaign, trials)
+    return _selection(campaign, trials, kept.read(kept.path)) if kept.is_current() else None
 
 
 def agreement_words(evidence: Evidence) -> str:
@@ -74,20 +66,23 @@ def agreement_words(evidence: Evidence) -> str:
     return f"{said}; {evidence.status}" if evidence.status else said
 
 
-def evidence_key(campaign: Campaign, structure: Structure, trials: Trials) -> str:
+def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
     return key_of("evidence by agreement", estimate_key(campaign, structure, trials), campaign.selection)
 
 
-def _keys(campaign: Campaign, trials: Trials) -> tuple[dict[str, str], str]:
-    """Keys of the evidences by structure, and of them all."""
+def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[StoredSelection]:
+    """Return where the selection is kept, and what it depends on."""
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
-    return keys, key_of("selection", keys)
+    read = partial(read_selection, made_by=f"seatrial select {campaign.folder}")
+    return StoredResult(Store(campaign.folder).selection, key_of("selection", keys), read)
 
 
-def _read(campaign: Campaign, trials: Trials) -> Selection:
-    stored = read_json(Store(campaign.folder).selection, f"seatrial select {campaign.folder}")
-    evidences = [Evidence(**item["evidence"]) for item in stored["structures"]]
+def _selection(campaign: Campaign, trials: Trials, stored: StoredSelection) -> Selection:
+    evidences = [
+        Evidence(one.log_evidence, one.evidence_error, one.method, one.diagnostics, one.status)
+        for one in stored.structures
+    ]
     return _select(campaign, trials, evidences)
 
 
@@ -103,9 +98,9 @@ class _Part(NamedTuple):
     piece: Piece
 
 
-def _evidences(campaign: Campaign, trials: Trials, keys: Mapping[str, str], reporter: Reporter) -> list[Evidence]:
+def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[Evidence]:
     """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`."""
-    kept = [_Kept(campaign, one, keys[one.label], reporter) for one in campaign.structures]
+    kept = [_Kept(campaign, one, evidence_key(campaign, one, trials), reporter) for one in campaign.structures]
     of = {one.structure.label: one for one in kept}
     parts = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin()]
 
@@ -114,12 +109,12 @@ def _evidences(campaign: Campaign, trials: Trials, keys: Mapping[str, str], repo
         following = of[structure.label].keep(result)
         return following and _Part(structure, following)
 
-    def told(index: int, done: int, total: int) -> None:
+    def on_progress(index: int, done: int, total: int) -> None:
         part = parts[index]
         if part.piece.repeat is not None:
-            of[part.structure.label].told(part.piece.repeat, done / total)
+            of[part.structure.label].show(part.piece.repeat, done / total)
 
-    workers_of(campaign, reporter).run(_compute, Study(campaign, trials.fit), parts, done, told)
+    workers_of(campaign, reporter).run(_compute, Study(campaign, trials.fit), parts, done, on_progress)
     return [one.gathering.evidence() for one in kept]
 
 
@@ -144,17 +139,17 @@ class _Kept:
                 cold = stored.pop("cold")
                 smc = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
                 self.gathering.runs[repeat] = EvidenceRun(repeat, smc, cold)
-                self.told(repeat, 1.0)
+                self.show(repeat, 1.0)
 
     def keep(self, found: EvidenceRun | Weighed) -> Piece | None:
         """Add what was found, a repeat also on disk, and return what can be done now."""
         if isinstance(found, EvidenceRun):
             arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
             save_checkpoint(self._checkpoint(found.repeat), self.key, arrays)
-            self.told(found.repeat, 1.0)
+            self.show(found.repeat, 1.0)
         return self.gathering.add(found)
 
-    def told(self, repeat: int, share: float) -> None:
+    def show(self, repeat: int, share: float) -> None:
         """Show how much of a repeat is done."""
         self.shares[repeat] = share
         count = max(self.gathering.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))

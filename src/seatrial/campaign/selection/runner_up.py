@@ -16,11 +16,12 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_key, design_next
-from seatrial.campaign.inference.estimate import Estimate, estimate_all
+from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.posterior import build_likelihood
 from seatrial.campaign.prior.predictive import speeds
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
-from seatrial.core.dataset_file import open_dataset
+from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
+from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.structures import Contenders, largest_of, read_contenders
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.sweep import Sweep, in_blocks
@@ -30,7 +31,7 @@ from seatrial.estimation.sensors import correlation_name, noise_name
 from seatrial.estimation.simulation import Simulator
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import DECIDED, Selection
+from seatrial.selection.verdict import Selection
 
 # Motions of two contending structures: by how much their speeds differ, and what evidence a trial is expected to
 # bring.
@@ -263,97 +264,12 @@ def _memory(estimate: Estimate, channel: str, gap: float) -> float:
 
 
 NEXT = "the next trial"
-ENOUGH = 3.0
-"""Expected log Bayes factor, nats, that decides: odds of twenty to one."""
-
-
-@dataclass(frozen=True, eq=False)
-class Contenders:
-    """The best structure and the runner-up, as stored.
-
-    Attributes:
-        data: `time`, `best`, `difference`, `lower` and `upper` on `sample`, one manoeuvre after another, `which` by its index: speed of
-            the best, and by how much it exceeds the runner-up's, with its 90 % band; `largest`, `rms` and `excitation` by
-            `manoeuvre`, the fitted records and then the next trial; `nats` by `amplitude` and `period`: the expected log Bayes
-            factor, NaN where a limit is broken.
-    """
-
-    data: xr.Dataset
-
-    @property
-    def labels(self) -> tuple[str, str]:
-        """Best and runner-up."""
-        return self.data.attrs["best"], self.data.attrs["runner_up"]
-
-    @property
-    def decisive(self) -> tuple[int, int]:
-        """Indices of the amplitude and the period that would tell most."""
-        nats = self.data["nats"].values
-        return _largest(nats)
-
-    @property
-    def nats(self) -> float:
-        """Expected log Bayes factor of that design."""
-        return float(self.data["nats"].values[self.decisive])
-
-    @property
-    def shown(self) -> tuple[int, int]:
-        """Manoeuvres worth a picture: the fitted record of most excitation, and the next trial."""
-        return int(np.argmax(self.data["excitation"].values[:-1])), self.data.sizes["manoeuvre"] - 1
-
-    def where(self, manoeuvre: int) -> str:
-        """Name of a manoeuvre in a sentence."""
-        name = str(self.data["manoeuvre"].values[manoeuvre])
-        return name if manoeuvre == self.data.sizes["manoeuvre"] - 1 else f"run {name}"
-
-    def curve(self, manoeuvre: int) -> xr.Dataset:
-        """Samples of one manoeuvre."""
-        return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
-
-    def lines(self, selection: Selection) -> list[str]:
-        """What the runner-up would change, what is undecided, and which trial would decide, in words."""
-        return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
-
-    def difference_words(self) -> str:
-        """What choosing the runner-up would change in speed."""
-        data = self.data
-        parts = [
-            f"{float(data['largest'][i]):.2g} m/s (rms {float(data['rms'][i]):.2g}) in {self.where(i)}"
-            for i in reversed(self.shown)
-        ]
-        noise = data.attrs["noise"]
-        end = f"the sensor's noise is {noise:.2g} m/s" if np.isfinite(noise) else "the speed is not measured"
-        change = f"{self.labels[1]}, {data.attrs['change']}"
-        return f"the runner-up ({change}) would change the speed by at most {' and '.join(parts)}; {end}"
-
-    def trial_words(self, selection: Selection) -> str:
-        """Which design of the best family would decide between the two, or that none would."""
-        best, runner = self.labels
-        first, second = -np.sort(-selection.probability)[:2]
-        if first >= DECIDED * (first + second):
-            return f"these data have decided between {best} and {runner}; no trial is needed for that"
-        trial = self.data.attrs["trial"]
-        told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
-        if self.nats > ENOUGH:
-            return f"to decide between {best} and {runner}, run a {trial}: {told}"
-        return (
-            f"no design of this family would decide between {best} and {runner}; the best would be a {trial}: {told}. "
-            "Widen the limits, run for longer, or use a better sensor"
-        )
 
 
 def contending(selection: Selection) -> tuple[Structure, ...]:
     """The two most probable structures, the best first; fewer where there are not two."""
     order = np.argsort(-selection.probability, kind="stable")[:2]
     return tuple(selection.structures[index] for index in order)
-
-
-def undecided_words(selection: Selection) -> str:
-    """Name the terms about which these data leave doubt."""
-    doubtful = [f"{term} ({p:.2f})" for term, p in selection.inclusion.items() if 1 - DECIDED < p < DECIDED]
-    if not doubtful:
-        return "these data decide about every optional term"
-    return f"not settled beyond doubt: {', '.join(doubtful)}; in brackets the probability that it is needed"
 
 
 def change_words(best: Sequence[str], other: Sequence[str]) -> str:
@@ -370,9 +286,16 @@ def find_contenders(
     if len(pair) < 2:
         return None
     best, runner = estimate_all(replace(campaign, shortlist=pair), trials, reporter)
-    terms = [term for term in best.structure.terms if term in best.names]
-    sweep = design_next(campaign, best.structure, best.draws(terms), best.key, reporter).best
+    sweep = design_next(campaign, best, reporter).best
     return compare_contenders(campaign, best, runner, trials, sweep, reporter)
+
+
+def stored_contenders(
+    campaign: Campaign, best: OfStructure, runner: OfStructure, trials: HasKey
+) -> StoredResult[Contenders]:
+    """Return where the comparison of two structures is kept, and what it depends on."""
+    key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
+    return StoredResult(Store(campaign.folder).contenders, key, read_contenders)
 
 
 def compare_contenders(
@@ -388,14 +311,15 @@ def compare_contenders(
         sweep: designs of the next trial: their grid, which of them break a limit, and the best.
         reporter: who is told.
     """
-    path = Store(campaign.folder).contenders
-    key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
-    if not is_current(path, key):
+
+    def compute() -> xr.Dataset:
         progress = reporter.progress("compare the best structure with the runner-up")
         progress(0, 1)
-        write_dataset(path, _dataset(campaign, best, runner, trials, sweep), key)
+        dataset = _dataset(campaign, best, runner, trials, sweep)
         progress(1, 1)
-    return Contenders(open_dataset(path))
+        return dataset
+
+    return stored_contenders(campaign, best, runner, trials).read_or_make(compute)
 
 
 def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> xr.Dataset:
@@ -406,7 +330,7 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
         [record.channel(control) for record in trials.fit],
         expected_nats(campaign, best, runner, trials, sweep),
     )
-    row, column = _largest(nats)
+    row, column = largest_of(nats)
     commands.append(sweep.best_manoeuvre().sample(sweep.family.sample_time)[1])
     return xr.Dataset(
         {
@@ -431,8 +355,3 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },
     )
-
-
-def _largest(nats: np.ndarray) -> tuple[int, int]:
-    row, column = np.unravel_index(np.nanargmax(nats), nats.shape)
-    return int(row), int(column)

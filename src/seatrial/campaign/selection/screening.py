@@ -1,6 +1,6 @@
 """Screening of a campaign: every structure that the rules allow, in closed form, and the shortlist that is worth simulating."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -9,12 +9,12 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.inference.quick_estimates import left_out
-from seatrial.campaign.store.files import Store, is_current, key_of, write_dataset
-from seatrial.core.dataset_file import open_dataset
+from seatrial.campaign.store.estimates import HasKey
+from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.structures import Screened, read_screening
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.delayed_rows import delayed, likely_delay
-from seatrial.estimation.row_fit import SCREENING
 from seatrial.estimation.weak_form import FEWEST, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.selection.structures import count_structures, label_structures
@@ -26,58 +26,11 @@ _LAYOUT = "with prior and delay"
 """What a stored screening has that an older one had not."""
 KEPT = 50
 """Structures that are kept, most probable first."""
-SHOWN = 5
 
 
-@dataclass(frozen=True, eq=False)
-class Screened:
-    """Outcome of a screening, as it is stored.
-
-    Attributes:
-        data: `inclusion`, `inclusion_by_unit_information`, `mean`, `within`, `between`, `bias`, `fit` and `fit_sd` by `term`, the
-            optional ones first; `member`, `probability` and `log_evidence` by `model`; `inclusion_at`, `mean_at` and
-            `log_bayes_factor` along `scale`, the factor on prior standard deviations.
-    """
-
-    data: xr.Dataset
-
-    @property
-    def optional(self) -> list[str]:
-        """Terms whose presence the data decide."""
-        return [
-            str(term)
-            for term, kept in zip(self.data["term"].values, self.data["always"].values, strict=True)
-            if not kept
-        ]
-
-    def terms(self, rank: int) -> tuple[str, ...]:
-        """Terms of one of the best structures."""
-        member = self.data["member"].values[rank]
-        return tuple(str(term) for term, there in zip(self.data["term"].values, member, strict=True) if there)
-
-    @property
-    def cautions(self) -> list[str]:
-        """What keeps the screening from being relied on."""
-        return [text for text in (self.data.attrs[key] for key in ("rows", "noise", "sampling", "left_out")) if text]
-
-    def lines(self) -> list[str]:
-        """What was found, in words."""
-        data, optional = self.data, self.optional
-        narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
-        settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
-        said = [
-            f"screening of {data.attrs['count']} structures in closed form{settings} "
-            "(in brackets: prior three times narrower; wider; worth one row):"
-        ]
-        here = data["inclusion"].sel(term=optional).values
-        unit = data["inclusion_by_unit_information"].sel(term=optional).values
-        said += [
-            f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f}, {other:.2f})"
-            for term, p, low, high, other in zip(optional, here, narrow, wide, unit, strict=True)
-        ]
-        best = range(min(SHOWN, data.sizes["model"]))
-        said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
-        return [*said, SCREENING]
+def stored_screening(campaign: Campaign, trials: HasKey) -> StoredResult[Screened]:
+    """Return where the screening is kept, and what it depends on."""
+    return StoredResult(Store(campaign.folder).screening, screening_key(campaign, trials), read_screening)
 
 
 def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Screened:
@@ -86,13 +39,15 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     Raises:
         InputError: a vehicle whose added mass is sought, velocities not measured, or records that cannot tell the terms apart.
     """
-    path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
-    if not is_current(path, key):
+
+    def compute() -> xr.Dataset:
         progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
         progress(0, 1)
-        write_dataset(path, _dataset(campaign, *_screen(campaign, trials)), key)
+        dataset = _dataset(campaign, *_screen(campaign, trials))
         progress(1, 1)
-    return Screened(open_dataset(path))
+        return dataset
+
+    return stored_screening(campaign, trials).read_or_make(compute)
 
 
 def can_be_screened(campaign: Campaign) -> bool:
@@ -145,7 +100,7 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
     return Shortlist(inclusion, share)
 
 
-def screening_key(campaign: Campaign, trials: Trials) -> str:
+def screening_key(campaign: Campaign, trials: HasKey) -> str:
     """Key of the screening."""
     believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.priors
     return key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)

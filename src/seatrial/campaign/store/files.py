@@ -7,10 +7,11 @@ moment loses only work in flight.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Literal, TypeVar
 from zipfile import ZIP_STORED
 
 import numpy as np
@@ -18,7 +19,7 @@ import xarray as xr
 
 from seatrial import __version__
 from seatrial.core import dataset_file
-from seatrial.core.dataset_file import SEAL
+from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, set_aside, sha256_of_json, write_json
 
@@ -186,7 +187,7 @@ def as_json(part: Any) -> Any:
 
 
 def stamp_of(path: Path) -> str | None:
-    """Key a result was written with; None where it is missing or unreadable."""
+    """Return the key that a result was written with, None where it is missing or damaged; of a dataset the header alone is read."""
     try:
         return _stamp(path)
     except InputError:
@@ -194,12 +195,67 @@ def stamp_of(path: Path) -> str | None:
 
 
 def is_current(path: Path, key: str) -> bool:
-    """Whether a result was written with this key; a damaged one is set aside, and said, so that it is computed again."""
+    """Return whether a result was written with this key; a damaged one is set aside, and said, so that it is computed again."""
     try:
         return _stamp(path) == key
     except InputError as damage:
         set_aside(path, damage.found)
         return False
+
+
+Result = TypeVar("Result")
+State = Literal["current", "stale", "missing"]
+
+
+@dataclass(frozen=True)
+class StoredResult(Generic[Result]):
+    """One result of a step: where it is kept, what it depends on, and how it is read.
+
+    Attributes:
+        path: of the file; NetCDF or JSON, as its name says.
+        key: of everything that it depends on.
+        read: how the file is read; whatever `InputError` that raises of a current file is damage.
+    """
+
+    path: Path
+    key: str
+    read: Callable[[Path], Result]
+
+    def is_current(self) -> bool:
+        """Return whether it is there as it would be computed now; a damaged file is set aside, and said."""
+        return is_current(self.path, self.key)
+
+    def state(self) -> State:
+        """Return whether it is current; nothing is moved, and of a dataset the header alone is read."""
+        if not self.path.is_file():
+            return "missing"
+        return "current" if stamp_of(self.path) == self.key else "stale"
+
+    def write(self, content: xr.Dataset | Mapping[str, Any]) -> None:
+        """Write it with its key, atomically."""
+        if isinstance(content, xr.Dataset):
+            write_dataset(self.path, content, self.key)
+        else:
+            write_stamped_json(self.path, content, self.key)
+
+    def read_or_make(
+        self, make: Callable[[], xr.Dataset | Mapping[str, Any]], after: Callable[[], object] | None = None
+    ) -> Result:
+        """Read it if it is current and sound; otherwise make it, write it, and read what was written.
+
+        Args:
+            make: computes its content.
+            after: is called once what was made is safe on disk, such as to remove checkpoints.
+        """
+        if self.is_current():
+            try:
+                return self.read(self.path)
+            except InputError as damage:
+                set_aside(self.path, damage.found)
+        self.write(make())
+        if after is not None:
+            after()
+        return self.read(self.path)
 
 
 def write_dataset(path: Path, dataset: xr.Dataset, key: str) -> None:
@@ -237,6 +293,29 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
         ) from cause
 
 
+@contextmanager
+def decoding(path: Path, made_by: str) -> Iterator[None]:
+    """Turn what is wrong with the fields of a whole JSON result into an error for the user.
+
+    Raises:
+        InputError: it lacks a field, or has another; the remedy names the command that makes it.
+    """
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError) as cause:
+        raise InputError(
+            str(path),
+            found=f"a result with other fields ({type(cause).__name__}: {cause})",
+            expected=f"a result of seatrial {__version__}",
+            remedy=f"delete it and run `{made_by}` again",
+        ) from cause
+
+
+def text_of(value: object) -> str:
+    """Return an attribute or a name of an HDF5 file as text."""
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
 def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:
     """Write a checkpoint with the hash of its content, atomically."""
     content = {name: np.asarray(value) for name, value in arrays.items()}
@@ -264,7 +343,10 @@ def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
 
 
 def _stamp(path: Path) -> str | None:
-    """Key a result was written with; None where there is none.
+    """Return the key that a result was written with; None where there is none.
+
+    The bytes of a dataset are compared with the hash behind them, and its attributes read; its variables are read only where another
+    tool has written it again, without that hash.
 
     Raises:
         InputError: a damaged one.
@@ -273,7 +355,11 @@ def _stamp(path: Path) -> str | None:
         return None
     if path.suffix == ".json":
         return read_json(path, "seatrial run").get("key")
-    return dataset_file.open_dataset(path).attrs.get("key")
+    if path.is_file() and not is_sealed(path):
+        return open_dataset(path).attrs.get("key")
+    with stored(path) as file:
+        key = file.attrs.get("key")
+        return None if key is None else text_of(key)
 
 
 def _hash_of(arrays: Mapping[str, np.ndarray]) -> str:

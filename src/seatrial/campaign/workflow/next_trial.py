@@ -13,7 +13,7 @@ from scipy.special import ndtr
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.simulate import Chosen, add_trial, chosen_of
 from seatrial.campaign.design.schedule import design_words
-from seatrial.campaign.selection.runner_up import Contenders
+from seatrial.campaign.store.structures import Contenders
 from seatrial.campaign.workflow.run import ENOUGH, Outcome, run_loop
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.sweep import Sweep

@@ -1,25 +1,22 @@
 """The whole loop: design, simulate or import, estimate, select, and say what to run next."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.import_logs import Trials, get_trials
+from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.design.schedule import design_words
-from seatrial.campaign.design.sweep import Designs, design_first, design_next, is_designed
-from seatrial.campaign.inference.estimate import Estimate, estimate_all
-from seatrial.campaign.inference.filter_trace import filter_complaints, trace_filter
-from seatrial.campaign.inference.identifiability import Known, known_after, known_before
-from seatrial.campaign.inference.omitted_effects import LeftOut, left_out
-from seatrial.campaign.inference.predict import Fit, fit_complaints, predict_all
-from seatrial.campaign.selection.evidence import select_structure, structure_rows
-from seatrial.campaign.selection.runner_up import Contenders, find_contenders
-from seatrial.campaign.selection.screening import Screened, screening_of, with_shortlist
-from seatrial.campaign.store.files import Store, key_of, write_stamped_json
+from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.filter_trace import filter_complaints
+from seatrial.campaign.inference.predict import fit_complaints
+from seatrial.campaign.selection.evidence import structure_rows
+from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
+from seatrial.campaign.store.structures import Contenders, Screened
+from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.manoeuvres.family import Family
@@ -79,50 +76,24 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         InputError: as the steps; that the next trial cannot be designed is said before the first of them.
     """
     campaign.control_trim(campaign.model(campaign.full))
-    first = _first(campaign, reporter)
-    trials = get_trials(campaign, reporter)
-    screened, screening_cautions = screening_of(campaign, trials, reporter)
-    campaign = with_shortlist(campaign, trials, reporter)
-    estimates = estimate_all(campaign, trials, reporter)
-    selection = select_structure(campaign, trials, reporter)
-    chosen = estimates[selection.chosen]
-    known = known_after(campaign, chosen, trials)
-    promised = None if first is None else known_before(campaign, first.best)
-    traces = trace_filter(campaign, estimates[0], trials)
-    fits, predictions = predict_all(campaign, chosen, trials)
-    terms = chosen.structure.terms
-    following = design_next(
-        campaign, chosen.structure, chosen.draws([name for name in terms if name in chosen.names]), chosen.key, reporter
-    )
+    flow = Workflow(campaign, reporter)
+    found = {step.name: flow.get(step.name) for step in LOOP}
+    screened, cautions = found["screening"]
+    fits, predictions = found["predictions"]
+    same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders", "left_out")
     outcome = Outcome(
-        campaign,
-        trials,
-        tuple(estimates),
-        selection,
-        chosen,
-        traces,
-        tuple(fits),
-        predictions,
-        known,
-        promised,
-        first,
-        following,
-        screened,
-        tuple(screening_cautions),
-        find_contenders(campaign, selection, trials, reporter),
-        left_out(campaign, chosen, trials),
-        {},
+        campaign=found["candidates"],
+        estimates=tuple(found["estimates"]),
+        fits=tuple(fits),
+        predictions=predictions,
+        screened=screened,
+        screening_cautions=tuple(cautions),
+        summary={},
+        **{name: found[name] for name in same},
     )
     summary = summarise(outcome)
-    write_stamped_json(
-        Store(campaign.folder).summary, summary, key_of("summary", [estimate.key for estimate in estimates])
-    )
-    return Outcome(**{**outcome.__dict__, "summary": summary})
-
-
-def _first(campaign: Campaign, reporter: Reporter) -> Designs | None:
-    """Designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
-    return design_first(campaign, reporter) if campaign.imports is None or is_designed(campaign) else None
+    stored_summary(outcome.campaign, outcome.estimates).write(summary)
+    return replace(outcome, summary=summary)
 
 
 def summarise(outcome: Outcome) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import level_start
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.workflow.status import Step, standing
+from seatrial.campaign.workflow.status import StepState, standing
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
@@ -255,14 +255,14 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
         )
     name = schedule or next(iter(found))
     path = found[name]
-    content = read_about(path, _again(campaign))
+    content = read_about(path, _again(campaign.folder))
     try:
         trial = _trial(campaign, path, content)
     except (ValueError, KeyError, TypeError, AttributeError) as cause:
         raise damaged_about(path, cause, _again(campaign.folder)) from cause
     _check(trial, path)
     _check_table(trial, path, _again(campaign.folder))
-    is_stale = Step(name, "stale", name) in standing(campaign.folder)
+    is_stale = StepState(name, "stale", name) in standing(campaign.folder)
     return (
         trial._replace(
             caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign.folder)}"

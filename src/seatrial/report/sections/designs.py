@@ -9,7 +9,7 @@ from markupsafe import Markup
 from seatrial.campaign.data.true_vehicle import FIRST
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
-from seatrial.campaign.inference.identifiability import BY_ITSELF, Direction, Known
+from seatrial.campaign.store.estimates import BY_ITSELF, Direction, Known
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit

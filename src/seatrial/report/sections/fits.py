@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.inference.predict import Fit, trial_verdicts
+from seatrial.campaign.inference.predict import trial_verdicts
+from seatrial.campaign.store.estimates import Fit
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record

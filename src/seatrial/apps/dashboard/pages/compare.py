@@ -2,14 +2,14 @@
 
 from math import hypot
 from pathlib import Path
-from typing import Any
 
 from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.page_layout import section, table
-from seatrial.campaign.store.files import Store, read_json
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_summary
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, rounded, times_ten, unit_html
@@ -51,7 +51,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with holder:
                 try:
                     there = context.campaign_paths.folder(str(form.value))
-                    sides = [read_json(Store(one).summary, f"seatrial run {one}") for one in (folder, there)]
+                    sides = [read_summary(Store(one).summary, f"seatrial run {one}") for one in (folder, there)]
                 except (SeatrialError, OSError) as error:
                     say(error)
                     return
@@ -61,10 +61,10 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         show()
 
 
-def side_by_side(ours: dict[str, Any], theirs: dict[str, Any], here: str, there: str) -> Markup:
+def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Markup:
     """The tables of two summaries."""
     rows = []
-    tables = [{row["name"]: row for row in one["coefficients"]} for one in (ours, theirs)]
+    tables = [{row.name: row for row in one.coefficients} for one in (ours, theirs)]
     for name in dict.fromkeys([*tables[0], *tables[1]]):
         a, b = (one.get(name) for one in tables)
         known = a or b
@@ -73,41 +73,39 @@ def side_by_side(ours: dict[str, Any], theirs: dict[str, Any], here: str, there:
         words = "" if apart is None else decimals(apart, 1)
         if apart is not None and abs(apart) > FAR:
             words = Markup('<span class="verdict fail">{}</span>').format(words)
-        name_cell = label_html(known["label"]) + Markup(" <small>{}</small>").format(name)
-        name_cell = label_html(known["label"]) + Markup(" <small>{}</small>").format(name)
-        rows.append([name_cell, words, _value(a), _value(b), unit_html(known["unit"])])
+        name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
+        name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
+        rows.append([name_cell, words, _value(a), _value(b), unit_html(known.unit)])
     head = ["parameter", "difference, joint sd", here, there, "unit"]
     facts = [
         ["model", _model(ours), _model(theirs)],
         ["probability of it", *(_probability(one) for one in (ours, theirs))],
-        ["next trial would teach", *(f"{one['next_trial']['gain_nat']:.2f} nat" for one in (ours, theirs))],
-        ["alarms", *(str(len(one["alarms"])) for one in (ours, theirs))],
-        ["cautions", *(str(len(one["cautions"])) for one in (ours, theirs))],
+        ["next trial would teach", *(f"{one.next_trial.gain_nat:.2f} nat" for one in (ours, theirs))],
+        ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
+        ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
     ]
     return table(head, rows, "Coefficients") + table(["", here, there], [list(row) for row in facts], "In all", left=3)
 
 
-def joint_difference(a: dict[str, Any] | None, b: dict[str, Any] | None) -> float | None:
+def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -> float | None:
     """Difference of two estimates in joint standard deviations; None where one is missing or both are exact."""
     if a is None or b is None:
         return None
-    joint = hypot(a["sd"], b["sd"])
-    return (a["mean"] - b["mean"]) / joint if joint > 0 else None
+    joint = hypot(a.sd, b.sd)
+    return (a.mean - b.mean) / joint if joint > 0 else None
 
 
-def _value(row: dict[str, Any] | None) -> str:
+def _value(row: StoredCoefficient | None) -> str:
     if row is None:
         return "not in its model"
-    value, sd, exponent = rounded(row["mean"], row["sd"])
+    value, sd, exponent = rounded(row.mean, row.sd)
     return f"{value} ± {sd}{times_ten(exponent)}"
 
 
-def _model(summary: dict[str, Any]) -> str:
-    return f"{summary['chosen']}: {' '.join(summary['terms'])}"
+def _model(summary: Summary) -> str:
+    return f"{summary.chosen}: {' '.join(summary.terms)}"
 
 
-def _probability(summary: dict[str, Any]) -> str:
-    found = next(
-        (one["probability"] for one in summary["structures"] if one["label"] == summary["chosen"]), float("nan")
-    )
+def _probability(summary: Summary) -> str:
+    found = next((one.probability for one in summary.structures if one.label == summary.chosen), float("nan"))
     return decimals(found, 2)

@@ -12,7 +12,7 @@ from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.page_layout import button, figure, section, table
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.apps.dashboard.view_models import Asked, Clicked, Limit, Plot, Swept
+from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Plot, Swept
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short
@@ -36,7 +36,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
         holder = ui.element("div")
-        await fill(holder, context.asked(folder), lambda found: Limits(context, folder, found))
+        await fill(holder, context.form_data(folder), lambda found: Limits(context, folder, found))
     with section("Run it", "Results that no longer belong to the campaign file are made anew."):
         live, said = live_view(context, folder), ui.element("div")
 
@@ -184,7 +184,7 @@ class Surface:
         y = bottom - (found.amplitude[self.at[0]] - y0) / ((y1 - y0) or 1.0) * (bottom - top)
         self.mark.style(f"left: {100 * x:.2f}%; top: {100 * y:.2f}%; display: {'none' if flat else 'block'}")
         self.details.clear()
-        asked = self.context.worker_pool.think(
+        answer = self.context.worker_pool.think(
             "look_at",
             str(self.folder),
             self.which,
@@ -197,7 +197,7 @@ class Surface:
             holder = ui.element("div")
         await fill(
             holder,
-            asked,
+            answer,
             self._details,
             "simulating it with what is believed, to see how far it stays from the limits …",
         )
@@ -248,7 +248,7 @@ def _kept(kept: bool) -> Markup:
 class Limits:
     """The form of limits: text with units, as the file has them."""
 
-    def __init__(self, context: AppContext, folder: Path, found: Asked):
+    def __init__(self, context: AppContext, folder: Path, found: FormData):
         self.context, self.folder = context, folder
         try:
             self.seen = read_file(folder)

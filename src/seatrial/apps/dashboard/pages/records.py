@@ -15,7 +15,7 @@ from seatrial.apps.dashboard.campaign_paths import CAMPAIGN, logs_of
 from seatrial.apps.dashboard.edits import with_map
 from seatrial.apps.dashboard.page_layout import button, section, table
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.apps.dashboard.view_models import Asked, Recorded
+from seatrial.apps.dashboard.view_models import FormData, Recorded
 from seatrial.campaign.store.files import Store
 from seatrial.core.errors import SeatrialError
 
@@ -40,7 +40,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     ):
         stored = sorted(path.stem for path in (Store(folder).results / "records").glob("*.nc"))
         holder = ui.element("div")
-        await fill(holder, context.asked(folder), lambda found: Trimming(context, folder, found, stored).build())
+        await fill(holder, context.form_data(folder), lambda found: Trimming(context, folder, found, stored).build())
     with section(
         "Checks",
         "The words of `seatrial check`: direction, size, delay, outliers, holes, and what each record can tell.",
@@ -60,7 +60,7 @@ async def again(context: AppContext, folder: Path, said: ui.element, live: Any) 
     """Make the records anew, as the campaign says."""
     said.clear()
     try:
-        found = await context.asked(folder)
+        found = await context.form_data(folder)
     except SeatrialError as error:
         with said:
             say(error)
@@ -72,7 +72,7 @@ async def again(context: AppContext, folder: Path, said: ui.element, live: Any) 
 class Trimming:
     """The picture of a record, with handles for where it begins and ends, and the same as numbers."""
 
-    def __init__(self, context: AppContext, folder: Path, found: Asked, stored: list[str]):
+    def __init__(self, context: AppContext, folder: Path, found: FormData, stored: list[str]):
         self.context, self.folder, self.found, self.stored = context, folder, found, stored
         self.run = ""
 
@@ -109,10 +109,10 @@ class Trimming:
     async def _whole(self) -> None:
         self.holder.clear()
         logs = [self.folder / name for name in logs_of(self.folder, ("",))]
-        asked = self.context.worker_pool.think(
+        answer = self.context.worker_pool.think(
             "whole_log", str(self.folder), self.run, files=[self.folder / CAMPAIGN, *logs]
         )
-        await fill(self.holder, asked, self._show, "reading the whole log …")
+        await fill(self.holder, answer, self._show, "reading the whole log …")
 
     def _show(self, record: Recorded) -> None:
         left, top, right, bottom = record.plot.box
@@ -243,10 +243,10 @@ class NewLog:
         from seatrial.apps.dashboard.logs import look_into
 
         path = self.context.campaign_paths.inside(self.folder, name)
-        found = await self.context.asked(self.folder)
+        found = await self.context.form_data(self.folder)
         return await asyncio.to_thread(look_into, str(path), name, found.channels), found
 
-    def _show(self, name: str, log: Any, found: Asked) -> None:
+    def _show(self, name: str, log: Any, found: FormData) -> None:
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))

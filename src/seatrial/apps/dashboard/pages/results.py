@@ -8,8 +8,9 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.page_layout import figure, link, section, table
-from seatrial.apps.dashboard.view_models import Told
-from seatrial.campaign.store.files import Store, read_json
+from seatrial.campaign.store.estimates import Predictions
+from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.structures import Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html, label_mathtext
@@ -22,7 +23,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     store = Store(folder)
     try:
-        summary = read_json(store.summary, f"seatrial run {folder}")
+        summary = read_summary(store.summary, f"seatrial run {folder}")
     except (SeatrialError, OSError) as error:
         if store.summary.exists():
             say(error)
@@ -30,14 +31,14 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with section("No results yet"):
                 markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(link("run", campaign)))
         return
-    labels = {row["name"]: row["label"] for row in summary["coefficients"]}
-    with section(summary["name"]):
+    labels = {row.name: row.label for row in summary.coefficients}
+    with section(summary.name):
         await _currency(context, campaign, folder)
         for kind in ("alarms", "verdicts", "cautions"):
-            if summary[kind]:
+            if getattr(summary, kind):
                 marks = Markup("").join(
                     Markup('<li class="{}">{}</li>').format("alarm" if kind == "alarms" else "", text)
-                    for text in summary[kind]
+                    for text in getattr(summary, kind)
                 )
                 markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
         markup(coefficients(summary))
@@ -50,7 +51,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Posteriors",
         "Histogram: draws. Dashed: prior. Thin line: normal approximation. Dotted: the truth of a simulated vehicle.",
     ):
-        path = store.posterior(str(summary["chosen"]))
+        path = store.posterior(summary.chosen)
         holder = ui.element("div").classes("figures small")
         truth = _truth(context, folder)
         await fill(
@@ -59,8 +60,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         await _models(context, store, summary, labels)
     with section("The next trial"):
-        trial = summary["next_trial"]
-        words = str(trial["words"])
+        words = summary.next_trial.words
         markup(
             Markup('<p>{}.</p><p class="links"><a href="{}">Look at it on the design surface</a>{}</p>').format(
                 words[:1].upper() + words[1:],
@@ -81,23 +81,23 @@ _TITLE = {
 }
 
 
-def coefficients(summary: dict[str, Any]) -> Markup:
+def coefficients(summary: Summary) -> Markup:
     """The table of coefficients of the chosen structure."""
     rows = []
-    for row in summary["coefficients"]:
-        value, sd, exponent = rounded(row["mean"], row["sd"])
+    for row in summary.coefficients:
+        value, sd, exponent = rounded(row.mean, row.sd)
         rows.append(
             [
-                label_html(row["label"]) + Markup(" <small>{}</small>").format(row["name"]),
+                label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
                 f"{value} ± {sd}{times_ten(exponent)}",
-                unit_html(row["unit"]),
-                f"{short(row['lower_95'])} to {short(row['upper_95'])}",
-                short(row["prior_sd"]),
-                percent(row["sd"] / row["prior_sd"]) if row["prior_sd"] else "",
+                unit_html(row.unit),
+                f"{short(row.lower_95)} to {short(row.upper_95)}",
+                short(row.prior_sd),
+                percent(row.sd / row.prior_sd) if row.prior_sd else "",
             ]
         )
     head = ["parameter", "mean ± sd", "unit", "95 % interval", "prior sd", "left of it"]
-    return table(head, rows, f"Parameters of {summary['chosen']}: {' '.join(summary['terms'])}")
+    return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}")
 
 
 async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
@@ -124,31 +124,31 @@ async def _fits(context: AppContext, store: Store) -> None:
         return
     holder = ui.element("div")
 
-    def build(told: Told) -> Any:
+    def build(found: Predictions) -> Any:
         rows = [
             [
-                fit["record"] + (" (held back)" if fit["held_back"] else ""),
-                fit["channel"],
-                Markup('<span class="verdict {}">{}</span>').format(fit["level"], fit["level"]),
-                percent(fit["explained"]) if not fit["missing"] else "",
-                percent(fit["coverage"]) if fit["samples"] else "",
-                fit["reason"],
+                fit.record + (" (held back)" if fit.held_back else ""),
+                fit.channel,
+                Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
+                percent(fit.explained) if not fit.missing else "",
+                percent(fit.coverage) if fit.samples else "",
+                fit.reason,
             ]
-            for fit in told.fits
+            for fit in found.fits
         ]
         head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
         markup(table(head, rows, "How well each record is predicted"))
         pictures = ui.element("div").classes("figures")
         campaign_paths = {
-            (i, j): f"run {record}, {channel}{' (held back)' if record in told.held_back else ''}"
-            for i, record in enumerate(told.records)
-            for j, channel in enumerate(told.channels)
+            (i, j): f"run {record}, {channel}{' (held back)' if record in found.held_back else ''}"
+            for i, record in enumerate(found.records)
+            for j, channel in enumerate(found.channels)
         }
 
         async def show(at: tuple[int, int]) -> None:
             pictures.clear()
-            asked = context.worker_pool.draw("fit", path, *at, files=[path])
-            await fill(pictures, asked, lambda found: [markup(figure(svg)) for svg in found], "drawing …")
+            drawn = context.worker_pool.draw("fit", path, *at, files=[path])
+            await fill(pictures, drawn, lambda pair: [markup(figure(svg)) for svg in pair], "drawing …")
 
         if len(campaign_paths) > 1:
             names = {f"{i}/{j}": words for (i, j), words in campaign_paths.items()}
@@ -185,48 +185,48 @@ async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], 
         return ()
 
 
-async def _models(context: AppContext, store: Store, summary: dict[str, Any], labels: dict[str, str]) -> None:
-    ranked = sorted(summary["structures"], key=lambda one: -one["probability"])
+async def _models(context: AppContext, store: Store, summary: Summary, labels: dict[str, str]) -> None:
+    ranked = sorted(summary.structures, key=lambda one: -one.probability)
     if len(ranked) > 1:
         holder = ui.element("div").classes("figures")
         shown = ranked[:MOST]
-        asked = context.worker_pool.draw(
+        drawn = context.worker_pool.draw(
             "bars",
-            tuple(one["label"] for one in shown),
-            tuple(one["probability"] for one in shown),
-            tuple(one["probability_error"] for one in shown),
+            tuple(one.label for one in shown),
+            tuple(one.probability for one in shown),
+            tuple(one.probability_error for one in shown),
             "Models and their probability",
             True,
         )
         await fill(
-            holder, asked, lambda svg: markup(figure(svg, "Probability of each model, with one standard error."))
+            holder, drawn, lambda svg: markup(figure(svg, "Probability of each model, with one standard error."))
         )
         try:
-            chosen = read_json(store.selection, "seatrial select")
-            terms = sorted(chosen["inclusion"], key=lambda term: -chosen["inclusion"][term])
-        except (SeatrialError, OSError, KeyError):
-            terms = []
-        if terms:
-            asked = context.worker_pool.draw(
+            chosen = read_selection(store.selection, "seatrial select")
+        except (SeatrialError, OSError):
+            chosen = None
+        if chosen is not None and chosen.inclusion:
+            terms = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
+            drawn = context.worker_pool.draw(
                 "bars",
                 tuple(label_mathtext(labels.get(term) or CoefficientName.parse(term).label) for term in terms),
-                tuple(chosen["inclusion"][term] for term in terms),
-                tuple(chosen["inclusion_error"][term] for term in terms),
+                tuple(chosen.inclusion[term] for term in terms),
+                tuple(chosen.inclusion_error[term] for term in terms),
                 "Terms and the probability that each is needed",
                 False,
             )
             with holder:
                 beside = ui.element("div").style("display: contents")
             await fill(
-                beside, asked, lambda svg: markup(figure(svg, "Probability that the vehicle needs each optional term."))
+                beside, drawn, lambda svg: markup(figure(svg, "Probability that the vehicle needs each optional term."))
             )
     rows = [
         [
-            one["label"] + (" (chosen)" if one["label"] == summary["chosen"] else ""),
-            " ".join(one["terms"]),
-            probability(one["probability"], one["probability_error"]),
-            f"{one['evidence']['log_value']:.2f} ± {one['evidence']['std_error']:.2f}",
-            one["evidence"]["status"] or "",
+            one.label + (" (chosen)" if one.label == summary.chosen else ""),
+            " ".join(one.terms),
+            probability(one.probability, one.probability_error),
+            f"{one.log_evidence:.2f} ± {one.evidence_error:.2f}",
+            one.status,
         ]
         for one in ranked
     ]

@@ -1,0 +1,284 @@
+"""Stored designs: sweeps, the free-form trial, the self-oscillating test, the global search, measures side by side."""
+
+import json
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from seatrial.campaign.store.files import decoding, read_json
+from seatrial.core.dataset_file import open_dataset
+from seatrial.core.display_units import shown_unit
+from seatrial.design.utility_agreement import Agreement, compare_utilities
+
+
+@dataclass(frozen=True, eq=False)
+class SweptDesigns:
+    """Every design of F families on one grid of A amplitudes and P periods, SI, NaN where a limit is broken; k coefficients.
+
+    Attributes:
+        families: kinds of the manoeuvres.
+        control: channel that is driven.
+        trim: every control with its trim value.
+        amplitude: of the control about its trim.
+        period: of the shape, s.
+        gain: entropy reduction of the coefficients, nats.
+        worth: what makes a design the best.
+        peak_speed: largest magnitude of the first state in the expected motion.
+        final_sd: predicted standard deviations after the trial.
+        length: time at which the trial is ended, s.
+        names: coefficients.
+        sd_before: their standard deviations before the trial.
+        basis: what the designs were swept from, in words.
+        refused: families without a design inside the limits, and why.
+        safety: how surely the best design keeps each limit of the motion.
+        prediction: how well the stated prediction is known before and after it.
+    """
+
+    families: tuple[str, ...]
+    control: str
+    trim: tuple[tuple[str, float], ...]
+    amplitude: Float[np.ndarray, " A"]
+    period: Float[np.ndarray, " P"]
+    gain: Float[np.ndarray, "F A P"]
+    worth: Float[np.ndarray, "F A P"]
+    peak_speed: Float[np.ndarray, "F A P"]
+    final_sd: Float[np.ndarray, "F A P k"]
+    length: Float[np.ndarray, "F A P"]
+    names: tuple[str, ...]
+    sd_before: Float[np.ndarray, " k"]
+    basis: str
+    refused: dict[str, str]
+    safety: tuple[str, ...]
+    prediction: tuple[str, ...]
+
+
+EXPECTED = "expected information gain"
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """Every measure of some designs, as stored: each by `design`, and `error`, the Monte Carlo error of the expected gain."""
+
+    data: xr.Dataset
+
+    @property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Each cheap measure beside the expected gain."""
+        cheap = {name: self.data[name].values for name in self.data.data_vars if name not in (EXPECTED, "error")}
+        return compare_utilities(
+            {str(name): x for name, x in cheap.items()}, self.data[EXPECTED].values, self.data["error"].values
+        )
+
+    def lines(self) -> list[str]:
+        """The best design by the expected gain, and how each cheap measure ranks them."""
+        gain, best = self.data[EXPECTED].values, int(np.argmax(self.data[EXPECTED].values))
+        error = float(self.data["error"].values[best])
+        return [
+            f"of {gain.size} designs the {self.data['design'].values[best]} has the largest {EXPECTED}: {gain[best]:.2f} ± {error:.2g} "
+            f"nat; the least has {gain.min():.2f}",
+            *(found.words for found in self.agreements),
+            *json.loads(self.data.attrs["refused"]),
+        ]
+
+
+@dataclass(frozen=True)
+class FreeTrial:
+    """The trial found, and what it is worth beside the best of the families.
+
+    Attributes:
+        levels: of the control, SI, each held as long as the others.
+        utility: mean of the D criterion over draws of the priors, nats, whatever the utility of the campaign.
+        beside: the same of the best design of the families.
+        family: name of that one.
+        at_bounds: share of the levels at a bound.
+        active: limits that hold it back.
+        safety: how surely each limit of the motion is kept, on fresh draws.
+        starts: name and utility in nats of each start, before and after.
+        status: of the search.
+    """
+
+    levels: tuple[float, ...]
+    utility: float
+    beside: float
+    family: str
+    at_bounds: float
+    active: tuple[str, ...]
+    safety: tuple[str, ...]
+    starts: tuple[tuple[str, float, float], ...]
+    status: str
+
+    def lines(self) -> list[str]:
+        """In words."""
+        held = f"; held back by {', '.join(self.active)}" if self.active else ""
+        return [
+            f"free-form design by the D criterion: {self.utility:.2f} nat, the best of the families ({self.family}) "
+            f"{self.beside:.2f} nat by the same measure; {self.at_bounds:.0%} of {len(self.levels)} levels at a bound{held}",
+            *(f"start {name}: {before:.2f} nat, then {after:.2f}" for name, before, after in self.starts),
+            self.status,
+            *self.safety,
+        ]
+
+
+@dataclass(frozen=True)
+class RelayTrial:
+    """The test found, and what it is worth beside the best of the open-loop families.
+
+    Attributes:
+        control: channel that is switched.
+        output: channel that is fed back.
+        amplitude: of the control about its trim, SI.
+        threshold: of the output about its trim, SI.
+        effect: +1 where more control raises the output, -1 where it lowers it.
+        gain: entropy reduction by the filter at the prior means, nats.
+        utility: expected entropy reduction by Fisher information over draws of the priors, nats.
+        beside: the same of the best design of the families.
+        family: name of that one.
+        oscillates: share of the vehicles in which the control is reversed twice at least.
+        reversals: 5, 50 and 95 % quantiles of their number over the vehicles.
+        period: likewise, s; of those that oscillate.
+        first_overshoot: likewise, SI.
+        second_overshoot: likewise, SI.
+        passed_over: more informative designs that may not oscillate or may break a limit.
+        safety: how surely each limit of the motion is kept, on draws that had no part in choosing it.
+    """
+
+    control: str
+    output: str
+    amplitude: float
+    threshold: float
+    effect: float
+    gain: float
+    utility: float
+    beside: float
+    family: str
+    oscillates: float
+    reversals: tuple[float, ...]
+    period: tuple[float, ...]
+    first_overshoot: tuple[float, ...]
+    second_overshoot: tuple[float, ...]
+    passed_over: int
+    safety: tuple[str, ...]
+
+    @property
+    def rule(self) -> str:
+        """What the operator or the autopilot does."""
+        (c, c_unit), (y, y_unit) = shown_unit(self.control), shown_unit(self.output)
+        first, second = ("+", "-") if self.effect > 0 else ("-", "+")
+        return (
+            f"begin with {self.control} {self.amplitude * c:.4g} {c_unit} above trim; below trim once {self.output} is "
+            f"{first}{self.threshold * y:.4g} {y_unit} from its trim, above again once it is {second}{self.threshold * y:.4g} {y_unit}"
+        )
+
+    def lines(self) -> list[str]:
+        """In words."""
+        (c, c_unit), (y, y_unit) = shown_unit(self.control), shown_unit(self.output)
+        low, middle, high = (value * y for value in self.first_overshoot)
+        after = [value * y for value in self.second_overshoot]
+        return [
+            f"self-oscillation of ±{self.amplitude * c:.4g} {c_unit} in {self.control}, reversed at ±{self.threshold * y:.4g} {y_unit} "
+            f"of {self.output}: {self.gain:.2f} nat",
+            f"over the priors {self.utility:.2f} nat, the best of the families ({self.family}) {self.beside:.2f} nat by the same measure",
+            f"{self.reversals[1]:g} reversals (90 % of vehicles {self.reversals[0]:g} to {self.reversals[2]:g}), period "
+            f"{self.period[1]:.3g} s ({self.period[0]:.3g} to {self.period[2]:.3g}), first overshoot {middle:.3g} {y_unit} "
+            f"({low:.3g} to {high:.3g}), second {after[1]:.3g} {y_unit} ({after[0]:.3g} to {after[2]:.3g})",
+            f"it oscillates in {self.oscillates:.0%} of the vehicles that are believed possible",
+            *(
+                (
+                    f"{self.passed_over} more informative design{'s' * (self.passed_over != 1)} may not oscillate, or break a limit",
+                )
+                if self.passed_over
+                else ()
+            ),
+            *self.safety,
+            self.rule,
+        ]
+
+
+@dataclass(frozen=True)
+class Searched:
+    """The design found.
+
+    Attributes:
+        kind: of its family.
+        amplitude: SI.
+        period: s.
+        utility: on draws that had no part in the search.
+        beside: the same of the best design of the grid.
+        grid: that one, in words.
+        evaluations: designs evaluated.
+        settled: whether the search of its family had come to rest.
+        safety: how surely each limit of the motion is kept, on fresh draws.
+        refused: families without a design inside the limits.
+        unit: of the utility.
+        budget: designs asked for.
+    """
+
+    kind: str
+    amplitude: float
+    period: float
+    utility: float
+    beside: float
+    grid: str
+    evaluations: int
+    settled: bool
+    safety: tuple[str, ...]
+    refused: tuple[str, ...]
+    unit: str
+    budget: int
+
+
+# Readers: of the errors that they raise see `read_json` and `open_dataset`.
+
+
+def read_sweeps(path: Path) -> SweptDesigns:
+    """Read the designs of the first trial, or of the next one."""
+    data = open_dataset(path)
+    arrays = {
+        name: np.asarray(data[name])
+        for name in ("amplitude", "period", "gain", "worth", "peak_speed", "final_sd", "length", "sd_before")
+    }
+    return SweptDesigns(
+        families=tuple(map(str, data["family"].values)),
+        control=str(data.attrs["control"]),
+        trim=tuple((str(name), float(value)) for name, value in json.loads(data.attrs["trim"])),
+        names=tuple(map(str, data["coefficient"].values)),
+        basis=str(data.attrs["basis"]),
+        refused=json.loads(data.attrs["refused"]),
+        safety=tuple(json.loads(data.attrs["safety"])),
+        prediction=tuple(json.loads(data.attrs["prediction"])),
+        **arrays,
+    )
+
+
+def read_measures(path: Path) -> Measures:
+    """Read every measure of some designs."""
+    return Measures(open_dataset(path))
+
+
+def read_free_trial(path: Path, made_by: str) -> FreeTrial:
+    """Read the free-form trial."""
+    return _read_trial(FreeTrial, path, made_by)
+
+
+def read_relay_trial(path: Path, made_by: str) -> RelayTrial:
+    """Read the self-oscillating test."""
+    return _read_trial(RelayTrial, path, made_by)
+
+
+def read_searched(path: Path, made_by: str) -> Searched:
+    """Read the design found by a global search."""
+    return _read_trial(Searched, path, made_by)
+
+
+def _read_trial(kind: Any, path: Path, made_by: str) -> Any:
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        return kind(**{field.name: _tuples(content[field.name]) for field in fields(kind)})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

@@ -1,0 +1,463 @@
+"""Stored results about parameters: posteriors, what is known of each parameter, what a model lacks, predictions, calibrations."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+
+from seatrial.campaign.store.files import decoding, read_json, text_of
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.dataset_file import open_dataset, stored
+from seatrial.core.errors import InputError
+from seatrial.estimation.calibration import DRAWS, Calibration
+from seatrial.estimation.predictive_check import Level, Verdict
+from seatrial.estimation.remedies import measured, percent
+from seatrial.estimation.validation import Score
+from seatrial.selection.structures import Structure
+
+VAIN = 10.0
+"""Standard deviation over the value from which a percentage says nothing."""
+
+
+BY_ITSELF = "each parameter is known by itself"
+
+
+class HasKey(Protocol):
+    """What a later result depends on: the records, or a stand-in of which only the key is known."""
+
+    @property
+    def key(self) -> str:
+        """Key of everything that it depends on."""
+        ...
+
+
+class OfStructure(HasKey, Protocol):
+    """Likewise of one structure: its posterior, or a stand-in."""
+
+    @property
+    def structure(self) -> Structure:
+        """Which terms."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Posterior of one structure as stored: parameters on `parameter`, draws on `chain` and `draw`.
+
+    Attributes:
+        structure: which terms.
+        data: the stored dataset.
+    """
+
+    structure: Structure
+    data: xr.Dataset
+
+    @property
+    def key(self) -> str:
+        """Stamp of the result."""
+        return self.data.attrs["key"]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(str(name) for name in self.data["parameter"].values)
+
+    @property
+    def alarms(self) -> list[str]:
+        """What makes the draws unfit for use."""
+        return json.loads(self.data.attrs["alarms"])
+
+    @property
+    def cautions(self) -> list[str]:
+        """What a reader must know."""
+        return json.loads(self.data.attrs["cautions"])
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """Draws of the named parameters, SI, all chains together, shape (n, k)."""
+        chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
+        return chosen.values.reshape(-1, chosen.sizes["parameter"])
+
+    def own_values(self) -> list[tuple[str, str, float, float, str]]:
+        """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
+        found = []
+        from seatrial.estimation.output_error import deviation_name, is_deviation, of_deviation, spread_name
+
+        for name, label in map(of_deviation, filter(is_deviation, self.names)):
+            common, spread, deviation = self.draws([name, spread_name(name), deviation_name(name, label)]).T
+            own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
+            found.append((name, label, float(own.mean()), float(own.std()), unit))
+        return found
+
+
+@dataclass(frozen=True)
+class KnownParameter:
+    """One parameter: its value, what is known of it, and what it is confused with.
+
+    Attributes:
+        name: parameter.
+        unit: SI unit.
+        value: prior mean before the data, posterior mode after.
+        sd: its standard deviation, expected before the data.
+        relative: `sd` over the size of the value.
+        left: `sd` over the prior's.
+        partner: the parameter it is most strongly correlated with; empty if it is the only one.
+        correlation: with that one.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+    relative: float
+    left: float
+    partner: str
+    correlation: float
+
+    @property
+    def known_to(self) -> str:
+        """`relative` in words."""
+        return "not at all" if self.relative >= VAIN else percent(self.relative)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A change of several parameters at once that the data alone know to one standard error.
+
+    Attributes:
+        sd: length of the change, 1 / sqrt(eigenvalue).
+        moves: parameters and their changes, the largest first: shares of the value, or of the prior's standard deviation.
+        relative: of each, whether it is a share of the value.
+    """
+
+    sd: float
+    moves: tuple[tuple[str, float], ...]
+    relative: tuple[bool, ...]
+
+    @property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Each parameter with its change in words."""
+        return tuple(
+            (name, _share(move) if share else f"{move:+.2g} prior sd")
+            for (name, move), share in zip(self.moves, self.relative, strict=True)
+        )
+
+    @property
+    def words(self) -> str:
+        """`X_u +25 %, X_uabsu -11 %`."""
+        return ", ".join(f"{name} {size}" for name, size in self.parts)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known, before or after the data.
+
+    Attributes:
+        stage: `before` or `after`.
+        structure: label of the structure.
+        parameters: one by one.
+        directions: together, what is known best first; empty where the model has no derivatives.
+        verdict: sentences that name what is known although its parts are not, and what would separate them.
+    """
+
+    stage: str
+    structure: str
+    parameters: tuple[KnownParameter, ...]
+    directions: tuple[Direction, ...]
+    verdict: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """A table, the directions known best and least, and the verdict."""
+        before = self.stage == "before"
+        rows = [
+            (
+                item.name,
+                *([measured(item.value, item.sd, item.unit)] if before else []),
+                item.known_to,
+                percent(item.left),
+                f"{item.correlation:+.3f} with {item.partner}" if item.partner else "-",
+            )
+            for item in self.parameters
+        ]
+        heads = ("", *(["expected"] if before else []), "known to", "of the prior's sd left", "strongest correlation")
+        widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+        said = [
+            "  ".join(
+                text.ljust(width) if i in (0, len(heads) - 1) else text.rjust(width)
+                for i, (text, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in (heads, *rows)
+        ]
+        if len(self.directions) > 1:
+            said.append(f"one standard error of the data alone, at its smallest: {self.directions[0].words}")
+            said.append(f"and at its largest: {self.directions[-1].words}")
+        return [f"  {line}" for line in (*said, *(self.verdict or (BY_ITSELF,)))]
+
+
+def _share(move: float) -> str:
+    return f"{100 * move:+.0f} %" if abs(move) >= 0.1 else f"{100 * move:+.2g} %"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An effect that the data ask for and the model lacks, and that moves a coefficient by more than its standard deviation.
+
+    Attributes:
+        words: its name and size.
+        remedy: how to add it to the model.
+        moves: the coefficient that it moves most, in standard deviations.
+        by: that many.
+    """
+
+    words: str
+    remedy: str
+    moves: str
+    by: float
+
+    @property
+    def sentence(self) -> str:
+        """What is missing and what it does."""
+        return (
+            f"the model lacks {self.words}: with it {self.moves} would move by {abs(self.by):.2g} of its standard deviations, "
+            f"so that the uncertainty stated is too small; {self.remedy}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Score):
+    """How one channel of one record is predicted in free simulation, from its inputs alone, and what that means.
+
+    Attributes:
+        record: label.
+        held_back: whether the record was not used in the fit.
+        channel: measured channel.
+        level: pass, caution or fail.
+        about: what the verdict is about in a few words; empty for a pass.
+        reason: one sentence: what was found, what it means and what to do.
+    """
+
+    record: str
+    held_back: bool
+    channel: str
+    level: Level
+    about: str
+    reason: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """Level, subject and reason."""
+        return Verdict(self.level, self.about, self.reason)
+
+
+MANY_REFUSED = 0.05
+"""Share of the prior beyond which a reader is told."""
+
+
+MAX_R_HAT, MIN_ESS, MIN_MOVED = 1.3, DRAWS, 0.05
+"""What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short chains 99 effective
+draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where nothing is wrong with them."""
+
+
+WORST = (
+    ("R-hat up to {:.2f}", np.max),
+    ("{:.0f} effective draws at least", np.min),
+    ("{:.2%} of transitions diverged at most", np.max),
+    ("{:.0%} of the moves made at least", np.min),
+)
+"""How the worst of each diagnostic is told."""
+
+
+MANY_POOR = 0.02
+"""Share of the replicates that did not mix well from which on they may be why ranks are uneven."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """Result of a calibration, and what it was made of.
+
+    Attributes:
+        calibration: ranks.
+        method: how posteriors were drawn.
+        structure: label of the structure.
+        refused: share of the prior's draws that could not be simulated, and were drawn again.
+        health: of each replicate, r of them: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN
+            where the method has no such number, shape (r, 4).
+    """
+
+    calibration: Calibration
+    method: str
+    structure: str
+    refused: float
+    health: Float[np.ndarray, "r 4"]
+
+    def poor(self) -> Bool[np.ndarray, " r"]:
+        """Replicates whose draws did not mix well, by the method's own diagnostics."""
+        r_hat, ess, diverged, moved = self.health.T
+        return (
+            (r_hat > MAX_R_HAT)
+            | (ess < MIN_ESS)
+            | (diverged > 0.0)
+            | (moved < MIN_MOVED)
+            | np.isnan(self.health).all(1)
+        )
+
+    def lines(self) -> list[str]:
+        """What was found, in words."""
+        outside, k = self.calibration.outside(), len(self.calibration.names)
+        band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
+        verdict = (
+            f"calibrated: the ranks lie inside {band}"
+            if not outside
+            else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
+        )
+        said = [*self.calibration.lines(), self.mixing_words()]
+        if self.refused > MANY_REFUSED:
+            said.append(
+                f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
+            )
+        return [*said, f"{verdict} (structure {self.structure}, {self.method})"]
+
+    def mixing_words(self) -> str:
+        """Whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
+        poor, r = self.poor(), len(self.health)
+        worst = [
+            text.format(extreme(column[~np.isnan(column)]))
+            for (text, extreme), column in zip(WORST, self.health.T, strict=True)
+            if not np.isnan(column).all()
+        ]
+        numbers = ", ".join(worst)
+        if not poor.any():
+            end = ": it is not the sampling that makes the ranks uneven" if self.calibration.outside() else ""
+            return f"the draws mixed well in all {r} replicates ({numbers}){end}"
+        said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
+        if poor.mean() < MANY_POOR:
+            return f"{said}: too few to make ranks uneven"
+        return f"{said}: uneven ranks may be the sampling's and not the posterior's; try another method, or narrower priors"
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Which records are predicted, and how well; the curves are in the same file.
+
+    Attributes:
+        records: labels, in the order of the curves.
+        held_back: those that were not fitted.
+        channels: measured channels.
+        fits: each channel of each record.
+        structure: label of the structure that predicts.
+    """
+
+    records: tuple[str, ...]
+    held_back: tuple[str, ...]
+    channels: tuple[str, ...]
+    fits: tuple[Fit, ...]
+    structure: str
+
+
+@dataclass(frozen=True, eq=False)
+class StoredProfile:
+    """Profile likelihood of one parameter; the attributes are those of `seatrial.estimation.profile.Profile`."""
+
+    name: str
+    unit: str
+    best: float
+    values: Float[np.ndarray, " n"]
+    drop: Float[np.ndarray, " n"]
+    others: Float[np.ndarray, "n d"]
+    lower: float
+    upper: float
+    bounds: tuple[float, float]
+
+
+# Readers: of the errors that they raise see `read_json` and `open_dataset`.
+
+
+def read_estimate(path: Path, structure: Structure | None = None) -> Estimate:
+    """Read the posterior of a structure, by default that which the file is named after and whose terms are its parameters."""
+    data = open_dataset(path)
+    if structure is None:
+        structure = Structure(path.stem, tuple(name for name in map(str, data["parameter"].values) if _is_term(name)))
+    return Estimate(structure, data)
+
+
+def read_known(path: Path, made_by: str) -> Known:
+    """Read what is known about each parameter of one structure, or of the best design."""
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        return decode_known(content)
+
+
+def decode_known(content: dict[str, Any]) -> Known:
+    """Return what is known about each parameter from its JSON."""
+    return Known(
+        content["stage"],
+        content["structure"],
+        tuple(KnownParameter(**item) for item in content["parameters"]),
+        tuple(
+            Direction(item["sd"], tuple((str(a), float(b)) for a, b in item["moves"]), tuple(item["relative"]))
+            for item in content["directions"]
+        ),
+        tuple(content["verdict"]),
+    )
+
+
+def read_left_out(path: Path, made_by: str) -> tuple[LeftOut, ...]:
+    """Read what one structure leaves out, the most harmful first."""
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        return tuple(LeftOut(**item) for item in content["effects"])
+
+
+def read_predictions(path: Path) -> Predictions:
+    """Read how well each record is predicted; the curves are left on the disk."""
+    with stored(path) as file:
+        records, held_back, fits, structure = (
+            text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "structure")
+        )
+        channels = tuple(text_of(name) for name in np.asarray(file["channel"]).tolist())
+    return Predictions(
+        tuple(json.loads(records)),
+        tuple(json.loads(held_back)),
+        channels,
+        tuple(decode_fit(item) for item in json.loads(fits)),
+        structure,
+    )
+
+
+def decode_fit(item: dict[str, Any]) -> Fit:
+    """Return how one channel is predicted from its JSON."""
+    return Fit(**{**item, "pit": tuple(item["pit"])})
+
+
+def read_profiles(path: Path, made_by: str) -> dict[str, StoredProfile]:
+    """Read profile likelihoods by parameter; an open end is null in the file, since JSON has no infinity."""
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        return {item["name"]: _decode_profile(item) for item in content["profiles"]}
+
+
+def read_calibration(path: Path) -> Calibrated:
+    """Read the ranks of a calibration."""
+    data = open_dataset(path)
+    refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
+    ranks = Calibration(tuple(map(str, data["quantity"].values)), data["rank"].values)
+    return Calibrated(ranks, data.attrs["method"], data.attrs["structure"], refused, data["health"].values)
+
+
+def _decode_profile(item: dict[str, Any]) -> StoredProfile:
+    ends = {
+        side: sign * float("inf") if item[side] is None else item[side] for side, sign in (("lower", -1), ("upper", 1))
+    }
+    arrays = {name: np.array(item[name], float) for name in ("values", "drop", "others")}
+    return StoredProfile(**{**item, **arrays, **ends, "bounds": tuple(item["bounds"])})
+
+
+def _is_term(name: str) -> bool:
+    try:
+        return bool(CoefficientName.parse(name))
+    except InputError:
+        return False

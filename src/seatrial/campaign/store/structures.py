@@ -1,0 +1,393 @@
+"""Stored results about structures: the selection, the summary, the screening, the two contenders, information criteria."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
+from seatrial.campaign.store.files import decoding, read_json
+from seatrial.core.dataset_file import open_dataset
+
+if TYPE_CHECKING:
+    from seatrial.selection.verdict import Selection
+
+
+@dataclass(frozen=True)
+class StoredStructure:
+    """One candidate structure, its evidence and its probability.
+
+    Attributes:
+        label: of the structure.
+        terms: its coefficients.
+        log_evidence: nats.
+        evidence_error: its Monte Carlo standard error, nats.
+        method: how the evidence was computed.
+        diagnostics: numbers that say whether to trust it.
+        status: empty if healthy, else what is wrong in words.
+        probability: of the structure, equal prior probabilities.
+        probability_error: its Monte Carlo standard error.
+    """
+
+    label: str
+    terms: tuple[str, ...]
+    log_evidence: float
+    evidence_error: float
+    method: str
+    diagnostics: dict[str, Any]
+    status: str
+    probability: float
+    probability_error: float
+
+
+@dataclass(frozen=True)
+class StoredSelection:
+    """Which terms the data support.
+
+    Attributes:
+        structures: candidates, those of most terms first.
+        inclusion: probability that each optional term is needed.
+        inclusion_error: its Monte Carlo standard error.
+        chosen: label of the most probable structure.
+        verdicts: one sentence for each question.
+    """
+
+    structures: tuple[StoredStructure, ...]
+    inclusion: dict[str, float]
+    inclusion_error: dict[str, float]
+    chosen: str
+    verdicts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StoredCoefficient:
+    """One parameter of the chosen structure, SI: its posterior, its prior, and the health of its draws."""
+
+    name: str
+    unit: str
+    label: str
+    mean: float
+    sd: float
+    mcse: float
+    mode: float
+    prior_mean: float
+    prior_sd: float
+    r_hat: float
+    ess_bulk: float
+    ess_tail: float
+    geweke: float
+    lower_95: float
+    upper_95: float
+
+
+@dataclass(frozen=True)
+class NextTrial:
+    """The next trial: its design, SI, what it promises, and both in words.
+
+    Attributes:
+        family: kind of the manoeuvre.
+        control: channel that is driven.
+        unit: SI unit of the control.
+        trim: value of the control about which it is driven.
+        amplitude: of the control about its trim.
+        period: of the shape, s.
+        gain_nat: entropy reduction of the coefficients.
+        sd_before: standard deviation of each coefficient before the trial.
+        sd_after: expected after it.
+        words: what to run and why, or why not.
+    """
+
+    family: str
+    control: str
+    unit: str
+    trim: float
+    amplitude: float
+    period: float
+    gain_nat: float
+    sd_before: dict[str, float]
+    sd_after: dict[str, float]
+    words: str
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Everything about a finished campaign that an engineer copies out, SI.
+
+    Attributes:
+        name: of the campaign.
+        chosen: label of the most probable structure.
+        terms: its coefficients.
+        coefficients: its parameters.
+        structures: candidates.
+        verdicts: which terms the data support, in words.
+        cautions: what to know before using the numbers.
+        alarms: why they are not to be used.
+        known: what the data tell about each parameter.
+        fits: how each channel of each record is predicted.
+        next_trial: what to run next.
+        seatrial_version: that wrote it.
+    """
+
+    name: str
+    chosen: str
+    terms: tuple[str, ...]
+    coefficients: tuple[StoredCoefficient, ...]
+    structures: tuple[StoredStructure, ...]
+    verdicts: tuple[str, ...]
+    cautions: tuple[str, ...]
+    alarms: tuple[str, ...]
+    known: Known
+    fits: tuple[Fit, ...]
+    next_trial: NextTrial
+    seatrial_version: str
+
+
+SHOWN = 5
+"""Structures of a screening that are listed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """Outcome of a screening, as it is stored.
+
+    Attributes:
+        data: `inclusion`, `inclusion_by_unit_information`, `mean`, `within`, `between`, `bias`, `fit` and `fit_sd` by `term`, the
+            optional ones first; `member`, `probability` and `log_evidence` by `model`; `inclusion_at`, `mean_at` and
+            `log_bayes_factor` along `scale`, the factor on prior standard deviations.
+    """
+
+    data: xr.Dataset
+
+    @property
+    def optional(self) -> list[str]:
+        """Terms whose presence the data decide."""
+        return [
+            str(term)
+            for term, kept in zip(self.data["term"].values, self.data["always"].values, strict=True)
+            if not kept
+        ]
+
+    def terms(self, rank: int) -> tuple[str, ...]:
+        """Terms of one of the best structures."""
+        member = self.data["member"].values[rank]
+        return tuple(str(term) for term, there in zip(self.data["term"].values, member, strict=True) if there)
+
+    @property
+    def cautions(self) -> list[str]:
+        """What keeps the screening from being relied on."""
+        return [text for text in (self.data.attrs[key] for key in ("rows", "noise", "sampling", "left_out")) if text]
+
+    def lines(self) -> list[str]:
+        """What was found, in words."""
+        from seatrial.estimation.row_fit import SCREENING
+
+        data, optional = self.data, self.optional
+        narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
+        settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
+        said = [
+            f"screening of {data.attrs['count']} structures in closed form{settings} "
+            "(in brackets: prior three times narrower; wider; worth one row):"
+        ]
+        here = data["inclusion"].sel(term=optional).values
+        unit = data["inclusion_by_unit_information"].sel(term=optional).values
+        said += [
+            f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f}, {other:.2f})"
+            for term, p, low, high, other in zip(optional, here, narrow, wide, unit, strict=True)
+        ]
+        best = range(min(SHOWN, data.sizes["model"]))
+        said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
+        return [*said, SCREENING]
+
+
+ENOUGH = 3.0
+"""Expected log Bayes factor, nats, that decides: odds of twenty to one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contenders:
+    """The best structure and the runner-up, as stored.
+
+    Attributes:
+        data: `time`, `best`, `difference`, `lower` and `upper` on `sample`, one manoeuvre after another, `which` by its index: speed of
+            the best, and by how much it exceeds the runner-up's, with its 90 % band; `largest`, `rms` and `excitation` by
+            `manoeuvre`, the fitted records and then the next trial; `nats` by `amplitude` and `period`: the expected log Bayes
+            factor, NaN where a limit is broken.
+    """
+
+    data: xr.Dataset
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Best and runner-up."""
+        return self.data.attrs["best"], self.data.attrs["runner_up"]
+
+    @property
+    def decisive(self) -> tuple[int, int]:
+        """Indices of the amplitude and the period that would tell most."""
+        return largest_of(self.data["nats"].values)
+
+    @property
+    def nats(self) -> float:
+        """Expected log Bayes factor of that design."""
+        return float(self.data["nats"].values[self.decisive])
+
+    @property
+    def shown(self) -> tuple[int, int]:
+        """Manoeuvres worth a picture: the fitted record of most excitation, and the next trial."""
+        return int(np.argmax(self.data["excitation"].values[:-1])), self.data.sizes["manoeuvre"] - 1
+
+    def where(self, manoeuvre: int) -> str:
+        """Name of a manoeuvre in a sentence."""
+        name = str(self.data["manoeuvre"].values[manoeuvre])
+        return name if manoeuvre == self.data.sizes["manoeuvre"] - 1 else f"run {name}"
+
+    def curve(self, manoeuvre: int) -> xr.Dataset:
+        """Samples of one manoeuvre."""
+        return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
+
+    def lines(self, selection: "Selection") -> list[str]:
+        """What the runner-up would change, what is undecided, and which trial would decide, in words."""
+        return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
+
+    def difference_words(self) -> str:
+        """What choosing the runner-up would change in speed."""
+        data = self.data
+        parts = [
+            f"{float(data['largest'][i]):.2g} m/s (rms {float(data['rms'][i]):.2g}) in {self.where(i)}"
+            for i in reversed(self.shown)
+        ]
+        noise = data.attrs["noise"]
+        end = f"the sensor's noise is {noise:.2g} m/s" if np.isfinite(noise) else "the speed is not measured"
+        change = f"{self.labels[1]}, {data.attrs['change']}"
+        return f"the runner-up ({change}) would change the speed by at most {' and '.join(parts)}; {end}"
+
+    def trial_words(self, selection: "Selection") -> str:
+        """Which design of the best family would decide between the two, or that none would."""
+        from seatrial.selection.verdict import DECIDED
+
+        best, runner = self.labels
+        first, second = -np.sort(-selection.probability)[:2]
+        if first >= DECIDED * (first + second):
+            return f"these data have decided between {best} and {runner}; no trial is needed for that"
+        trial = self.data.attrs["trial"]
+        told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
+        if self.nats > ENOUGH:
+            return f"to decide between {best} and {runner}, run a {trial}: {told}"
+        return (
+            f"no design of this family would decide between {best} and {runner}; the best would be a {trial}: {told}. "
+            "Widen the limits, run for longer, or use a better sensor"
+        )
+
+
+def largest_of(values: np.ndarray) -> tuple[int, int]:
+    """Return row and column of the largest value that is a number."""
+    row, column = np.unravel_index(np.nanargmax(values), values.shape)
+    return int(row), int(column)
+
+
+def undecided_words(selection: "Selection") -> str:
+    """Name the terms about which these data leave doubt."""
+    from seatrial.selection.verdict import DECIDED
+
+    doubtful = [f"{term} ({p:.2f})" for term, p in selection.inclusion.items() if 1 - DECIDED < p < DECIDED]
+    if not doubtful:
+        return "these data decide about every optional term"
+    return f"not settled beyond doubt: {', '.join(doubtful)}; in brackets the probability that it is needed"
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCriterion:
+    """One information criterion of one structure, as a deviance: the attributes are those of `PredictiveCriterion`."""
+
+    method: str
+    value: float
+    error: float
+    std_error: float
+    effective: float
+    pointwise: np.ndarray
+    k_hat: np.ndarray
+    status: str
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCriteria:
+    """Criteria of one structure: by their names, why others do not exist, and those of the deviance with their errors."""
+
+    criteria: dict[str, StoredCriterion]
+    refused: str
+    deviance: tuple[tuple[float, float], ...]
+
+
+# Readers: of the errors that they raise see `read_json` and `open_dataset`.
+
+
+def read_selection(path: Path, made_by: str) -> StoredSelection:
+    """Read evidences, probabilities and verdicts."""
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        return StoredSelection(
+            tuple(_decode_structure(item) for item in content["structures"]),
+            content["inclusion"],
+            content["inclusion_error"],
+            content["chosen"],
+            tuple(content["verdicts"]),
+        )
+
+
+def read_summary(path: Path, made_by: str) -> Summary:
+    """Read the summary of a finished campaign."""
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        return Summary(
+            name=content["name"],
+            chosen=content["chosen"],
+            terms=tuple(content["terms"]),
+            coefficients=tuple(StoredCoefficient(**item) for item in content["coefficients"]),
+            structures=tuple(_decode_structure(item) for item in content["structures"]),
+            verdicts=tuple(content["verdicts"]),
+            cautions=tuple(content["cautions"]),
+            alarms=tuple(content["alarms"]),
+            known=decode_known(content["known"]),
+            fits=tuple(decode_fit(item) for item in content["fits"]),
+            next_trial=NextTrial(**content["next_trial"]),
+            seatrial_version=content["seatrial_version"],
+        )
+
+
+def read_screening(path: Path) -> Screened:
+    """Read the screening of every structure."""
+    return Screened(open_dataset(path))
+
+
+def read_contenders(path: Path) -> Contenders:
+    """Read the comparison of the best structure with the runner-up."""
+    return Contenders(open_dataset(path))
+
+
+def read_criteria(path: Path) -> StoredCriteria:
+    """Read the information criteria of one structure, or its leave-future-out."""
+    data, found = open_dataset(path), {}
+    for method, (value, error, std_error, effective, status) in json.loads(data.attrs["criteria"]).items():
+        k_hat = data[f"k_hat {method}"].values if f"k_hat {method}" in data else np.empty(0)
+        count, pointwise = np.nan if effective is None else effective, data[f"pointwise {method}"].values
+        found[method] = StoredCriterion(method, value, error, std_error, count, pointwise, k_hat, status)
+    deviance = tuple((float(value), float(error)) for value, error in json.loads(data.attrs.get("deviance", "[]")))
+    return StoredCriteria(found, data.attrs["refused"], deviance)
+
+
+def _decode_structure(item: dict[str, Any]) -> StoredStructure:
+    evidence = item["evidence"]
+    return StoredStructure(
+        item["label"],
+        tuple(item["terms"]),
+        evidence["log_value"],
+        evidence["std_error"],
+        evidence["method"],
+        evidence["diagnostics"],
+        evidence["status"],
+        item["probability"],
+        item["probability_error"],
+    )

@@ -1,0 +1,415 @@
+"""The steps of a campaign as one table: what each needs, how it is made, and where its results are kept.
+
+A step is given the same things to make its result and to find its key, so that no result outlives what it was made from: a key is made
+of the campaign file and of the keys of what the step needs.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import get_trials, stored_record, trials_key
+from seatrial.campaign.data.simulate import record_keys
+from seatrial.campaign.design.batch import plan_together
+from seatrial.campaign.design.compare_utilities import compare_measures, stored_measures
+from seatrial.campaign.design.free_form import design_free_trial, stored_free_trial
+from seatrial.campaign.design.global_search import search_design, stored_search
+from seatrial.campaign.design.relay import design_relay_trial, stored_relay
+from seatrial.campaign.design.sensors import sensor_table
+from seatrial.campaign.design.sweep import design_first, design_next, is_designed, stored_first, stored_next
+from seatrial.campaign.inference.calibration import calibrate, stored_calibration
+from seatrial.campaign.inference.estimate import estimate_all, estimate_key, stored_estimates
+from seatrial.campaign.inference.filter_trace import stored_filter, trace_filter
+from seatrial.campaign.inference.identifiability import (
+    known_after,
+    known_before,
+    stored_known_after,
+    stored_known_before,
+)
+from seatrial.campaign.inference.omitted_effects import left_out, stored_left_out
+from seatrial.campaign.inference.predict import predict_all, stored_predictions
+from seatrial.campaign.inference.profile import profile_all, stored_profiles
+from seatrial.campaign.prior.predictive import predict_from_prior
+from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
+from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
+from seatrial.campaign.selection.evidence import current_selection, select_structure, stored_selection
+from seatrial.campaign.selection.runner_up import contending, find_contenders, stored_contenders
+from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening, with_shortlist
+from seatrial.campaign.store.files import State, Store, StoredResult, key_of
+from seatrial.campaign.store.structures import Summary, read_summary
+from seatrial.core.errors import InputError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.record_file import read_record
+from seatrial.logs.formats.registry import hash_of_log
+from seatrial.selection.structures import Structure
+
+
+@dataclass(frozen=True)
+class UnreadTrials:
+    """What stands for records of which only the key is known."""
+
+    key: str
+
+
+@dataclass(frozen=True)
+class UnreadEstimate:
+    """What stands for the posterior of a structure of which only the key is known."""
+
+    key: str
+    structure: Structure
+
+
+class NotCurrent(Exception):
+    """A step on which another depends is not current, so that the key of the other cannot be known."""
+
+
+def _must_be_current(stored: Sequence[StoredResult], *_: Any) -> None:
+    """Return nothing, since nobody looks into this result to find a key."""
+    if any(one.state() != "current" for one in stored):
+        raise NotCurrent
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step.
+
+    Attributes:
+        name: of its result.
+        needs: what it is given: results of other steps, `campaign`, `reporter`, or a setting of the call.
+        make: returns its result; what is stored and current is read, all else computed and stored.
+        stored: what it stores, found from the same needs of which only the keys are known; None for what is only derived from others.
+        files: pattern of these files below `results`.
+        seen: what other steps see of it where only keys are looked at, from what is stored and the needs; it raises `NotCurrent`.
+        listed: its name where a campaign's standing is shown; empty where it is not shown.
+        command: that makes it current.
+    """
+
+    name: str
+    needs: tuple[str, ...]
+    make: Callable[..., Any]
+    stored: Callable[..., Iterable[StoredResult]] | None = None
+    files: str = ""
+    seen: Callable[..., Any] = _must_be_current
+    listed: str = ""
+    command: str = ""
+
+
+class Workflow:
+    """The steps of one campaign, each made at most once.
+
+    Args:
+        campaign: configuration.
+        reporter: receives what happens.
+        settings: what steps need beside the campaign and each other, such as `levels` of a free-form trial.
+    """
+
+    def __init__(self, campaign: Campaign, reporter: Reporter = SILENT, **settings: Any):
+        self.campaign = campaign
+        self._made: dict[str, Any] = {"campaign": campaign, "reporter": reporter, **settings}
+        self._seen: dict[str, Any] = {"campaign": campaign, **settings}
+
+    def get(self, name: str) -> Any:
+        """Return the result of a step: read where it is current, else computed, and so for all that it needs.
+
+        Raises:
+            SeatrialError: as the steps.
+        """
+        if name not in self._made:
+            step = STEPS[name]
+            self._made[name] = step.make(*(self.get(need) for need in step.needs))
+        return self._made[name]
+
+    def stored(self, name: str) -> tuple[StoredResult, ...]:
+        """Return what a step stores, with the keys that it has to have; nothing is computed.
+
+        Raises:
+            NotCurrent: what it needs is not current.
+        """
+        step = STEPS[name]
+        return () if step.stored is None else tuple(step.stored(*self._views(step)))
+
+    def state(self, name: str) -> State:
+        """Return whether a step is current; nothing is computed, and of datasets no more is read than the header."""
+        try:
+            states: set[State] = {one.state() for one in self.stored(name)}
+        except NotCurrent:
+            files = STEPS[name].files
+            there = files and any(Store(self.campaign.folder).results.glob(files))
+            return "stale" if there else "missing"
+        if len(states) > 1:
+            return "stale"
+        return states.pop() if states else "current"
+
+    def seen(self, name: str) -> Any:
+        """Return what other steps see of a step where only keys are looked at.
+
+        Raises:
+            NotCurrent: it depends on a step that is not current.
+        """
+        if name not in self._seen:
+            step, given = STEPS[name], self._views(STEPS[name])
+            self._seen[name] = step.make(*given) if step.stored is None else step.seen(self.stored(name), *given)
+        return self._seen[name]
+
+    def _views(self, step: Step) -> list[Any]:
+        return [self.seen(need) for need in step.needs if need != "reporter"]
+
+
+# What the steps store, and what is seen of it, where that takes more than one line.
+
+
+def _first(campaign: Campaign, reporter: Reporter) -> Any:
+    """Return the designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
+    return design_first(campaign, reporter) if campaign.imports is None or is_designed(campaign) else None
+
+
+def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
+    """Yield the records; one whose log is missing has no key."""
+    store, imports = Store(campaign.folder), campaign.imports
+    if not campaign.has_records:
+        raise NotCurrent
+    if imports is None:
+        yield from (StoredResult(store.record(label), key, read_record) for label, key in record_keys(campaign).items())
+        return
+    for run in imports.runs:
+        try:
+            yield stored_record(campaign, imports, run, _hash_of)
+        except InputError:
+            yield StoredResult(store.record(run), "", read_record)
+
+
+def _seen_trials(stored: Sequence[StoredResult], campaign: Campaign) -> UnreadTrials:
+    _must_be_current(stored)
+    keys = [one.key for one in stored]
+    return UnreadTrials(keys[-1] if campaign.imports is None else trials_key(campaign.imports, keys))
+
+
+def _seen_estimates(stored: Sequence[StoredResult], campaign: Campaign, trials: UnreadTrials) -> list[UnreadEstimate]:
+    return [UnreadEstimate(one.key, structure) for one, structure in zip(stored, campaign.structures, strict=True)]
+
+
+def _seen_selection(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Any:
+    """Return the selection itself, which says what is chosen."""
+    _must_be_current(stored)
+    return current_selection(campaign, trials)
+
+
+def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Iterator[StoredResult]:
+    best, *others = (UnreadEstimate(estimate_key(campaign, one, trials), one) for one in contending(selection))
+    yield from (stored_contenders(campaign, best, runner, trials) for runner in others)
+
+
+def stored_summary(campaign: Campaign, estimates: Sequence[Any]) -> StoredResult[Summary]:
+    """Return where the summary is kept, and what it depends on; `estimates` have the key of each posterior."""
+    read = partial(read_summary, made_by=f"seatrial run {campaign.folder}")
+    return StoredResult(Store(campaign.folder).summary, key_of("summary", [one.key for one in estimates]), read)
+
+
+def _shortlisted(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Campaign:
+    _must_be_current(stored)
+    return with_shortlist(campaign, trials)
+
+
+def _promised(campaign: Campaign, first: Any) -> Any:
+    return None if first is None else known_before(campaign, first.best)
+
+
+def _hash_of(path: Path) -> str:
+    """Return the hash of a log, kept while its size and time of change stay."""
+    if not path.is_file():
+        return hash_of_log(path)
+    there = path.stat()
+    return _hashed(path, there.st_size, there.st_mtime_ns)
+
+
+@lru_cache(maxsize=256)
+def _hashed(path: Path, size: int, changed: int) -> str:
+    del size, changed  # part of the key only
+    return hash_of_log(path)
+
+
+LOOP = (
+    Step(
+        "first",
+        ("campaign", "reporter"),
+        _first,
+        lambda campaign: [stored_first(campaign)],
+        "design.nc",
+        listed="design",
+        command="design",
+    ),
+    Step(
+        "trials",
+        ("campaign", "reporter"),
+        get_trials,
+        _stored_trials,
+        "records/*.nc",
+        _seen_trials,
+        listed="records",
+        command="import",
+    ),
+    Step(
+        "screening",
+        ("campaign", "trials", "reporter"),
+        screening_of,
+        lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else [],
+        "screening.nc",
+    ),
+    Step(  # the campaign with what a screening has left of its structures
+        "candidates",
+        ("campaign", "trials", "reporter"),
+        with_shortlist,
+        lambda campaign, trials: [stored_screening(campaign, trials)] if campaign.is_large else [],
+        "screening.nc",
+        _shortlisted,
+    ),
+    Step(
+        "estimates",
+        ("candidates", "trials", "reporter"),
+        estimate_all,
+        lambda campaign, trials: stored_estimates(campaign, trials).values(),
+        "posterior/*.nc",
+        _seen_estimates,
+        listed="estimate",
+        command="estimate",
+    ),
+    Step(
+        "selection",
+        ("candidates", "trials", "reporter"),
+        select_structure,
+        lambda campaign, trials: [stored_selection(campaign, trials)],
+        "selection.json",
+        _seen_selection,
+        listed="select",
+        command="select",
+    ),
+    Step("chosen", ("estimates", "selection"), lambda estimates, selection: estimates[selection.chosen]),
+    Step("full", ("estimates",), lambda estimates: estimates[0]),
+    Step(
+        "known",
+        ("candidates", "chosen", "trials"),
+        known_after,
+        lambda campaign, chosen, trials: [stored_known_after(campaign, chosen)],
+        "known/*.json",
+    ),
+    Step(
+        "promised",
+        ("campaign", "first"),
+        _promised,
+        lambda campaign, first: [stored_known_before(campaign)],
+        "known/design.json",
+    ),
+    Step(
+        "filter",
+        ("candidates", "full", "trials"),
+        trace_filter,
+        lambda campaign, full, trials: [stored_filter(campaign, full)],
+        "filter.nc",
+    ),
+    Step(
+        "predictions",
+        ("candidates", "chosen", "trials"),
+        predict_all,
+        lambda campaign, chosen, trials: [stored_predictions(campaign, chosen, trials)],
+        "predictions.nc",
+        listed="predict",
+        command="run",
+    ),
+    Step(
+        "next",
+        ("candidates", "chosen", "reporter"),
+        design_next,
+        lambda campaign, chosen: [stored_next(campaign, chosen)],
+        "next.nc",
+        listed="next",
+        command="next",
+    ),
+    Step(
+        "contenders",
+        ("candidates", "selection", "trials", "reporter"),
+        find_contenders,
+        _stored_contenders,
+        "contenders.nc",
+    ),
+    Step(
+        "left_out",
+        ("candidates", "chosen", "trials"),
+        left_out,
+        lambda campaign, chosen, trials: [stored_left_out(campaign, chosen)],
+        "known/*-left-out.json",
+    ),
+)
+"""Steps of the whole loop, in the order in which they are made."""
+BESIDE = (
+    Step("prior", ("campaign", "reporter"), predict_from_prior),
+    Step(
+        "design",
+        ("campaign", "reporter"),
+        design_first,
+        lambda campaign: [stored_first(campaign)],
+        "design.nc",
+    ),
+    Step(
+        "free_form",
+        ("campaign", "levels", "reporter"),
+        design_free_trial,
+        lambda campaign, levels: [stored_free_trial(campaign, levels)],
+        "free_form.json",
+    ),
+    Step(
+        "relay",
+        ("campaign", "reporter"),
+        design_relay_trial,
+        lambda campaign: [stored_relay(campaign)],
+        "self_oscillation.json",
+    ),
+    Step(
+        "searched",
+        ("campaign", "budget", "reporter"),
+        search_design,
+        lambda campaign, budget: [stored_search(campaign, budget)],
+        "searched.json",
+    ),
+    Step(
+        "measures",
+        ("campaign", "designs", "reporter"),
+        compare_measures,
+        lambda campaign, designs: [stored_measures(campaign, designs)],
+        "measures.nc",
+    ),
+    Step("batch", ("campaign", "together", "reporter"), plan_together),
+    Step("sensors", ("campaign", "reporter"), sensor_table),
+    Step(
+        "rehearsal",
+        ("campaign", "vehicles", "reporter"),
+        rehearse,
+        lambda campaign, vehicles: [stored_rehearsal(campaign)],
+        "rehearsal.nc",
+    ),
+    Step(
+        "profiles",
+        ("campaign", "trials", "parameters", "reporter"),
+        profile_all,
+        lambda campaign, trials, parameters: [stored_profiles(campaign, trials)],
+        "profiles/*.json",
+    ),
+    Step(
+        "criteria",
+        ("candidates", "estimates", "trials", "from_time", "block", "reporter"),
+        criteria_all,
+        lambda campaign, estimates, *_: [stored_criteria(campaign, one) for one in estimates],
+        "criteria/*.nc",
+    ),
+    Step(
+        "calibration",
+        ("campaign", "trials", "replicates", "method", "reporter"),
+        calibrate,
+        lambda campaign, trials, *settings: [stored_calibration(campaign, trials, *settings)],
+        "calibration-*.nc",
+    ),
+)
+"""Steps that are made when they are asked for."""
+STEPS = {step.name: step for step in (*LOOP, *BESIDE)}

@@ -1,0 +1,131 @@
+"""Stored results read by those who have only the folder: typed, without JAX, and each decoded in one place."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.store.files import Store, stamp_of, write_stamped_json
+from seatrial.campaign.store.results import Results
+from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.steps import LOOP, STEPS, Workflow
+from seatrial.core.errors import InputError
+from tests.campaign.small import write_small, write_summary
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = write_small(tmp_path_factory.mktemp("results") / "small")
+    return folder, run_loop(load_campaign(folder))
+
+
+def test_reading_imports_no_jax(finished):
+    folder, _ = finished
+    script = (
+        "import sys; from pathlib import Path; from seatrial.campaign.store.results import Results\n"
+        f"found = Results(Path({str(folder)!r}))\n"
+        "label = found.summary().chosen\n"
+        "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"
+        "found.posterior(label).own_values, found.known(label), found.known_of_design(), found.left_out(label)\n"
+        "found.predictions(), found.selection()\n"
+        "print('jax' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_what_is_read_is_what_was_found(finished):
+    folder, outcome = finished
+    results = Results(folder)
+    summary, selection, posterior = (
+        results.summary(),
+        results.selection(),
+        results.posterior(outcome.chosen.structure.label),
+    )
+    assert [row.mean for row in summary.coefficients] == [row["mean"] for row in outcome.summary["coefficients"]]
+    assert summary.known == outcome.known
+    assert summary.fits == outcome.fits == results.predictions().fits
+    assert summary.structures == selection.structures
+    assert [one.log_evidence for one in selection.structures] == [one.log_value for one in outcome.selection.evidences]
+    assert set(posterior.structure.terms) == set(outcome.chosen.structure.terms)
+    np.testing.assert_array_equal(posterior.draws(), outcome.chosen.draws())
+    swept, best = results.next_design(), outcome.next.best
+    np.testing.assert_array_equal(swept.gain[swept.families.index(best.family.kind)], best.gain)
+    assert swept.trim == best.trim
+
+
+def test_a_result_of_other_fields_says_so(tmp_path):
+    write_summary(tmp_path)
+    content = json.loads(Store(tmp_path).summary.read_text())
+    del content["chosen"], content["sha256_of_content"]
+    write_stamped_json(Store(tmp_path).summary, content, "key")
+    with pytest.raises(InputError, match=r"(?s)other fields \(KeyError: 'chosen'\).*run `seatrial run"):
+        Results(tmp_path).summary()
+
+
+def test_every_step_of_the_loop_is_current_after_it(finished):
+    folder, _ = finished
+    flow = Workflow(load_campaign(folder))
+    assert {step.name: flow.state(step.name) for step in LOOP} == {step.name: "current" for step in LOOP}
+    for step in LOOP:
+        for one in flow.stored(step.name):
+            assert stamp_of(one.path) == one.key
+            assert one.path in set(Store(folder).results.glob(step.files))
+
+
+def test_a_key_holds_the_keys_of_all_that_the_step_needs(finished):
+    """With records or posteriors of another key, every result that needs them has another key."""
+    folder, _ = finished
+
+    def keys(**others):
+        flow = Workflow(load_campaign(folder), method="mh", replicates=20, parameters=[], from_time=None, block=None)
+        flow.seen("candidates"), flow.seen("selection")  # which are not current once the key of the records is another
+        for name, change in others.items():
+            flow._seen[name] = change(flow.seen(name))
+        names = [name for name, step in STEPS.items() if others.keys() & {*step.needs} and step.stored is not None]
+        return {(name, one.path.name): one.key for name in names for one in flow.stored(name)}
+
+    def other(one):
+        return replace(one, key=one.key + "'")
+
+    changes = {
+        "trials": other,
+        "chosen": other,
+        "full": other,
+        "estimates": lambda found: [other(one) for one in found],
+    }
+    for name, change in changes.items():
+        same, changed = keys(**{name: lambda one: one}), keys(**{name: change})
+        assert same.keys() == changed.keys() != set()
+        assert [place for place in same if same[place] == changed[place]] == []
+
+
+def test_another_seed_is_another_design(tmp_path):
+    """Draws of the priors judge designs, and random steps are drawn by it."""
+    first, second = (load_campaign(write_small(tmp_path / seed, ("seed = 3", f"seed = {seed}"))) for seed in "34")
+    for name in ("design", "relay", "searched", "measures", "free_form"):
+        ours, theirs = (Workflow(one, levels=4, budget=64, designs=5).stored(name)[0].key for one in (first, second))
+        assert ours != theirs, name
+
+
+def test_steps_need_only_steps_before_them_and_settings():
+    known = {"campaign", "reporter"}
+    settings = {
+        "levels",
+        "budget",
+        "designs",
+        "together",
+        "vehicles",
+        "parameters",
+        "from_time",
+        "block",
+        "replicates",
+        "method",
+    }
+    for step in STEPS.values():
+        assert set(step.needs) <= known | settings, step.name
+        known.add(step.name)
