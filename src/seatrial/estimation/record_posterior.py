@@ -197,11 +197,13 @@ def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], priors: Mapping[st
     if CURRENT in priors:
         found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}"))
     found += [_of_sensor(sensor, name) for sensor in sensors for name in sensor.parameters]
-    if any(process_name(state) in priors for state in model.states):
+    if any(
+        process_name(state) in priors for state in model.states
+    ):  # a filter takes initial states as uncertain anyway
         found += [
             _Unknown(process_name(state), signal_unit(state), rf"q_{{{_label(state)}}}") for state in model.states
         ]
-    if any(f"{state}_0" in priors for state in model.states):
+    elif any(f"{state}_0" in priors for state in model.states):
         found += [_Unknown(f"{state}_0", signal_unit(state), f"{_label(state)}_0", True) for state in model.states]
     return found
 
