@@ -14,6 +14,8 @@ import seatrial as st
 
 HERE = Path(__file__).parent
 OUTPUTS = HERE.parents[1] / "outputs" / "examples" / "pool_likelihoods"
+NOISE = 0.02
+"""Nominal noise of the speed, m/s."""
 TERMS = ("X_tau_X", "X_0", "X_u", "X_uabsu")
 
 
@@ -30,17 +32,18 @@ def main() -> None:
         "delay": st.Uniform(0.0, 1.0),
         "sigma_u": st.LogUniform(0.002, 0.2),
     }
-    start, process = {"u_0": st.Normal(0.0, 0.1)}, {"process_u": st.LogUniform(1e-4, 1.0)}
+    start = {f"u_0[{record.label}]": st.Normal(first_speed(record), 5 * NOISE) for record in records}
+    process = {"process_u": st.LogUniform(1e-4, 1.0)}
     beliefs = {
         "output error, white": (start, st.Sensor("u")),
         "output error, heavy-tailed": (start | {"dof_u": st.LogUniform(1.5, 200.0)}, st.Sensor("u", "heavy")),
         "output error, coloured": (start | {"tau_u": st.LogUniform(0.05, 30.0)}, st.Sensor("u", "coloured")),
         "filter error": (process, st.Sensor("u")),
     }
-    names = list(dict.fromkeys([*common, *(name for more, _ in beliefs.values() for name in more if name != "u_0")]))
+    names = list(dict.fromkeys([*common, *(name for more, _ in beliefs.values() for name in more if "[" not in name)]))
     print(f"{'':26}  " + "".join(f"{name:>21}" for name in names) + "   log evidence   correlation")
     for title, (more, sensor) in beliefs.items():
-        posterior = st.make_posterior(vehicle, records, common | more, [sensor])
+        posterior = st.make_posterior(vehicle, records, common | more, [sensor], start_sd={"u": NOISE})
         mode, draws = st.find_mode(posterior), st.sample(posterior, "adaptive-metropolis")
         found = draws.summary()
         cells = [f"{found['mean'][n]:.4g} ± {found['sd'][n]:.2g}" if n in draws.names else "" for n in names]
@@ -56,6 +59,11 @@ def runs() -> tuple[st.Record, ...]:
     OUTPUTS.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE / "campaign.toml", OUTPUTS)
     return st.get_trials(st.load_campaign(OUTPUTS)).fit
+
+
+def first_speed(record: st.Record) -> float:
+    """First measured speed, m/s."""
+    return float(record.channel("u")[np.isfinite(record.channel("u"))][0])
 
 
 def residuals(prediction: st.Prediction) -> np.ndarray:
