@@ -108,7 +108,16 @@ def estimate_key(campaign: Campaign, structure: Structure, trials: Trials) -> st
 
 
 def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[Estimate]:
-    """Estimate every candidate structure, side by side; current results are read."""
+    """Estimate every candidate structure, side by side; current results are read.
+
+    Args:
+        campaign: configuration.
+        trials: records, of `get_trials`.
+        reporter: told how far the chains have come.
+
+    Returns:
+        one posterior for each structure; `.data` holds draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
+    """
     store, keys = Store(campaign.folder), {one: estimate_key(campaign, one, trials) for one in campaign.structures}
     missing = [one for one, key in keys.items() if not is_current(store.posterior(one.label), key)]
     if missing:

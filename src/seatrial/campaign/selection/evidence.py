@@ -36,7 +36,13 @@ FINE = 1000
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
-    """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
+    """Compute the evidence of every structure, side by side, and compare them; a current result is read.
+
+    Args:
+        campaign: configuration.
+        trials: records, of `get_trials`.
+        reporter: told how far the evidences have come.
+    """
     store = Store(campaign.folder)
     keys, key = _keys(campaign, trials)
     if not is_current(store.selection, key):
