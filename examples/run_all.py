@@ -17,6 +17,7 @@ OUTPUTS = EXAMPLES.parent / "outputs" / "examples"
 
 def main() -> None:
     """Run all examples, in copies under outputs/."""
+    subprocess.run([sys.executable, EXAMPLES / "library.py"], check=True)
     subprocess.run([sys.executable, EXAMPLES / "loop_in_ten_lines.py", OUTPUTS / "remus100"], check=True)
     # The command line on what those lines left: nothing is computed again.
     run_campaign("remus100", needs_data=False)

@@ -4,106 +4,73 @@ White, heavy-tailed and coloured residuals of a deterministic simulation (output
 filter (filter error). Needs SEATRIAL_DATA; about three minutes.
 """
 
+import shutil
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-import seatrial  # noqa: F401  (settings of the engine come before JAX)
-from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.data.import_logs import Trials, get_trials
-from seatrial.campaign.inference.posterior import build_posterior, random_key
-from seatrial.estimation.draw_posterior import find_method
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.simulation import Simulator
+import seatrial as st
 
 HERE = Path(__file__).parent
 OUTPUTS = HERE.parents[1] / "outputs" / "examples" / "pool_likelihoods"
-TAU = """[prior.tau_u]
-distribution = "log-uniform"
-lower = 0.05
-upper = 30.0
-"""
-PROCESS = """[prior.process_u]
-distribution = "log-uniform"
-lower = 1e-4
-upper = 1.0
-"""
-VARIANTS = {
-    "output error, white": ('residuals = "white"', ""),
-    "output error, heavy-tailed": ('residuals = "heavy"', ""),
-    "output error, coloured": ('residuals = "coloured"', TAU),
-    "filter error": ('residuals = "white"\nlikelihood = "filter-error"', PROCESS),
-}
-
-
-class Answer(NamedTuple):
-    """Posterior mean and sd by name, log evidence by Laplace, and the residuals' correlation over 0.1 s."""
-
-    mean: dict[str, float]
-    sd: dict[str, float]
-    log_evidence: float
-    correlation: float
+NOISE = 0.02
+"""Nominal noise of the speed, m/s."""
+TERMS = ("X_tau_X", "X_0", "X_u", "X_uabsu")
 
 
 def main() -> None:
     """Fit all, and print them side by side."""
-    trials, answers = None, {}
-    for name, (line, prior) in VARIANTS.items():
-        campaign = write_campaign(name, line, prior)
-        trials = get_trials(campaign) if trials is None else trials
-        answers[name] = fit(campaign, trials)
-    names = list(dict.fromkeys(key for answer in answers.values() for key in answer.mean if "[" not in key))
-    width = max(map(len, answers))
-    print(f"{'':{width}}  " + "".join(f"{name:>21}" for name in names) + "   log evidence   correlation")
-    for title, answer in answers.items():
-        cells = [f"{answer.mean[n]:.4g} ± {answer.sd[n]:.2g}" if n in answer.mean else "" for n in names]
+    st.configure()
+    vehicle = st.make_vehicle("pool AUV", None, {}, moves=["u"]).build(free=TERMS)
+    records = runs()
+    common = {
+        "X_tau_X": st.Uniform(0.0, 0.1),
+        "X_0": st.Normal(0.0, 0.05),
+        "X_u": st.Uniform(-3.0, 0.0),
+        "X_uabsu": st.Uniform(-20.0, 0.0),
+        "delay": st.Uniform(0.0, 1.0),
+        "sigma_u": st.LogUniform(0.002, 0.2),
+    }
+    start = {f"u_0[{record.label}]": st.Normal(first_speed(record), 5 * NOISE) for record in records}
+    process = {"process_u": st.LogUniform(1e-4, 1.0)}
+    beliefs = {
+        "output error, white": (start, st.Sensor("u")),
+        "output error, heavy-tailed": (start | {"dof_u": st.LogUniform(1.5, 200.0)}, st.Sensor("u", "heavy")),
+        "output error, coloured": (start | {"tau_u": st.LogUniform(0.05, 30.0)}, st.Sensor("u", "coloured")),
+        "filter error": (process, st.Sensor("u")),
+    }
+    names = list(dict.fromkeys([*common, *(name for more, _ in beliefs.values() for name in more if "[" not in name)]))
+    print(f"{'':26}  " + "".join(f"{name:>21}" for name in names) + "   log evidence   correlation")
+    for title, (more, sensor) in beliefs.items():
+        posterior = st.make_posterior(vehicle, records, common | more, [sensor], start_sd={"u": NOISE})
+        mode, draws = st.find_mode(posterior), st.sample(posterior, "adaptive-metropolis")
+        found = draws.summary()
+        cells = [f"{found['mean'][n]:.4g} ± {found['sd'][n]:.2g}" if n in draws.names else "" for n in names]
+        left = residuals(st.predict(posterior, draws, records[0]))
+        correlation = left[1:] @ left[:-1] / (left @ left)
         print(
-            f"{title:{width}}  "
-            + "".join(f"{cell:>21}" for cell in cells)
-            + f"{answer.log_evidence:15.1f}{answer.correlation:14.2f}"
+            f"{title:26}  " + "".join(f"{cell:>21}" for cell in cells) + f"{mode.log_evidence:15.1f}{correlation:14.2f}"
         )
 
 
-def write_campaign(name: str, line: str, prior: str) -> Campaign:
-    """The example's campaign with one thing changed, all its terms present."""
-    text = (HERE / "campaign.toml").read_text(encoding="utf-8")
-    text = text.replace('residuals = "coloured"', line).replace(TAU, prior)
-    text = text.replace(
-        'always = ["X_tau_X", "X_0"]\noptional = ["X_u", "X_uabsu"]', 'always = ["X_tau_X", "X_0", "X_u", "X_uabsu"]'
-    )
-    folder = OUTPUTS / name.replace(", ", "-").replace(" ", "-")
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "campaign.toml").write_text(text, encoding="utf-8")
-    return load_campaign(folder)
+def runs() -> tuple[st.Record, ...]:
+    """The runs that the example's campaign fits, its commands and velocities on one clock."""
+    OUTPUTS.mkdir(parents=True, exist_ok=True)
+    shutil.copy(HERE / "campaign.toml", OUTPUTS)
+    return st.get_trials(st.load_campaign(OUTPUTS)).fit
 
 
-def fit(campaign: Campaign, trials: Trials) -> Answer:
-    """Posterior of the full structure."""
-    posterior = build_posterior(campaign, campaign.structures[0], trials.fit)
-    mode = find_mode(posterior, random_key(campaign.seed, "mode"))
-    draws = find_method("adaptive-metropolis")(posterior, jax.random.key(1))
-    values = np.asarray(posterior.constrain(jnp.asarray(draws)))
-    mean, sd = (dict(zip(posterior.names, x.tolist(), strict=True)) for x in (values.mean(0), values.std(0)))
-    here = dict(zip(posterior.names, mode.values.tolist(), strict=True))
-    return Answer(mean, sd, mode.log_evidence, correlation(campaign, trials, here))
+def first_speed(record: st.Record) -> float:
+    """First measured speed, m/s."""
+    return float(record.channel("u")[np.isfinite(record.channel("u"))][0])
 
 
-def correlation(campaign: Campaign, trials: Trials, values: dict[str, float]) -> float:
-    """Autocorrelation of what a simulation leaves over, 0.1 s apart, the first fitted run."""
-    record, model = trials.fit[0], campaign.model(campaign.structures[0])
-    simulator = Simulator(model, campaign.sensor_models, campaign.has_delay)
-    control = tuple(jnp.asarray(record.channel(name)) for name in model.controls)
-    there = np.isfinite(record.channel("u"))
-    start = jnp.array([values.get(f"u_0[{record.label}]", float(record.channel("u")[there][0]))])
-    shown = np.asarray(simulator.outputs(values, start, control, jnp.asarray(record.step)))[:, 0]
-    left = (record.channel("u") - shown)[there]
-    left = left - left.mean()
-    return float(left[1:] @ left[:-1] / (left @ left))
+def residuals(prediction: st.Prediction) -> np.ndarray:
+    """What a simulation leaves over of a run, 0.1 s apart, about its mean."""
+    left = prediction.record.channel("u") - prediction.mean[:, 0]
+    left = left[np.isfinite(left)]
+    return left - left.mean()
 
 
 if __name__ == "__main__":

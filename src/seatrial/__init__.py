@@ -67,6 +67,8 @@ _HOME = {
     "Campaign": "seatrial.campaign.config.campaign",
     "Prior": "seatrial.estimation.priors",
     "EngineWarning": "seatrial.core.engine",
+    "profile_likelihood": "seatrial.estimation.profile",
+    "inspect_log": "seatrial.logs.inspect",
 }
 """Module of every public name, and its name there where that is another."""
 _LIGHT = ("seatrial.core.", "seatrial.logs.")
@@ -115,6 +117,7 @@ __all__ = [
     "get_trials",
     "half_normal",
     "init_campaign",
+    "inspect_log",
     "load_campaign",
     "load_vehicle",
     "make_posterior",
@@ -122,6 +125,7 @@ __all__ = [
     "make_vehicle",
     "posterior_of_density",
     "predict",
+    "profile_likelihood",
     "read_log",
     "run_loop",
     "sample",
@@ -151,10 +155,12 @@ if TYPE_CHECKING:
     from seatrial.estimation.posterior import Posterior, posterior_of_density
     from seatrial.estimation.prediction import Prediction, predict
     from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform, half_normal, truncated_normal
+    from seatrial.estimation.profile import profile_likelihood
     from seatrial.estimation.record_posterior import make_posterior
     from seatrial.estimation.sensors import Sensor
     from seatrial.estimation.simulated_record import simulate
     from seatrial.export.to_target import export_to as export_vehicle
+    from seatrial.logs.inspect import inspect_log
     from seatrial.logs.one_log import record_of_log as read_log
     from seatrial.manoeuvres.family import Family
     from seatrial.manoeuvres.manoeuvre import Limits

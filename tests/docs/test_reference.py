@@ -1,5 +1,6 @@
 """The generated pages of the reference know every command, key, coefficient and result file."""
 
+import inspect
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ sys.path.insert(0, str(DOCS))
 
 from generate import campaign_file, coefficients, command_line, mathtext  # noqa: E402
 
+import seatrial  # noqa: E402
 from seatrial.apps.cli import COMMANDS  # noqa: E402
 from seatrial.campaign.config.schema import CampaignFile  # noqa: E402
 from seatrial.core.signals import SIGNALS  # noqa: E402
@@ -45,3 +47,16 @@ def test_equations_are_drawn():
     assert svg.startswith("<svg ")
     assert 'd="M' in svg
     assert depth > 1
+
+
+@pytest.mark.parametrize("name", sorted(set(seatrial.__all__) - {"__version__"}))
+def test_every_public_name_is_explained(name):
+    """By the page, and by a docstring; a function's says what each of its arguments is."""
+    page = (DOCS / "reference" / "python.md").read_text()
+    assert f":: seatrial.{name}\n" in page
+    thing = getattr(seatrial, name)
+    assert len(thing.__doc__) > 20
+    if inspect.isfunction(thing):
+        arguments = set(inspect.signature(thing).parameters) - {"reporter", "progress"}
+        told = thing.__doc__.partition("Args:")[2]
+        assert len(arguments) < 2 or all(f"{argument}:" in told for argument in arguments), arguments

@@ -101,6 +101,24 @@ def test_a_campaign_has_the_same_posterior(tmp_path):
     assert np.array_equal(jax.vmap(ours.log_density)(z), jax.vmap(theirs.log_density)(z))
 
 
+def test_a_campaign_has_the_same_posterior_with_starts_of_each_trial(tmp_path):
+    """Priors of one trial alone, and the spread of a filter's start, for both kinds of likelihood."""
+    for kind in ('initial = "estimated"', 'likelihood = "filter-error"'):
+        folder = write_small(tmp_path / kind.split('"')[1])
+        text = (folder / "campaign.toml").read_text().replace("[estimation]", f"[estimation]\n{kind}")
+        text += '\n[prior.process_u]\ndistribution = "log-uniform"\nlower = 1e-4\nupper = 1.0\n' * ("filter" in kind)
+        (folder / "campaign.toml").write_text(text)
+        campaign = load_campaign(folder)
+        records, structure = get_trials(campaign).fit, campaign.structures[0]
+        theirs = build_posterior(campaign, structure, records)
+        priors = {parameter.name: parameter.prior for parameter in theirs.parameters}
+        start = {} if "estimated" in kind else {"u": float(theirs.data.initial[0, 0])}
+        ours = st.make_posterior(campaign.model(structure), records, priors, start=start, start_sd={"u": 0.05})
+        assert ours.parameters == theirs.parameters
+        z = ours.sample_prior(jax.random.key(0), 5)
+        assert np.array_equal(jax.vmap(ours.log_density)(z), jax.vmap(theirs.log_density)(z))
+
+
 def test_names_of_priors_say_what_is_modelled(record):
     """Everything at once: two trials, one coefficient that differs between them, a bias of each, delay, free starts."""
     other = st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, key=2, label="other")

@@ -257,5 +257,12 @@ def test_coefficients_left_open_and_the_others_as_published():
     np.testing.assert_allclose(
         part.derivative(values, state, control), whole.derivative(vehicle.coefficients, state, control), rtol=1e-12
     )
+    rest, gone = vehicle.without("Y_uv").build(moves="uvr"), {**vehicle.coefficients, "Y_uv": 0.0}
+    published = {name: value for name, value in vehicle.coefficients.items() if name != "Y_uv"}
+    np.testing.assert_allclose(
+        rest.derivative(published, state, control), whole.derivative(gone, state, control), rtol=1e-12
+    )
+    with pytest.raises(InputError, match='did you mean "Y_uv"'):
+        vehicle.without("Y_uvv")
     with pytest.raises(InputError, match="leave moves, given and free out"):
         load_vehicle("remus100_fossen").build(free=["X_u"])

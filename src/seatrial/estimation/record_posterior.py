@@ -7,7 +7,7 @@ process_u                process noise of a state, all of them or none: a filter
 spread_X_u               X_u differs between trials, by so much  u_0              the initial state of each trial, all states or none
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +21,6 @@ from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.output_error import (
     OutputError,
     deviation_name,
-    initial_name,
     output_error,
     own_name,
     spread_name,
@@ -46,6 +45,7 @@ def make_posterior(
     sensors: Sequence[Sensor | str] | None = None,
     *,
     start: Mapping[str, float] | None = None,
+    start_sd: Mapping[str, float] | None = None,
     own: Sequence[str] = (),
 ) -> Posterior:
     """Build the posterior of everything that has a prior, given one record or several that are fitted jointly.
@@ -53,9 +53,12 @@ def make_posterior(
     Args:
         model: vehicle; its coefficients are unknown, all others are part of it.
         records: trials, each with a label of its own.
-        priors: of each unknown by name, SI; the head of this module lists the names.
+        priors: of each unknown by name, SI; the head of this module lists the names. What each trial has of its own may have a prior of
+            its own, as `u_0[trial]`.
         sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
         start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
+        start_sd: where a filter is used, how well each state is known at the start, SI; where not given, as well as its sensor's noise is
+            large by the mean of its prior, and 1 for a state that nothing measures.
         own: unknowns of which each trial has its own, such as `bias_u` or `current`.
 
     Returns:
@@ -67,23 +70,26 @@ def make_posterior(
     """
     records = [records] if isinstance(records, Record) else list(records)
     chosen = sensors_of(model, records, sensors)
-    unknown = _unknowns(model, chosen, priors)
-    _check_priors(priors, unknown, own)
-    spread = {name: prior.mean for name, prior in priors.items()}
-    free = f"{model.states[0]}_0" in priors
+    labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
+    unknown = _unknowns(model, chosen, stated)
+    each = (*own, *(one.name for one in unknown if one.is_initial))
+    _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
+    sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
+    sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
+    free = f"{model.states[0]}_0" in stated
     starts = [start_of(model, record, start or {}, free) for record in records]
     likelihood, data = likelihood_of(
         model,
         records,
         chosen,
-        spread,
+        sizes,
         starts,
         own=own,
         varying=[term.text for term in model.coefficients if spread_name(term.text) in priors],
         free_initial=free,
         starts_over_ground="u" not in (start or {}),
     )
-    parameters = tuple(_parameters(unknown, priors, [record.label for record in records], own))
+    parameters = tuple(_parameters(unknown, priors, labels, own))
     guess = None
     if model.states != ("u",):
         found = first_guess(model, records, starts, priors)
@@ -183,25 +189,26 @@ class _Unknown(NamedTuple):
     is_initial: bool = False
 
 
-def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], priors: Mapping[str, Prior]) -> list[_Unknown]:
+def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection[str]) -> list[_Unknown]:
     """Everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
     terms = [_Unknown(term.text, model.unit_of(term), term.label) for term in model.coefficients]
     found = list(terms)
     found += [
         _Unknown(spread_name(term.name), term.unit, rf"s_{{{term.label}}}")
         for term in terms
-        if spread_name(term.name) in priors
+        if spread_name(term.name) in stated
     ]
-    if DELAY in priors:
+    if DELAY in stated:
         found.append(_Unknown(DELAY, "s", r"t_{\mathrm{delay}}"))
-    if CURRENT in priors:
+    if CURRENT in stated:
         found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}"))
     found += [_of_sensor(sensor, name) for sensor in sensors for name in sensor.parameters]
-    if any(process_name(state) in priors for state in model.states):
+    # A filter takes initial states as uncertain anyway.
+    if any(process_name(state) in stated for state in model.states):
         found += [
             _Unknown(process_name(state), signal_unit(state), rf"q_{{{_label(state)}}}") for state in model.states
         ]
-    if any(f"{state}_0" in priors for state in model.states):
+    elif any(f"{state}_0" in stated for state in model.states):
         found += [_Unknown(f"{state}_0", signal_unit(state), f"{_label(state)}_0", True) for state in model.states]
     return found
 
@@ -227,7 +234,7 @@ def _parameters(
     found = []
     for one in shared:
         if one.name in own:
-            found += [_of_trial(one, label, priors[one.name]) for label in labels]
+            found += [_of_trial(one, label, priors) for label in labels]
         else:
             found.append(Parameter(one.name, one.unit, one.label, priors[one.name]))
     varying = [one.name.removeprefix(spread_name("")) for one in shared if one.name.startswith(spread_name(""))]
@@ -241,17 +248,21 @@ def _parameters(
         for name in varying
         for label in labels
     ]
-    return found + [_of_trial(one, label, priors[one.name]) for label in labels for one in initial]
+    return found + [_of_trial(one, label, priors) for label in labels for one in initial]
 
 
-def _of_trial(one: _Unknown, label: str, prior: Prior) -> Parameter:
-    name = initial_name(one.name.removesuffix("_0"), label) if one.is_initial else own_name(one.name, label)
-    return Parameter(name, one.unit, f"{one.label}[{label}]", prior)
+def _of_trial(one: _Unknown, label: str, priors: Mapping[str, Prior]) -> Parameter:
+    name = own_name(one.name, label)
+    return Parameter(name, one.unit, f"{one.label}[{label}]", priors[name] if name in priors else priors[one.name])
 
 
-def _check_priors(priors: Mapping[str, Prior], unknown: Sequence[_Unknown], own: Sequence[str]) -> None:
+def _check_priors(
+    priors: Mapping[str, Prior], unknown: Sequence[_Unknown], own: Sequence[str], of_trials: Sequence[str]
+) -> None:
     needed = {one.name: one.unit for one in unknown}
-    missing = {name: unit for name, unit in needed.items() if name not in priors}
+    parts = {name: [part for part in of_trials if part.partition("[")[0] == name] for name in needed}
+    there = {name for name, own in parts.items() if name in priors or (own and all(part in priors for part in own))}
+    missing = {name: unit for name, unit in needed.items() if name not in there}
     if missing:
         raise InputError(
             "priors",
@@ -260,7 +271,7 @@ def _check_priors(priors: Mapping[str, Prior], unknown: Sequence[_Unknown], own:
             remedy=f'for example priors["{next(iter(missing))}"] = Uniform(lower, upper)',
         )
     shared = [one.name for one in unknown if not one.is_initial]
-    for where, names, allowed in (("priors", priors, needed), ("own", own, shared)):
+    for where, names, allowed in (("priors", priors, [*needed, *of_trials]), ("own", own, shared)):
         for name in names:
             if name not in allowed:
                 raise InputError(

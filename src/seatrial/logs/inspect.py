@@ -96,7 +96,7 @@ class LogSummary:
 
 
 def inspect_log(
-    path: Path,
+    path: Path | str,
     table: str | None = None,
     layout: TextLayout = TextLayout(),  # noqa: B008 - it is frozen
     progress: Callable[[float], None] = lambda done: None,
@@ -112,6 +112,7 @@ def inspect_log(
     Raises:
         InputError: a log that cannot be read.
     """
+    path = Path(path)
     log = LogFile(path, layout)
     infos = catalogue(log)
     chosen = infos if table is None else (pick(infos, table, str(path)),)

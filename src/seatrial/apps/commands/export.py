@@ -60,26 +60,23 @@ def _vehicle(
     what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
 ) -> Exit:
     from seatrial.core.errors import InputError
-    from seatrial.export.from_campaign import of_campaign
-    from seatrial.export.write import EXPORTERS, export_vehicle, make_exporter, of_catalogue
+    from seatrial.export.to_target import export_to
+    from seatrial.export.write import EXPORTERS, make_exporter
 
     if to is None:
         raise InputError(
             "--to", found="nothing", expected="one of " + ", ".join(EXPORTERS), remedy="for example `--to gz`"
         )
-    exporter = make_exporter(to, **options)
-    if Path(what).exists():
-        vehicle, provenance = of_campaign(what, structure, rest)
-        folder = out or Path(what) / "export" / exporter.name
-    else:
-        vehicle, provenance = of_catalogue(what)
+    is_folder = Path(what).exists()
+    if not is_folder:
         _only("a published vehicle", structure=structure, rest=rest)
-        folder = out or Path("export") / what / exporter.name
-    statement, paths = export_vehicle(exporter, vehicle, provenance, folder)
+    here = Path(what) / "export" if is_folder else Path("export") / what
+    folder = out or here / make_exporter(to, **options).name
+    statement, paths = export_to(what, to, folder, structure=structure, rest=rest, **options)
     typer.echo("\n".join(statement.lines))
     for path in paths:
         typer.echo(f"wrote: {path}")
-    return Exit.ALARMS if provenance.cautions else Exit.OK
+    return Exit.ALARMS if statement.provenance.cautions else Exit.OK
 
 
 def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:

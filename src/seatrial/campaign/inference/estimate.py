@@ -64,7 +64,16 @@ def stored_estimates(campaign: Campaign, trials: HasKey) -> dict[Structure, Stor
 
 
 def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[Estimate]:
-    """Estimate every candidate structure, side by side; current results are read."""
+    """Estimate every candidate structure, side by side; current results are read.
+
+    Args:
+        campaign: configuration.
+        trials: records, of `get_trials`.
+        reporter: told how far the chains have come.
+
+    Returns:
+        one posterior for each structure; `.data` holds draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
+    """
     store, kept = Store(campaign.folder), stored_estimates(campaign, trials)
     missing = [one for one, result in kept.items() if not result.is_current()]
     if missing:

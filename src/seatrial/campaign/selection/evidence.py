@@ -30,7 +30,13 @@ FINE = 1000
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
-    """Compute the evidence of every structure, side by side, and compare them; a current result is read."""
+    """Compute the evidence of every structure, side by side, and compare them; a current result is read.
+
+    Args:
+        campaign: configuration.
+        trials: records, of `get_trials`.
+        reporter: told how far the evidences have come.
+    """
 
     def compute() -> dict[str, Any]:
         return _as_json(_select(campaign, trials, _evidences(campaign, trials, reporter)))

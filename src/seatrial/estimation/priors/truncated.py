@@ -141,6 +141,11 @@ def half_normal(scale: float, *, lower: float | None = None, upper: float | None
 
     Two draws in three (68 %) lie within `scale` of the bound.
 
+    Args:
+        scale: standard deviation of the whole normal, in the parameter's unit.
+        lower: bound from which it falls off upwards; or
+        upper: bound from which it falls off downwards.
+
     Raises:
         InputError: no bound, or two.
     """

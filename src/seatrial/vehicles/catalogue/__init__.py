@@ -62,6 +62,23 @@ class PublishedVehicle:
         """Names of the coefficients that have a part in a motion; all that is published moves where nothing is named."""
         return acting_terms(tuple(self.coefficients), moves or self.moves, given, self.thrusters)
 
+    def without(self, *names: str) -> "PublishedVehicle":
+        """Return the vehicle without some of its coefficients, as a rival model of it.
+
+        Raises:
+            InputError: a coefficient that it does not have.
+        """
+        known = {**self.hull.fixed, **self.coefficients}
+        for name in names:
+            if name not in known:
+                where = f'vehicle "{self.hull.name}"'
+                raise InputError(where, found=f'"{name}"', expected=", ".join(known), remedy=nearest(name, known))
+        fixed, others = (
+            {name: value for name, value in some.items() if name not in names}
+            for some in (self.hull.fixed, self.coefficients)
+        )
+        return replace(self, hull=replace(self.hull, fixed=fixed), coefficients=others)
+
     def build(
         self,
         moves: Sequence[str] | None = None,
@@ -116,7 +133,7 @@ class PublishedVehicle:
 
 def make_vehicle(
     name: str,
-    mass: float,
+    mass: float | None,
     coefficients: Mapping[str, float],
     *,
     inertia: Sequence[float | None] = (None, None, None),
@@ -130,22 +147,26 @@ def make_vehicle(
 
     Args:
         name: short name.
-        mass: dry mass, kg.
-        coefficients: values by name, SI, added masses (`X_udot`, negative) among them.
+        mass: dry mass, kg; None where it is unknown: coefficients are then per unit of effective mass or inertia.
+        coefficients: values by name, SI, added masses (`X_udot`, negative) among them; those that are sought may be left out.
         inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown.
         moves: velocities that are modelled; where not given, those whose axes have terms and a known inertia.
         actuators: lags and limits by control.
         thrusters: of an open frame; none for one propeller on the axis.
         added_coriolis: whether Coriolis forces of the added mass are among the coefficients or follow from it (`automatic`).
-        body: `centre_of_gravity`, `centre_of_buoyancy`, `products`, `weight`, `buoyancy`, `thrust_deduction`, `wake`, `trim` and
-            `symmetric` of `whole_hull`.
+        body: of an unknown mass `thrust_deduction`, `wake` and `trim`; else also `centre_of_gravity`, `centre_of_buoyancy`, `products`,
+            `weight`, `buoyancy` and `symmetric` of `whole_hull`.
 
     Raises:
         InputError: a name that is none, or numbers that no body has.
     """
     values = {CoefficientName.parse(key).text: float(value) for key, value in coefficients.items()}
     fixed = {key: value for key, value in values.items() if CoefficientName.parse(key).is_added_mass}
-    hull = whole_hull(name, mass, inertia, fixed=fixed, **body)
+    hull = (
+        Hull(name, None, **_of_unknown(name, body))
+        if mass is None
+        else whole_hull(name, mass, inertia, fixed=fixed, **body)
+    )
     free = {key: value for key, value in values.items() if key not in fixed}
     return PublishedVehicle(
         hull,
@@ -171,6 +192,19 @@ class LongitudinalEntry:
 
     hull: LongitudinalHull
     coefficients: dict[str, float]
+
+
+def _of_unknown(name: str, body: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What is said of a body whose mass is unknown."""
+    known = ("thrust_deduction", "wake", "trim")
+    if others := [key for key in body if key not in known]:
+        raise InputError(
+            f'vehicle "{name}", {others[0]}',
+            found="a part of a body whose mass is unknown",
+            expected="only " + ", ".join(known),
+            remedy="give the mass, or leave it out",
+        )
+    return body
 
 
 def vehicle_names() -> tuple[str, ...]:

@@ -25,6 +25,10 @@ def template_names() -> tuple[str, ...]:
 def init_campaign(folder: Path | str, template: str) -> Path:
     """Write a template's campaign file into a folder, which is made if missing; returns the file.
 
+    Args:
+        folder: of the new campaign.
+        template: name; a wrong one lists them.
+
     Raises:
         InputError: no such template, or a folder that holds a campaign already.
     """
