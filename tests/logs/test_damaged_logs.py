@@ -23,8 +23,7 @@ from seatrial.core.errors import InputError
 from seatrial.logs.formats.hdf5 import opened
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns, stream
-from seatrial.logs.formats.ros_decode import Decoder
-from seatrial.logs.formats.ros_layout import Undefined, steps_of
+from seatrial.logs.formats.ros_messages import Decoder, Undefined, steps_of
 from seatrial.logs.inspect import inspect_log
 from seatrial.logs.read import read_log
 from tests.logs.log_cases import refusal
@@ -292,15 +291,17 @@ def test_ros_sequences_that_claim_more_than_the_message(is_cdr, number):
     }
     decoder = Decoder("t", steps_of("a/msg/T", fields, is_cdr), ["many[0]"], is_cdr)
     header = b"\0\1\0\0" if is_cdr else b""
+    decoder.take(0, header + struct.pack("<I", number) + bytes(16))
     with pytest.raises(struct.error):
-        decoder.take(0, header + struct.pack("<I", number) + bytes(16))
+        decoder.block(1.0)
     # Elements of ROS 1 may have no bytes at all: any number of them is passed over at once.
     empty = Decoder("t", steps_of("a/msg/T", fields, is_cdr), ["many[0]"], is_cdr)
+    empty.take(0, header + struct.pack("<2I", 0, number))
     if is_cdr:
         with pytest.raises(struct.error):
-            empty.take(0, header + struct.pack("<2I", 0, number))
+            empty.block(1.0)
     else:
-        assert not empty.take(0, struct.pack("<2I", 0, number))
+        assert np.isnan(empty.block(1.0).columns["many[0]"])
 
 
 def test_ros_fixed_array_of_a_billion_costs_nothing():
@@ -308,8 +309,9 @@ def test_ros_fixed_array_of_a_billion_costs_nothing():
 
     def work():
         decoder = Decoder("t", steps_of("a/msg/T", fields, False), ["y"], False)
+        decoder.take(0, bytes(64))
         with pytest.raises(struct.error):
-            decoder.take(0, bytes(64))
+            decoder.block(1.0)
 
     assert peak(work)[0] < 1_000_000
 
@@ -417,8 +419,8 @@ def test_a_packed_database_that_grows_without_end_is_refused(tmp_path, monkeypat
     information.write_text(text)
     database.unlink()
     assert read_log(mapped(written)).time.size > 1, "one of an honest size is read"
-    monkeypatch.setattr("seatrial.logs.formats.ros_bag._SMALL_FILE", 1 << 20)
-    monkeypatch.setattr("seatrial.logs.formats.ros_bag._MOST_TIMES_LARGER", 10)
+    monkeypatch.setattr("seatrial.logs.formats.ros._SMALL_FILE", 1 << 20)
+    monkeypatch.setattr("seatrial.logs.formats.ros._MOST_TIMES_LARGER", 10)
     with refusal("run_sqlite3", "larger than any recorder packs"):
         read_log(mapped(written))
 
