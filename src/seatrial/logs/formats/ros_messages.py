@@ -194,8 +194,8 @@ class _Walk:
         number = self._length() if step.count is None else step.count
         if number * step.least > len(self.data) - self.at:
             raise struct.error(f"{number} elements in {len(self.data) - self.at} bytes")
-        if len(step.steps) == 1 and isinstance(step.steps[0], Leaf):
-            (leaf,) = step.steps
+        leaf = step.steps[0] if len(step.steps) == 1 else None
+        if isinstance(leaf, Leaf):
             chosen = self._indices(path) if step.path else ()
             self._numbers(leaf, number, {k: _joined(f"{path}[{k}]", leaf.path) for k in chosen})
             return
