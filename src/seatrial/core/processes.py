@@ -58,7 +58,7 @@ def apart(
         what: the file in question, for errors.
         question: function of a module, whose answers are handed on as they come.
         about: its arguments.
-        memory: bytes that it may use.
+        memory: bytes that it may use, and write to a file.
         seconds: that each answer may take.
 
     Raises:
@@ -120,6 +120,7 @@ def _answer(handle: int, memory: int, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (memory, memory))
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     with Connection(handle) as out:
         try:
