@@ -39,6 +39,12 @@ def fills():
     yield bytearray(1 << 34)
 
 
+def grows(path):
+    with open(path, "wb") as stream:
+        stream.truncate(1 << 31)
+    yield 0
+
+
 def asks_another():
     yield from apart.apart("inner", own_id)
     yield os.getpid()
@@ -64,6 +70,11 @@ def test_answers_are_those_of_this_process():
     assert list(apart.apart("x", counted, 5)) == list(counted(5))
     (process,) = apart.apart("x", own_id)
     assert process != os.getpid()
+
+
+def test_a_file_that_grows_without_end(tmp_path):
+    with pytest.raises(OSError, match="File too large"):
+        list(apart.apart("x", grows, str(tmp_path / "unpacked"), memory=1 << 30))
 
 
 def test_errors_travel():
