@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
@@ -67,7 +67,8 @@ def apart(
         Elsewhere: any other error of the question.
     """
     if _is_apart:
-        yield from question(*about)
+        with _bounded(memory):
+            yield from question(*about)
         return
     ours, theirs = Pipe()
     places = {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)}
@@ -133,6 +134,22 @@ def _answer(handle: int, memory: int, parent: int) -> None:
         except Exception as error:
             travels = isinstance(error, SeatrialError) or (isinstance(error, OSError) and error.errno is not None)
             out.send((_FAILED, error if travels else Elsewhere(type(error).__name__, str(error))))
+
+
+@contextmanager
+def _bounded(memory: int) -> Iterator[None]:
+    """Lower the bounds of a process that has some, as one that was made for this question would have them."""
+    import resource
+
+    before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_FSIZE)}
+    lower = {kind: (memory, hard) for kind, (soft, hard) in before.items() if resource.RLIM_INFINITY != soft > memory}
+    for kind, limits in lower.items():
+        resource.setrlimit(kind, limits)
+    try:
+        yield
+    finally:
+        for kind in lower:
+            resource.setrlimit(kind, before[kind])
 
 
 def _last_words(process: subprocess.Popen) -> str:
