@@ -39,6 +39,16 @@ def fills():
     yield bytearray(1 << 34)
 
 
+def grows(path):
+    with open(path, "wb") as stream:
+        stream.truncate(1 << 31)
+    yield 0
+
+
+def asks_one_of_little_memory():
+    yield from apart.apart("inner", fills, memory=1 << 30)
+
+
 def asks_another():
     yield from apart.apart("inner", own_id)
     yield os.getpid()
@@ -64,6 +74,16 @@ def test_answers_are_those_of_this_process():
     assert list(apart.apart("x", counted, 5)) == list(counted(5))
     (process,) = apart.apart("x", own_id)
     assert process != os.getpid()
+
+
+def test_a_file_that_grows_without_end(tmp_path):
+    with pytest.raises(OSError, match="File too large"):
+        list(apart.apart("x", grows, str(tmp_path / "unpacked"), memory=1 << 30))
+
+
+def test_a_question_within_a_question_keeps_its_own_bound():
+    with pytest.raises(InputError, match="memory allowed"):
+        list(apart.apart("x", asks_one_of_little_memory, memory=1 << 36))
 
 
 def test_errors_travel():

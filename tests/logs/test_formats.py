@@ -46,7 +46,7 @@ def test_columns_come_back_exactly(written):
     assert first.columns.keys() == {written.rpm}
 
 
-MODULES = ("matlab", "moos", "netcdf", "parquet", "ros_decode", "telemetry")
+MODULES = ("matlab", "moos", "netcdf", "parquet", "ros_messages", "telemetry")
 
 
 def test_many_blocks_are_one_table(written, monkeypatch):

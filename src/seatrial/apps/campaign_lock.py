@@ -1,8 +1,7 @@
-"""One process works on a campaign at a time: a locked file says which, what it is doing and how far it has come.
+"""One process works on a campaign at a time: a locked file keeps others out, and a file of notes says who it is and how far it has come.
 
-The lock is the operating system's (`flock`), so it ends with its process however that ends. The file is removed when the work ends;
-one that is there and not locked was left by a process that was killed. A system or a disk without such locks (Windows has none) holds
-nothing, and tells no other process.
+The lock is the operating system's, so it ends with its process however that ends. Both files are removed when the work ends; notes
+beside a file that is not locked were left by a process that was killed. A disk without locks holds nothing, and tells no other process.
 """
 
 import json
@@ -17,18 +16,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+
 from seatrial.core.errors import InputError
 
-try:
-    import fcntl
-except ImportError:
-    fcntl = None
-
 FILE_NAME = ".running.json"
+LOCK_NAME = ".running.lock"
 EVERY = 0.5
 """Seconds between two notes of the progress."""
 TRIES = 5
-"""Looks at a lock before it is believed."""
+"""Looks at notes that are being written."""
+PATIENCE = 0.2
+"""Seconds that a lock is waited for: those who look at it hold it for an instant."""
 _HELD: set["Occupation"] = set()
 """What this process holds."""
 
@@ -63,8 +62,8 @@ class Occupant:
 class Occupation:
     """The lock of one campaign, and the notes of progress in it."""
 
-    def __init__(self, handle: int, path: Path, command: tuple[str, ...]):
-        self.handle, self.path = handle, path
+    def __init__(self, lock: FileLock, path: Path, command: tuple[str, ...]):
+        self.lock, self.path, self.notes = lock, path, path.open("wb")
         self.head = {"pid": os.getpid(), "host": socket.gethostname(), "command": command, "started": time.time()}
         self.work: list[dict[str, Any]] = []
         self.guard, self.noted = threading.Lock(), 0.0
@@ -86,19 +85,24 @@ class Occupation:
         return told
 
     def release(self) -> None:
-        """End it and remove the file."""
+        """End it and remove the files."""
         _HELD.discard(self)
-        self.path.unlink(missing_ok=True)
         with suppress(OSError):
-            os.close(self.handle)
+            self.notes.close()
+        self.path.unlink(missing_ok=True)
+        with suppress(OSError):  # Windows removes it itself
+            Path(self.lock.lock_file).unlink()
+        with suppress(OSError):
+            self.lock.release()
 
     def _note(self) -> None:
-        """Write the file in place, where its lock is. A full disk must not end a long run for the sake of its progress bar."""
+        """Write the notes in place. A full disk must not end a long run for the sake of its progress bar."""
         self.noted = time.monotonic()
-        content = json.dumps({**self.head, "work": self.work}).encode()
         with suppress(OSError):
-            os.pwrite(self.handle, content, 0)
-            os.ftruncate(self.handle, len(content))
+            self.notes.seek(0)
+            self.notes.write(json.dumps({**self.head, "work": self.work}).encode())
+            self.notes.truncate()
+            self.notes.flush()
 
 
 @contextmanager
@@ -108,11 +112,21 @@ def occupying(folder: Path) -> Iterator[Occupation | None]:
     Raises:
         InputError: another process works on it.
     """
-    handle = _locked(folder / FILE_NAME)
-    if handle is None:
+    try:
+        lock = _lock(folder)
+        lock.acquire(timeout=PATIENCE, poll_interval=PATIENCE / 10)
+        held = Occupation(lock, folder / FILE_NAME, ("seatrial", *sys.argv[1:]))
+    except Timeout as cause:
+        other = occupant_of(folder)
+        raise InputError(
+            str(folder),
+            found=f"another process at work on this campaign{f': {other.words}' if other else ''}",
+            expected="one at a time",
+            remedy="wait until it ends, or stop it; what it has finished is kept",
+        ) from cause
+    except (OSError, NotImplementedError):  # a folder that cannot be written to, or a disk without locks
         yield None
         return
-    held = Occupation(handle, folder / FILE_NAME, ("seatrial", *sys.argv[1:]))
     _HELD.add(held)
     try:
         yield held
@@ -131,66 +145,29 @@ def occupant_of(folder: Path) -> Occupant | None:
     path = folder / FILE_NAME
     for _ in range(TRIES):
         try:
-            with path.open("rb") as stream:
-                alive = _is_locked(stream.fileno())
-                content = json.loads(stream.read())
-            return Occupant(alive, **{**content, "command": tuple(content["command"]), "work": tuple(content["work"])})
+            content = json.loads(path.read_bytes())
+            head = {**content, "command": tuple(content["command"]), "work": tuple(content["work"])}
+            return Occupant(_is_locked(folder), **head)
         except FileNotFoundError:
             return None
         except (ValueError, KeyError, TypeError, RecursionError):
             time.sleep(0.01)  # being written: the next look finds it whole
-    return Occupant(False, 0, "an unknown host", ("seatrial",), path.stat().st_mtime) if path.exists() else None
+    if not path.exists():
+        return None
+    return Occupant(_is_locked(folder), 0, "an unknown host", ("seatrial",), path.stat().st_mtime)
 
 
-def _locked(path: Path) -> int | None:
-    """Open and lock the file; it may be removed by its last holder between the two, and is then made anew."""
-    while fcntl is not None:
-        try:
-            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        except OSError:
-            return None
-        try:
-            taken = _try(handle)
-        except OSError:  # a file system without locks
-            os.close(handle)
-            return None
-        if not taken:
-            os.close(handle)
-            other = occupant_of(path.parent)
-            raise InputError(
-                str(path.parent),
-                found=f"another process at work on this campaign{f': {other.words}' if other else ''}",
-                expected="one at a time",
-                remedy="wait until it ends, or stop it; what it has finished is kept",
-            )
-        with suppress(OSError):
-            if os.stat(path).st_ino == os.fstat(handle).st_ino:
-                return handle
-        os.close(handle)
-    return None
+def _lock(folder: Path) -> FileLock:
+    return FileLock(folder / LOCK_NAME, thread_local=False, fallback_to_soft=False)
 
 
-def _try(handle: int) -> bool:
-    """Lock it, if nobody holds it for longer than the instant that a look by `occupant_of` takes."""
-    assert fcntl is not None
-    for _ in range(TRIES):
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(0.02)
-        else:
-            return True
-    return False
-
-
-def _is_locked(handle: int) -> bool:
-    if fcntl is None:
+def _is_locked(folder: Path) -> bool:
+    if not (folder / LOCK_NAME).exists():
         return False
     try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
+        with _lock(folder).acquire(timeout=0):
+            return False
+    except Timeout:
         return True
-    except OSError:
+    except (OSError, NotImplementedError):
         return False
-    fcntl.flock(handle, fcntl.LOCK_UN)
-    return False

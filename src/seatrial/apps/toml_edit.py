@@ -1,22 +1,18 @@
 """Change one key of a TOML file and leave everything else as its author wrote it: comments, order, spaces.
 
-The text is edited line by line; then old and new text are parsed and must differ in that key alone. What this little editor does not
-understand (a table written inline over several lines, say) is refused rather than guessed.
+tomlkit edits the text; then old and new text are parsed by the standard library and must differ in that key alone.
 """
 
 import copy
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import MutableMapping, Sequence
 from typing import Any
 
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
-_HEADER = re.compile(r"^\s*\[(?!\[)\s*([^\]]+?)\s*\]\s*(#.*)?$")
-_ANY_HEADER = re.compile(r"^\s*\[")
-_STRING = r"\"(?:[^\"\\\n]|\\.)*\"|'[^'\n]*'"
-_VALUE = rf"(?:{_STRING}|[^\s,#{{}}\[\]\"']+)"
+_HEADER = re.compile(r"^\s*\[")
 
 
 def set_key(text: str, table: str, key: str, value: str | float | bool | None, where: str = "the file") -> str:
@@ -30,19 +26,34 @@ def set_key(text: str, table: str, key: str, value: str | float | bool | None, w
         where: file, for errors.
 
     Raises:
-        InputError: text that is not TOML, or that writes the key in a way that cannot be edited line by line.
+        InputError: text that is not TOML, or that has something else in the place of the table.
     """
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
     before = toml_content(where, text)
-    wanted = copy.deepcopy(before)
-    there = _put(wanted, table.split("."), key, value)
-    if there and _exact(wanted) == _exact(before):
-        return text
-    for candidate in (_inline(text, table, key, value), _in_table(text, table, key, value)):
-        if there and candidate is not None and _same(candidate, wanted):
-            return candidate
+    wanted, path = copy.deepcopy(before), table.split(".")
+    has_table = _has(before, path)
+    try:
+        _put(wanted, path, key, value)
+        if _exact(wanted) == _exact(before) or (value is None and not has_table):
+            return text
+        if has_table:
+            document = tomlkit.parse(text)
+            _put(document, path, key, value)
+            edited = tomlkit.dumps(document)
+        else:
+            gap = "" if not text or text.endswith("\n") else "\n"
+            edited = f"{text}{gap}\n[{table}]\n{key} = {written(value)}\n"  # type: ignore[arg-type]
+        if text.count("\n") == text.count("\r\n") > 0:
+            edited = re.sub(r"(?<!\r)\n", "\r\n", edited)
+        if _exact(toml_content(where, edited)) == _exact(wanted):
+            return edited
+    except (TOMLKitError, TypeError, AttributeError, InputError):  # something that is no table is in its way
+        pass
     raise InputError(
         f"{where}, key {table}.{key}",
-        found="a key that is written in a way that cannot be edited line by line",
+        found="a key that cannot be edited where it stands",
         expected=f"a line `{key} = …` under [{table}]",
         remedy="edit the file in a text editor",
     )
@@ -52,7 +63,7 @@ def comment_out(text: str, table: str) -> str:
     """Turn a table, and tables below it, into comments; the rest stays as it is."""
     lines, inside = [], False
     for line in text.splitlines(keepends=True):
-        if _ANY_HEADER.match(line):
+        if _HEADER.match(line):
             name = line.strip().split("#")[0].strip().strip("[]").strip()
             inside = name == table or name.startswith(f"{table}.")
         lines.append(f"# {line}" if inside and line.strip() and not line.lstrip().startswith("#") else line)
@@ -60,80 +71,28 @@ def comment_out(text: str, table: str) -> str:
 
 
 def written(value: str | float | bool) -> str:
-    """A value as TOML writes it: JSON's escapes are among TOML's."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    """A value as TOML writes it."""
+    import tomlkit
+
+    return tomlkit.item(value).as_string()
 
 
-def _in_table(text: str, table: str, key: str, value: str | float | bool | None) -> str | None:
-    """Edit the line of the key under its header, or add one below the last line of the table, or add the table."""
-    lines = text.splitlines(keepends=True)
-    ending = "\r\n" if "\r\n" in text else "\n"
-    start = next((i for i, line in enumerate(lines) if (m := _HEADER.match(line)) and m[1] == table), None)
-    if start is None:
-        if value is None:
-            return None
-        gap = "" if not text or text.endswith("\n") else ending
-        return f"{text}{gap}{ending}[{table}]{ending}{key} = {written(value)}{ending}"
-    end = next((i for i in range(start + 1, len(lines)) if _ANY_HEADER.match(lines[i])), len(lines))
-    line = re.compile(rf"^(\s*{re.escape(key)}\s*=\s*){_VALUE}(\s*(?:#.*)?\r?\n?)$")
-    for i in range(start + 1, end):
-        if match := line.match(lines[i]):
-            lines[i : i + 1] = [] if value is None else [f"{match[1]}{written(value)}{match[2]}"]
-            return "".join(lines)
-    if value is None:
-        return None
-    last = max(
-        i for i in range(start, end) if i == start or (lines[i].strip() and not lines[i].lstrip().startswith("#"))
-    )
-    if not lines[last].endswith("\n"):
-        lines[last] += ending
-    lines.insert(last + 1, f"{key} = {written(value)}{ending}")
-    return "".join(lines)
-
-
-def _inline(text: str, table: str, key: str, value: str | float | bool | None) -> str | None:
-    """Edit a key of an inline table of one line: `amplitude = { from = "100 rpm", to = "200 rpm", points = 20 }`."""
-    parent, _, name = table.rpartition(".")
-    if value is None or not parent:
-        return None
-    here, lines = "", text.splitlines(keepends=True)
-    line = re.compile(rf"^\s*{re.escape(name)}\s*=\s*\{{.*\}}\s*(#.*)?\r?\n?$")
-    pair = re.compile(rf"((?:[{{,])\s*{re.escape(key)}\s*=\s*){_VALUE}")
-    for i, one in enumerate(lines):
-        if header := _HEADER.match(one):
-            here = header[1]
-        elif here == parent and line.match(one):
-            changed, count = pair.subn(lambda found: f"{found[1]}{written(value)}", one, count=1)
-            if count:
-                lines[i] = changed
-                return "".join(lines)
-    return None
-
-
-def _put(content: dict[str, Any], path: Sequence[str], key: str, value: Any) -> bool:
-    """Put a value into parsed content; False where something else than a table is in its way."""
-    place: Any = content
+def _has(content: Any, path: Sequence[str]) -> bool:
     for name in path:
-        if not isinstance(place, dict):
+        if not isinstance(content, dict) or name not in content:
             return False
-        if value is None and name not in place:
-            return True
-        place = place.setdefault(name, {})
-    if not isinstance(place, dict):
-        return False
-    if value is None:
-        place.pop(key, None)
-    else:
-        place[key] = value
+        content = content[name]
     return True
 
 
-def _same(text: str, wanted: Mapping[str, Any]) -> bool:
-    try:
-        found = toml_content("", text)
-    except InputError:
-        return False
-    return _exact(found) == _exact(wanted)
+def _put(content: MutableMapping[str, Any], path: Sequence[str], key: str, value: Any) -> None:
+    """Put a value into parsed content, or take it out."""
+    for name in path:
+        content = content.setdefault(name, {})
+    if value is None:
+        content.pop(key, None)
+    else:
+        content[key] = value
 
 
 def _exact(content: Any) -> str:

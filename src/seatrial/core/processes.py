@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
@@ -58,7 +58,7 @@ def apart(
         what: the file in question, for errors.
         question: function of a module, whose answers are handed on as they come.
         about: its arguments.
-        memory: bytes that it may use.
+        memory: bytes that it may use, and write to a file.
         seconds: that each answer may take.
 
     Raises:
@@ -67,7 +67,8 @@ def apart(
         Elsewhere: any other error of the question.
     """
     if _is_apart:
-        yield from question(*about)
+        with _bounded(memory):
+            yield from question(*about)
         return
     ours, theirs = Pipe()
     places = {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)}
@@ -120,6 +121,7 @@ def _answer(handle: int, memory: int, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (memory, memory))
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     with Connection(handle) as out:
         try:
@@ -132,6 +134,22 @@ def _answer(handle: int, memory: int, parent: int) -> None:
         except Exception as error:
             travels = isinstance(error, SeatrialError) or (isinstance(error, OSError) and error.errno is not None)
             out.send((_FAILED, error if travels else Elsewhere(type(error).__name__, str(error))))
+
+
+@contextmanager
+def _bounded(memory: int) -> Iterator[None]:
+    """Lower the bounds of a process that has some, as one that was made for this question would have them."""
+    import resource
+
+    before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_FSIZE)}
+    lower = {kind: (memory, hard) for kind, (soft, hard) in before.items() if resource.RLIM_INFINITY != soft > memory}
+    for kind, limits in lower.items():
+        resource.setrlimit(kind, limits)
+    try:
+        yield
+    finally:
+        for kind in lower:
+            resource.setrlimit(kind, before[kind])
 
 
 def _last_words(process: subprocess.Popen) -> str:

@@ -58,7 +58,7 @@ def test_a_killed_process_leaves_its_name_and_no_lock(tmp_path, other):
     assert Jobs().look(tmp_path).killed
     with occupying(tmp_path):
         assert occupant_of(tmp_path).pid == os.getpid()
-    assert not (tmp_path / FILE_NAME).exists()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_it_is_released_when_the_work_ends_or_fails(tmp_path):
@@ -102,11 +102,8 @@ def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path):
 
 
 def test_a_full_disk_costs_the_progress_only(tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    with occupying(tmp_path) as held:
-        monkeypatch.setattr(os, "pwrite", full)
+    with occupying(tmp_path) as held, open("/dev/full", "wb", buffering=0) as full:
+        monkeypatch.setattr(held, "notes", full)
         held.noted = 0.0
         held.progress("x")(1, 2)
         monkeypatch.undo()

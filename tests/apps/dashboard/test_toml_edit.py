@@ -45,7 +45,7 @@ def test_a_value_is_replaced_in_its_line():
 def test_a_missing_key_goes_below_the_last_of_its_table():
     new = set_key(TEXT, "limits.u", "upper", "2 m/s")
     assert changed(new) == ['+ upper = "2 m/s"']
-    assert new.index('upper = "2 m/s"') < new.index("# the end of u")
+    assert new.index("# the end of u") < new.index('upper = "2 m/s"') < new.index("[design]")
 
 
 def test_a_missing_table_goes_to_the_end():
@@ -79,22 +79,35 @@ def test_line_ends_of_windows_stay():
 @pytest.mark.parametrize(
     "text",
     [
-        'limits.n.upper = "1 rpm"\n',
+        'limits.n.upper = "1 rpm" # dotted\n',
         '[limits]\nn.upper = "1 rpm"\n',
-        '[limits.n]\nupper = """1\nrpm"""\n',
+        '[limits.n]\nupper = """1\nrpm"""\n# end\n',
         '["limits".n]\nupper = "1 rpm"\n',
-        "[limits]\nn = 3\n",
+        '[limits]\nn = { upper = "1 rpm", lower = "0 rpm" } # in one line\n',
+        'note = """\n[limits.n]\nupper = "1"\n"""\n\n[limits.n]\nupper = "2"\n',
+        '[limits.n]\nupper = "1 rpm"\n[x]\na = 1\n[limits.u]\nupper = 2\n',
     ],
 )
-def test_what_it_does_not_understand_it_refuses(text):
+@pytest.mark.parametrize("key", ["upper", "lower", "other"])
+def test_a_key_is_found_however_it_is_written(text, key):
+    wanted = tomllib.loads(text)
+    wanted["limits"]["n"][key] = "2 rpm"
+    new = set_key(text, "limits.n", key, "2 rpm")
+    assert tomllib.loads(new) == wanted
+    assert [line.partition("#")[2] for line in new.splitlines() if "#" in line] == [
+        line.partition("#")[2] for line in text.splitlines() if "#" in line
+    ]
+
+
+@pytest.mark.parametrize("text", ["[limits]\nn = 3\n", "[[limits]]\nn = 3\n", "limits = 3\n"])
+def test_what_is_no_table_is_not_edited(text):
     with pytest.raises(InputError, match="cannot be edited"):
         set_key(text, "limits.n", "upper", "2 rpm")
 
 
-def test_text_inside_strings_is_not_taken_for_a_table():
-    text = 'note = """\n[limits.n]\nupper = "1"\n"""\n\n[limits.n]\nupper = "2"\n'
-    with pytest.raises(InputError, match="cannot be edited"):
-        set_key(text, "limits.n", "upper", "3")
+def test_a_missing_table_between_tables_that_are_apart_goes_to_the_end():
+    text = "[a.x]\nk = 1\n[b]\nk = 1\n[a.y]\nk = 1\n"
+    assert set_key(text, "a.z", "k", 2) == text + "\n[a.z]\nk = 2\n"
 
 
 def test_malformed_text_is_refused():

@@ -27,10 +27,8 @@ def serve(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
     """Serve a web page of campaigns: design, run, look at results, compare and export; no internet needed."""
-    from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.core.errors import InputError
 
-    shown = token_for(host, token)
     try:
         import nicegui  # noqa: F401
     except ImportError as cause:
@@ -40,6 +38,7 @@ def serve(
             expected="the extra `dashboard`",
             remedy='pip install "seatrial[dashboard]"',
         ) from cause
+    from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.apps.dashboard.server import serve as run_server
 
-    run_server(folder, host, port, shown, browser=not no_browser, also=also or ())
+    run_server(folder, host, port, token_for(host, token), browser=not no_browser, also=also or ())

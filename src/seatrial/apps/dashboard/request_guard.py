@@ -12,9 +12,12 @@ import socket
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qsl, quote, urlencode
+from urllib.parse import quote, urlencode
+
+from starlette.datastructures import QueryParams
+from starlette.requests import cookie_parser
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 from seatrial.apps.dashboard.throttling import COME_AGAIN, Throttle, Turns, counted
 from seatrial.core.errors import InputError
@@ -24,6 +27,7 @@ SHORTEST = 16
 SMALL_BODY = 64 * 1024
 """Bytes of a request that is not an upload, at most."""
 UPLOAD = "/upload/"
+COOKIE = "seatrial"
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
     "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'none'"
@@ -81,13 +85,17 @@ class RequestGuard:
     def shown(self, headers: Mapping[str, str]) -> bool:
         """Whether headers show the token, or its cookie."""
         given = headers.get("authorization", "").removeprefix("Bearer ") or headers.get("x-seatrial-token", "")
-        return same(given, self.token or "") or same(cookie_of(headers), self.cookie)
+        return same(given, self.token or "") or same(
+            cookie_parser(headers.get("cookie", "")).get(COOKIE, ""), self.cookie
+        )
 
     def shown_in_query(self, scope: Scope) -> bool:
         """Whether the address shows the token, which only a page that is opened may do."""
         if scope["type"] != "http" or scope["method"] != "GET":
             return False
-        return any(name == "token" and same(value, self.token or "") for name, value in query_of(scope))
+        return any(
+            same(value, self.token or "") for value in QueryParams(scope.get("query_string", b"")).getlist("token")
+        )
 
 
 class GuardedApp:
@@ -115,7 +123,7 @@ class GuardedApp:
         elif scope["type"] == "websocket":
             await self.app(scope, receive, send)
         elif self.guard.token is not None and self.guard.shown_in_query(scope):
-            await _welcome(scope, send, self.guard.cookie)
+            await _welcome(scope, self.guard.cookie)(scope, receive, _safe(send))
         elif scope["path"] in self.pages:
             await self._page(scope, receive, send)
         else:
@@ -123,7 +131,7 @@ class GuardedApp:
 
     async def _page(self, scope: Any, receive: Any, send: Any) -> None:
         if not await self.turns.take():
-            await _answer(send, *COME_AGAIN)
+            await COME_AGAIN(scope, receive, _safe(send))
             return
         with ExitStack() as turn:
             turn.callback(self.turns.give)
@@ -200,23 +208,6 @@ def headers_of(scope: Scope) -> dict[str, str]:
     return headers
 
 
-def query_of(scope: Scope) -> list[tuple[str, str]]:
-    """Names and values of the query."""
-    try:
-        return parse_qsl(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True, max_num_fields=50)
-    except ValueError:
-        return []
-
-
-def cookie_of(headers: Mapping[str, str]) -> str:
-    """Value of our cookie; empty where there is none."""
-    try:
-        found = SimpleCookie(headers.get("cookie", "")).get("seatrial")
-    except CookieError:
-        return ""
-    return found.value if found else ""
-
-
 def _safe(send: Any) -> Any:
     """Add headers that keep a browser from framing, guessing types and telling others where it was."""
 
@@ -242,25 +233,17 @@ async def _refuse(scope: Any, receive: Any, send: Any, status: int, words: str) 
         await receive()
         await send({"type": "websocket.close", "code": 1008})
         return
-    await _answer(send, status, [(b"content-type", b"text/plain; charset=utf-8")], f"{words}\n".encode())
+    await PlainTextResponse(f"{words}\n", status)(scope, receive, _safe(send))
 
 
-async def _welcome(scope: Any, send: Any, cookie: str) -> None:
+def _welcome(scope: Scope, cookie: str) -> Response:
     """Set the cookie and go on to the same page without the token, so that it stays out of bookmarks and logs."""
-    rest = urlencode([(name, value) for name, value in query_of(scope) if name != "token"])
+    query = QueryParams(scope.get("query_string", b"")).multi_items()
+    rest = urlencode([(name, value) for name, value in query if name != "token"])
     path = quote("/" + str(scope["path"]).lstrip("/\\"))
-    headers = [
-        (b"location", (path + (f"?{rest}" if rest else "")).encode()),
-        (b"set-cookie", f"seatrial={cookie}; HttpOnly; SameSite=Lax; Path=/".encode()),
-        (b"cache-control", b"no-store"),
-    ]
-    await _answer(send, 303, headers, b"")
-
-
-async def _answer(send: Any, status: int, headers: list[tuple[bytes, bytes]], body: bytes) -> None:
-    length = (b"content-length", str(len(body)).encode())
-    await _safe(send)({"type": "http.response.start", "status": status, "headers": [*headers, length]})
-    await send({"type": "http.response.body", "body": body})
+    answer = RedirectResponse(path + (f"?{rest}" if rest else ""), 303, {"cache-control": "no-store"})
+    answer.set_cookie(COOKIE, cookie, httponly=True, samesite="lax")
+    return answer
 
 
 def _without_port(host: str) -> str:

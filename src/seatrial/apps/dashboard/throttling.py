@@ -9,19 +9,21 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from starlette.responses import HTMLResponse
+
 LARGEST_HEAD = 64 * 1024
 """Bytes of the head of a request, at most."""
 _LATE = b"HTTP/1.1 408 Request Timeout\r\nconnection: close\r\ncontent-length: 0\r\n\r\n"
 _LONG = b"HTTP/1.1 431 Request Header Fields Too Large\r\nconnection: close\r\ncontent-length: 0\r\n\r\n"
 _FULL = b"HTTP/1.1 503 Service Unavailable\r\nretry-after: 10\r\nconnection: close\r\ncontent-length: 0\r\n\r\n"
 _GONE = {"type": "http.disconnect"}
-COME_AGAIN = (
+COME_AGAIN = HTMLResponse(
+    "<!doctype html><meta charset='utf-8'><meta http-equiv='refresh' content='5'><title>seatrial</title>"
+    "<p>Many ask for a page at once. This one asks again by itself in 5 seconds.",
     503,
-    [(b"content-type", b"text/html; charset=utf-8"), (b"retry-after", b"5"), (b"cache-control", b"no-store")],
-    b"<!doctype html><meta charset='utf-8'><meta http-equiv='refresh' content='5'><title>seatrial</title>"
-    b"<p>Many ask for a page at once. This one asks again by itself in 5 seconds.",
+    {"retry-after": "5", "cache-control": "no-store"},
 )
-"""Status, headers and body for a page that has no turn: a browser asks again by itself."""
+"""For a page that has no turn: a browser asks again by itself."""
 
 
 @dataclass(frozen=True)

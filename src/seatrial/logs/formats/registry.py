@@ -169,7 +169,8 @@ def _asked(form: LogFormat, question: Callable[..., Iterable[Answer]], log: LogF
     """Answers of a format, from a process of its own where its library may break."""
     if not form.memory:
         return iter(question(log, *about))
-    size = 0 if log.path.is_dir() else log.path.stat().st_size
+    files = log.path.iterdir() if log.path.is_dir() else (log.path,)
+    size = sum(file.stat().st_size for file in files)
     return apart(str(log.path), question, log, *about, memory=form.memory + 4 * size)
 
 

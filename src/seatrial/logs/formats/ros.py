@@ -1,11 +1,11 @@
-"""ROS 1 bags, ROS 2 bags (sqlite3 and MCAP) and bare MCAP: a table for each topic, read through `rosbags`.
+"""ROS 1 bags, ROS 2 bags (sqlite3 and MCAP) and bare MCAP: a table for each topic.
 
-`rosbags` opens the container and parses the message definitions that it holds, so that messages of any type are read
-(`ros_bag` reads the chunks of ROS 1); `ros_decode` takes the numbers out of the messages.
+`rosbags` opens the container and parses the message definitions that it holds, so that messages of any type are read; `ros_messages`
+takes the numbers out of them. What the library unpacks is bounded by the memory of the process in which it reads.
 """
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,13 @@ from seatrial.logs.formats.protocol import (
     Wanted,
     optional,
 )
-from seatrial.logs.formats.ros_bag import message_counts, messages, open_bag, open_rosbag2
-from seatrial.logs.formats.ros_decode import Decoder
-from seatrial.logs.formats.ros_layout import Definitions, Step, Undefined, columns_of, steps_of
+from seatrial.logs.formats.ros_messages import Decoder, Definitions, Step, Undefined, columns_of, steps_of
 
 _SQLITE = b"SQLite format 3\0"
 _MCAP = b"\x89MCAP0\r\n"
 _ROS_1 = b"#ROSBAG V"
+_MEMORY = 2 << 30
+"""A chunk that unpacks to more ends the process that reads it."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,7 @@ def _is_folder(path: Path, head: bytes) -> bool:
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     with _opened(log) as reader:
-        counts = _counts(reader)
-        return tuple(_table(topic, counts) for topic in _topics(reader, log))
+        return tuple(_table(topic) for topic in _topics(reader, log))
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
@@ -61,23 +60,26 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
         for topic in topics:
             decoder = Decoder(topic.name, topic.steps, wanted[topic.name], _is_cdr(reader))
             decoders |= {connection.id: (topic, decoder) for connection in topic.connections}
-        counts = _counts(reader)
-        total = max(sum(counts.get(connection.id, 0) for connection in connections), 1)
-        for read, (connection, time, data) in enumerate(_messages(reader, connections), 1):
-            topic, decoder = decoders[connection]
-            try:
-                if decoder.take(time, data):
-                    yield decoder.block(min(read / total, 1.0))
-            except (struct.error, OverflowError) as cause:
-                raise InputError(
-                    f'{log.path}, table "{topic.name}"',
-                    found=f"message {read} of the log does not fit {topic.kind}: {cause}",
-                    expected="messages as their definition says",
-                    remedy="the log is damaged, or was recorded with another version of the message: record it again",
-                ) from cause
-        for _, decoder in {id(decoder): (topic, decoder) for topic, decoder in decoders.values()}.values():
-            if decoder.columns.rows:
-                yield decoder.block(1.0)
+        total = max(sum(connection.msgcount for connection in connections), 1)
+        for read, (connection, time, data) in enumerate(reader.messages(connections=connections), 1):
+            topic, decoder = decoders[connection.id]
+            if decoder.take(time, data):
+                yield _block(log, topic, decoder, min(read / total, 1.0))
+        for topic, decoder in {id(decoder): (topic, decoder) for topic, decoder in decoders.values()}.values():
+            if decoder.messages:
+                yield _block(log, topic, decoder, 1.0)
+
+
+def _block(log: LogFile, topic: _Topic, decoder: Decoder, done: float) -> Block:
+    try:
+        return decoder.block(done)
+    except struct.error as cause:
+        raise InputError(
+            f'{log.path}, table "{topic.name}"',
+            found=f"a message that does not fit {topic.kind}: {cause}",
+            expected="messages as their definition says",
+            remedy="the log is damaged, or was recorded with another version of the message: record it again",
+        ) from cause
 
 
 def _opened(log: LogFile) -> Any:
@@ -85,27 +87,12 @@ def _opened(log: LogFile) -> Any:
         with log.path.open("rb") as stream:
             is_first = stream.read(len(_ROS_1)) == _ROS_1
         if is_first:
-            return open_bag(log)
-    return open_rosbag2(log.path)
+            return optional("rosbags.rosbag1", "ros", log.path).Reader(log.path)
+    return optional("rosbags.rosbag2", "ros", log.path).Reader(log.path)
 
 
 def _is_cdr(reader: Any) -> bool:
     return not hasattr(reader, "chunk_infos")
-
-
-def _counts(reader: Any) -> dict[int, int]:
-    """Messages of each connection."""
-    if _is_cdr(reader):
-        return {connection.id: connection.msgcount for connection in reader.connections}
-    return message_counts(reader)
-
-
-def _messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[int, int, bytes]]:
-    """Connection, time of receipt in ns and bytes of each message."""
-    if _is_cdr(reader):
-        yield from ((found.id, time, data) for found, time, data in reader.messages(connections=connections))
-    else:
-        yield from messages(reader, {connection.id for connection in connections})
 
 
 def _topics(reader: Any, log: LogFile) -> list[_Topic]:
@@ -153,10 +140,10 @@ def _definitions(kind: str, definition: Any, log: LogFile) -> Definitions:
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs
 
 
-def _table(topic: _Topic, counts: Mapping[int, int]) -> TableInfo:
+def _table(topic: _Topic) -> TableInfo:
     columns = (ColumnInfo(LOG_TIME, "ns"), *columns_of(topic.steps))
     stamps = [column.name for column in columns if column.name in ("header.stamp", "stamp")]
-    rows = sum(counts.get(connection.id, 0) for connection in topic.connections)
+    rows = sum(connection.msgcount for connection in topic.connections)
     return TableInfo(topic.name, columns, (*stamps, LOG_TIME), rows, topic.kind, topic.trouble)
 
 
@@ -164,7 +151,7 @@ def _recognises(magic: bytes) -> Any:
     return lambda path, head: head.startswith(magic)
 
 
-BAG = LogFormat("a ROS 1 bag", (".bag",), _recognises(_ROS_1), _catalogue, _blocks)
-FOLDER = LogFormat("a ROS 2 bag", (), _is_folder, _catalogue, _blocks)
-MCAP = LogFormat("an MCAP file", (".mcap",), _recognises(_MCAP), _catalogue, _blocks)
-SQLITE = LogFormat("a ROS 2 database", (".db3",), _recognises(_SQLITE), _catalogue, _blocks)
+BAG = LogFormat("a ROS 1 bag", (".bag",), _recognises(_ROS_1), _catalogue, _blocks, memory=_MEMORY)
+FOLDER = LogFormat("a ROS 2 bag", (), _is_folder, _catalogue, _blocks, memory=_MEMORY)
+MCAP = LogFormat("an MCAP file", (".mcap",), _recognises(_MCAP), _catalogue, _blocks, memory=_MEMORY)
+SQLITE = LogFormat("a ROS 2 database", (".db3",), _recognises(_SQLITE), _catalogue, _blocks, memory=_MEMORY)

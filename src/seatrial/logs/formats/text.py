@@ -10,7 +10,7 @@ import gzip
 import re
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from io import TextIOWrapper
@@ -154,48 +154,43 @@ def _read(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str
     try:
         values, decimals = _columns(log, layout, at, stamps, {})
     except _Rounded:
-        values, decimals = _columns(log, layout, at, stamps, {at[name]: str for name in stamps})
+        values, decimals = _columns(log, layout, at, stamps, {at[name]: f"S{_LONGEST_STAMP + 1}" for name in stamps})
     notes = (f"{layout.empty} rows at the end have no cell filled and were left out",) if layout.empty else ()
     return RawTable(values, lambda row: _row(log, row)[0], notes, decimals)
 
 
 def _columns(
-    log: LogFile, layout: _Layout, at: dict[str, int], stamps: Sequence[str], kinds: dict[int, type]
+    log: LogFile, layout: _Layout, at: dict[str, int], stamps: Sequence[str], kinds: dict[int, str]
 ) -> tuple[dict[str, np.ndarray], dict[str, int]]:
-    """All rows of some columns, of which some are parsed as another kind than they look like, and the decimals of the stamps.
+    """All rows of some columns, of which stamps may be kept as text, and the decimals of the stamps.
 
     Raises:
-        _Rounded: stamps that were parsed as floats.
+        _Rounded: stamps that are not whole numbers and were not kept as text.
     """
     parts: dict[str, list[Any]] = {name: [] for name in at}
     first = 0
     for found, _ in _frames(log, layout, sorted(set(at.values())), kinds):
         for name, place in at.items():
-            cells, is_stamp = found[place], name in stamps
-            if is_stamp and cells.dtype.kind == "f":
+            if name in stamps and found[place].dtype.kind not in "iu" and not kinds:
                 raise _Rounded
-            exact = _exact(cells) if is_stamp else None
-            values = None if exact else _checked(cells, log, first, place, name, is_stamp)
-            parts[name].append(exact or ((cells, 0) if is_stamp else values))
+            read = _stamps if name in stamps else _checked
+            parts[name].append(read(found[place], log, first, place, name))
         first += len(next(iter(found.values())))
     joined = {name: _joined(parts[name]) for name in stamps}
     values = {name: joined[name][0] if name in joined else np.concatenate(parts[name]) for name in at}
     return values, {name: decimals for name, (_, decimals) in joined.items()}
 
 
-def _checked(
-    cells: np.ndarray, log: LogFile, first: int, place: int, name: str, is_stamp: bool
-) -> Float[np.ndarray, " n"]:
+def _checked(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) -> Float[np.ndarray, " n"]:
     """Return a parsed column as float64, NaN where a cell is empty.
 
     Raises:
-        InputError: the first cell that is neither empty nor a finite number, or the first stamp that is missing.
+        InputError: the first cell that is neither empty nor a finite number.
     """
     values = _floats(cells)
     for bad, expected in (
         (np.isnan(values) & np.asarray(pd.notna(cells)), "a number"),
         (np.isinf(values), "a finite number"),
-        (np.isnan(values) & is_stamp, "a time stamp in every row"),
     ):
         if bad.any():
             raise _bad_cell(log, first + int(bad.argmax()), place, name, expected)
@@ -213,21 +208,30 @@ def _plain(cells: np.ndarray) -> np.ndarray:
     return cells if cells.dtype in (np.int64, np.float64) else _floats(cells)
 
 
-def _exact(cells: np.ndarray) -> _Stamps | None:
-    """Stamps without rounding: 1669909203.330 as 1669909203330 and 3 decimals; None where they are not so plain."""
+def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) -> _Stamps:
+    """Stamps of some rows: 1669909203.330 as 1669909203330 and 3 decimals, where they are so plain, or as text.
+
+    Raises:
+        InputError: the first row without a stamp, or with one that is no number or too long.
+    """
     if cells.dtype.kind in "iu":
-        return _scaled(cells, 0, 0)
-    words = [str(cell) for cell in cells]
-    if max(map(len, words)) > _LONGEST_STAMP or any("_" in word for word in words):
-        return None
-    try:
-        texts: Any = np.strings.strip(np.array(words, "S"))
+        return _scaled(cells, 0, 0) or (cells, 0)
+    texts: Any = np.strings.strip(np.asarray(cells, "S"))
+    length, point = np.strings.str_len(texts), np.strings.find(texts, b".")
+    for bad, expected in (
+        (length == 0, "a time stamp in every row"),
+        (length > _LONGEST_STAMP, f"a time stamp of at most {_LONGEST_STAMP} characters"),
+    ):
+        if bad.any():
+            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected)
+    decimals = np.where(point < 0, 0, length - 1 - point)
+    with suppress(ValueError, OverflowError):
         whole = np.strings.replace(texts, b".", b"", 1).astype(np.int64)
-    except (ValueError, OverflowError):
-        return None
-    point = np.strings.find(texts, b".")
-    decimals = np.where(point < 0, 0, np.strings.str_len(texts) - 1 - point)
-    return _scaled(whole, decimals, int(decimals.max()))
+        if np.strings.find(texts, b"_").max() < 0 and (exact := _scaled(whole, decimals, int(decimals.max()))):
+            return exact
+    words = np.array([text.decode("utf-8", "replace") for text in texts], object)
+    _checked(words, log, first, place, name)
+    return words, 0
 
 
 def _scaled(whole: np.ndarray, decimals: np.ndarray | int, finest: int) -> _Stamps | None:
@@ -325,25 +329,26 @@ def _survey(log: LogFile) -> _Layout:
     """
     blanks = " \t\n" + _mark(log)
     count = filled = last = wrong = 0
+    above: int | None = None
     first_wrong: _Row | None = None
     waiting: list[_Row] = []
     with _opened(log) as (stream, _):
         names, rows = _header(log, _rows(log, stream))
-        above = -1
-        for row in rows:
+        expected = len(names)
+        for count, row in enumerate(rows, 1):
             line, width, cells = row
-            above = line - 1 if above < 0 else above
-            count += 1
-            if width != len(names):
+            if above is None:
+                above = line - 1
+            if width != expected:
                 waiting.append(row)
-            if isinstance(cells, str) and cells[0] in blanks and not cells.strip(blanks):
+            if cells[0] in blanks and isinstance(cells, str) and not cells.strip(blanks):
                 continue
             filled, last = count, line
             if waiting:
                 first_wrong = first_wrong or waiting[0]
                 wrong += len(waiting)
                 waiting = []
-    if not filled:
+    if not filled or above is None:
         raise _no_rows(log, is_empty=not (count or log.layout.skip_rows))
     if first_wrong:
         raise _ragged(log, len(names), filled, wrong, first_wrong, last)
@@ -416,10 +421,17 @@ def _header(log: LogFile, rows: Iterator[_Row]) -> tuple[tuple[str, ...], Iterat
 
 def _rows(log: LogFile, stream: TextIOWrapper) -> Iterator[_Row]:
     """Rows below the first lines that are skipped; blank lines are left out, and a quoted cell may span lines."""
-    mark, lines, number = _mark(log), _lines(log, stream), 0
+    mark, skip, number = _mark(log), log.layout.skip_rows, 0
+    lines: Iterator[str] = iter(partial(stream.readline, _LONGEST_LINE), "")
+    if separator(log) == WHITESPACE:
+        lines = (_SPACES.sub(" ", line.strip(" \t\n")) + "\n" for line in lines)
     for line in lines:
         number += 1
-        if number <= log.layout.skip_rows:
+        if "\0" in line:
+            raise _not_text(log, number)
+        if len(line) == _LONGEST_LINE:
+            raise _no_cells(log, number, f"it does not end within {_LONGEST_LINE >> 20} million characters")
+        if number <= skip:
             continue
         if '"' in line:
             first, reader = number, csv.reader(chain((line,), lines), delimiter=mark)
@@ -449,17 +461,6 @@ def _no_cells(log: LogFile, line: int, found: str) -> InputError:
         expected=f"cells separated by {separator(log)!r}",
         remedy="mend or delete the row; look for a stray quotation mark",
     )
-
-
-def _lines(log: LogFile, stream: TextIOWrapper) -> Iterator[str]:
-    """Lines of a text, each with its line feed; where cells are separated by spaces, one space between them."""
-    is_spaced = separator(log) == WHITESPACE
-    for number, line in enumerate(iter(partial(stream.readline, _LONGEST_LINE), ""), 1):
-        if "\0" in line:
-            raise _not_text(log, number)
-        if len(line) == _LONGEST_LINE:
-            raise _no_cells(log, number, f"it does not end within {_LONGEST_LINE >> 20} million characters")
-        yield _SPACES.sub(" ", line.strip(" \t\n")) + "\n" if is_spaced else line
 
 
 @contextmanager
