@@ -72,12 +72,12 @@ def table_6_part(study: Study, full: bool) -> xr.Dataset:
     sampled = _sample(study, posterior, adaptive_metropolis, f"Table VI, M-{0 if full else 1}")
     report = study.progress(f"information criteria of M-{0 if full else 1}")
     report(0, 2)
-    found = deviance_criteria(posterior, sampled.values)
+    result = deviance_criteria(posterior, sampled.values)
     report(1, 2)
     table = pointwise_log_likelihood(posterior, thin_draws(sampled.values, study.sizes.criteria_draws))
     predictive = (waic(table), psis_loo(table))
     report(2, 2)
-    named = {"DIC": found.dic, "BPIC": found.bpic, "p_D": found.p_d, "Dbar": found.mean_deviance}
+    named = {"DIC": result.dic, "BPIC": result.bpic, "p_D": result.p_d, "Dbar": result.mean_deviance}
     named |= {criterion.method: criterion.value for criterion in predictive}
     return _summary(study, posterior, sampled).assign(
         criterion_value=("criterion", [one.value for one in named.values()]),

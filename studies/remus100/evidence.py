@@ -53,12 +53,12 @@ TALL, TALLEST = 1.7, 1.2
 def listing_part(study: Study, table: int) -> xr.Dataset:
     """Listing 1 as printed over many seeds, and with draws shared between the models, on the trial of Table IV or V."""
     sizes, models = study.sizes, _models(study.reading, table)
-    found = {}
+    results = {}
     for shared, repeats in ((False, sizes.listing_repeats), (True, sizes.listing_shared)):
         title = f"Listing 1 for Table {'IV' if table == 4 else 'V'}, {repeats} seeds" + (
             ", shared draws" if shared else ""
         )
-        found[shared] = listing_one(
+        results[shared] = listing_one(
             models,
             study.random_key("listing"),
             draws=sizes.listing_draws,
@@ -68,13 +68,13 @@ def listing_part(study: Study, table: int) -> xr.Dataset:
         )
     return xr.Dataset(
         {
-            "probability": (("repeat", "model"), found[False].probability),
-            "shared_probability": (("shared_repeat", "model"), found[True].probability),
-            "log_values": (("repeat", "model"), _column(found[False], "log_values")),
-            "ess": (("repeat", "model"), _column(found[False], "ess")),
+            "probability": (("repeat", "model"), results[False].probability),
+            "shared_probability": (("shared_repeat", "model"), results[True].probability),
+            "log_values": (("repeat", "model"), _column(results[False], "log_values")),
+            "ess": (("repeat", "model"), _column(results[False], "ess")),
         },
         {"model": list(MODELS)},
-        {"status": found[False].status},
+        {"status": results[False].status},
     )
 
 
@@ -92,26 +92,26 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
     if study.sizes.nested_live:
         estimators["nested sampling"] = partial(nested_evidence, live=study.sizes.nested_live)
     models, key = _models(reading, table), study.random_key(f"evidence {table}")
-    found, total = [], 2 * len(estimators) + 1
+    results, total = [], 2 * len(estimators) + 1
     for row, estimate in enumerate(estimators.values()):
         pair = []
         for model in models:
             report(len(pair) + 2 * row, total)
             pair.append(estimate(model, jax.random.fold_in(key, row)))
-        found.append(pair)
+        results.append(pair)
     report(total - 1, total)
     record = paper_trial(reading, doubted_value(reading, table))
     alone = importance_evidence(paper_posterior(reading, [record], wide(reading)), key, settings=weighing)
     report(total, total)
     return xr.Dataset(
         {
-            "log_value": (("method", "model"), [[one.log_value for one in pair] for pair in found]),
-            "error": (("method", "model"), [[one.std_error for one in pair] for pair in found]),
+            "log_value": (("method", "model"), [[one.log_value for one in pair] for pair in results]),
+            "error": (("method", "model"), [[one.std_error for one in pair] for pair in results]),
             "wide_log_value": ((), alone.log_value),
             "wide_error": ((), alone.std_error),
         },
         {"method": list(estimators), "model": list(MODELS)},
-        {"status": [one.status for pair in found for one in pair]},
+        {"status": [one.status for pair in results for one in pair]},
     )
 
 

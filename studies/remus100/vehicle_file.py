@@ -266,7 +266,7 @@ def _checked(reading: Reading) -> Reading:
             raise _mistake(
                 reading, key, f"{name}, both fixed and estimated", "one of the two", f"take {name} out of [fixed]"
             )
-    for place, found, expected, remedy in (
+    for place, result, expected, remedy in (
         ("name", "" if source.name.strip() else "no name", "a name", "it heads the report"),
         *(
             (f"coefficients.{name}", "" if value < 0 else f"{value:g}", "a negative number", "drag opposes motion")
@@ -296,8 +296,8 @@ def _checked(reading: Reading) -> Reading:
             "the wide prior has to hold the truth",
         ),
     ):
-        if found:
-            raise _mistake(reading, place, found, expected, remedy)
+        if result:
+            raise _mistake(reading, place, result, expected, remedy)
     reading.model(reading.doubted)
     _check_sizes(reading)
     return reading

@@ -9,7 +9,7 @@ from seatrial.estimation.mode import Mode, climb, find_mode
 from seatrial.estimation.priors import Normal
 from seatrial.selection.importance import (
     ImportanceSettings,
-    Proposal,
+    ProposalComponent,
     Weights,
     _complaints,
     _draw,
@@ -91,7 +91,7 @@ def test_stated_errors_are_honest():
 def test_mixture_density_is_that_of_its_draws():
     """Against scipy's multivariate t; and since both are normalised, the mean of N(0, I) / q is 1 within 4 errors."""
     centre, factor = np.array([1.0, -2.0]), np.array([[0.7, 0.0], [0.4, 0.3]])
-    proposal = Proposal(centre, factor)
+    proposal = ProposalComponent(centre, factor)
     z = _draw(proposal, np.random.default_rng(0), 20_000)
     log_q = _log_proposal(proposal, z)
     scale = factor @ factor.T
@@ -111,7 +111,7 @@ def test_refit_recovers_from_a_proposal_beside_the_posterior():
     """
     mean, cov = PAIR.moments
     centre, cov = (mean - PAIR.prior_mean) / PAIR.prior_sd, cov / PAIR.prior_sd**2
-    beside = Proposal(centre + 2 * np.sqrt(np.diag(cov)), 3 * np.linalg.cholesky(cov))
+    beside = ProposalComponent(centre + 2 * np.sqrt(np.diag(cov)), 3 * np.linalg.cholesky(cov))
     before = weigh(PAIR.posterior, [beside], KEY, 4096)
     (mended,) = refit([beside], before)
     after = weigh(PAIR.posterior, [mended], KEY, 4096)
@@ -175,7 +175,10 @@ def test_peaks_that_are_given_are_all_weighed_each_by_its_share():
 def test_refit_of_two_proposals_by_a_naive_twin():
     """Each draw is shared by the proposals' densities there; share, centre and scale are then those of a single one's refit."""
     random = np.random.default_rng(4)
-    pair = [Proposal(np.array([-1.0, 0.0]), 0.3 * np.eye(2), 0.4), Proposal(np.array([1.0, 0.0]), 0.2 * np.eye(2), 0.6)]
+    pair = [
+        ProposalComponent(np.array([-1.0, 0.0]), 0.3 * np.eye(2), 0.4),
+        ProposalComponent(np.array([1.0, 0.0]), 0.2 * np.eye(2), 0.6),
+    ]
     z = np.concatenate([_draw(one, random, 300) for one in pair])
     log_weight = random.normal(size=600)
     weights = Weights(z, log_weight, log_weight - np.log(np.exp(log_weight).sum()), 0.1, 300.0)
@@ -218,7 +221,7 @@ def test_few_draws_are_reported():
 def test_no_finite_density():
     target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.full((), -jnp.inf))
     with pytest.raises(NumericalError, match="none of 64 draws"):
-        weigh(target, [Proposal(np.zeros(1), np.eye(1))], KEY, 64)
+        weigh(target, [ProposalComponent(np.zeros(1), np.eye(1))], KEY, 64)
 
 
 def test_same_key_same_bits():

@@ -53,9 +53,9 @@ def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, tria
         before = best
         for place in range(trials):
             others = information[chosen[:place] + chosen[place + 1 :]].sum(0) if trials > 1 else nothing
-            found = worth(others)
-            if found.max() > best + 1e-9 * abs(best):
-                chosen[place], best = int(np.argmax(found)), float(found.max())
+            result = worth(others)
+            if result.max() > best + 1e-9 * abs(best):
+                chosen[place], best = int(np.argmax(result)), float(result.max())
         if best == before:
             break
     return Batch(*_in_order(information, worth, nothing, chosen, utility), repeated)

@@ -134,10 +134,10 @@ def explain(
     noise_key, draw_key = jax.random.split(key)
     noise = noise_of(noise_key, which, plan.weight.size)
     t = np.stack([_student(random, inner, z.shape[1]) for random in _generators(draw_key, which)])
-    found = _explain(plan, belief, control, z, jnp.asarray(noise), jnp.asarray(t), climbs)
-    log_prior, log_weight, origin = jax.tree.map(np.asarray, found)
-    total = logsumexp(log_weight, axis=1)
-    ess = np.exp(2.0 * total - logsumexp(2.0 * log_weight, axis=1))
+    result = _explain(plan, belief, control, z, jnp.asarray(noise), jnp.asarray(t), climbs)
+    log_prior, log_weight, origin = jax.tree.map(np.asarray, result)
+    total, double = (np.asarray(logsumexp(times * log_weight, axis=1)) for times in (1.0, 2.0))
+    ess = np.exp(2.0 * total - double)
     return Explained(np.log(inner) - total, _chance(np.asarray(z), origin) - log_prior, ess)
 
 
@@ -178,17 +178,17 @@ def importance_gain(
     z, local = _local_gains(plan, belief, control, key, settings.draws)
     m, held = settings.outer, jnp.asarray(control, float)
     key = jax.random.fold_in(key, 1)
-    found, chance, ess = in_blocks(
+    result, chance, ess = in_blocks(
         lambda which, point: explain(plan, belief, held, key, which, point, settings.inner, settings.climbs),
         np.arange(m),
         z[:m],
     )
-    if not np.isfinite(found).all():
+    if not np.isfinite(result).all():
         raise NumericalError(
-            f"for {np.sum(~np.isfinite(found))} of {m} simulated trials no importance draw about the posterior mode can be "
+            f"for {np.sum(~np.isfinite(result))} of {m} simulated trials no importance draw about the posterior mode can be "
             "simulated: narrow the prior, or excite less"
         )
-    correction = found - (local[:m] + chance - np.sum(entropies(belief)))
+    correction = result - (local[:m] + chance - np.sum(entropies(belief)))
     value, joint = float(local.mean() + correction.mean()), np.cov(local[:m], correction)
     variance = local.var(ddof=1) / settings.draws + joint[1, 1] / m + 2.0 * joint[0, 1] / settings.draws
     diagnostics = {

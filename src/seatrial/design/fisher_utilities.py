@@ -221,15 +221,15 @@ def _factor(cov: np.ndarray) -> np.ndarray:
 
 
 def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
-    found = None if gradient is None else np.asarray(gradient, float)
-    if found is None or found.shape != (k,) or not np.isfinite(found).all() or not found.any():
+    result = None if gradient is None else np.asarray(gradient, float)
+    if result is None or result.shape != (k,) or not np.isfinite(result).all() or not result.any():
         raise InputError(
             f"utility {PredictionCriterion.name}, gradient",
-            found="none" if found is None else f"{found}",
+            found="none" if result is None else f"{result}",
             expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
             remedy="state the prediction whose variance is to fall",
         )
-    return found
+    return result
 
 
 def _gained(factor: np.ndarray, information: Array) -> Any:

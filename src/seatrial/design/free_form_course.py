@@ -155,8 +155,8 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
         return jnp.stack([value for limit in watched.motion for value in limit.quantities(now)] or [jnp.zeros(())])
 
     def widened(extremes: tuple, joint: tuple, held: tuple) -> tuple:
-        found = quantities(joint, held)
-        return jnp.maximum(extremes[0], found), jnp.minimum(extremes[1], found)
+        result = quantities(joint, held)
+        return jnp.maximum(extremes[0], result), jnp.minimum(extremes[1], result)
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         (joint, extremes), (held, h, _) = carry, sample
@@ -164,8 +164,8 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
 
     def over_block(joint: tuple, samples: tuple) -> tuple[tuple, tuple]:
         first, last = (tuple(column[i] for column in samples[0]) for i in (0, -1))
-        found = quantities(joint, first)
-        (joint, extremes), _ = jax.lax.scan(advance, (joint, (found, found)), samples)
+        result = quantities(joint, first)
+        (joint, extremes), _ = jax.lax.scan(advance, (joint, (result, result)), samples)
         return joint, widened(extremes, joint, last)
 
     joint, (highest, lowest) = jax.lax.scan(over_block, joint_start(plan, integrals), _blocks(plan, control, block))

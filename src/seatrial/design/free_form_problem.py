@@ -189,7 +189,7 @@ def _check_fit(problem: FreeFormProblem) -> None:
     missing = [name for name in plan.model.controls if name != form.control and name not in problem.held]
     duration = float(np.sum(plan.step))
     positive = fits and np.all(np.linalg.eigvalsh(np.asarray(problem.prior_cov, float)) > 0)
-    for holds, what, found, expected in (
+    for holds, what, result, expected in (
         (form.control in plan.model.controls, "control", form.control, "one of " + ", ".join(plan.model.controls)),
         (not missing, "held", "nothing for " + ", ".join(missing), "the trim value of every other control"),
         (
@@ -209,7 +209,9 @@ def _check_fit(problem: FreeFormProblem) -> None:
         ),
     ):
         if not holds:
-            raise InputError(f"free-form design, {what}", found=found, expected=expected, remedy="correct this setting")
+            raise InputError(
+                f"free-form design, {what}", found=result, expected=expected, remedy="correct this setting"
+            )
 
 
 def _check_control(problem: FreeFormProblem) -> None:

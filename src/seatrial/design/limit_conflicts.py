@@ -25,16 +25,16 @@ def check_some_allowed(safety: Safety) -> None:
         return
     count, kept = len(safety.allowed), safety.held.sum(1) >= safety.needed
     lost = safety.diverged > safety.draws - safety.needed
-    found = [
+    results = [
         f"no design of {count}: each would have to hold in {safety.needed} of {safety.draws} draws",
         *(f"{limit.words} excludes {count - alone}" for limit, alone in zip(safety.limits, kept.sum(0), strict=True)),
     ]
     if safety.diverged.any():
-        found.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
+        results.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
     told, remedy = _misses(safety, kept)
     raise InputError(
         "safety limits",
-        found="; ".join([*found, *told]),
+        found="; ".join([*results, *told]),
         expected=f"at least one design that keeps all limits with probability {safety.probability:g} "
         f"(confidence {safety.confidence:g})",
         remedy="narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"

@@ -121,8 +121,8 @@ def smooth(
     scale = float(np.sqrt(np.mean(z[told] ** 2))) if sigma is None else sigma
     innovations = z[told] / scale
     sd = unit * scale * np.sqrt(var)
-    found = time_scale is None
-    hidden, still = found and noise is None and tau < 1.1 * ends[0], found and tau > 0.9 * ends[1]
+    result = time_scale is None
+    hidden, still = result and noise is None and tau < 1.1 * ends[0], result and tau > 0.9 * ends[1]
     return Smoothed(
         line + unit * mean[0],
         sd[0],
@@ -153,13 +153,13 @@ def _most_likely(
     losses = np.asarray(_losses(data, usual, np.exp(tried), given))
     best = int(np.argmin(losses))
     around = tried[[max(best - 1, 0), min(best + 1, TRIED - 1)]]
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda tau: float(_losses(data, usual, np.exp([tau]), given)[0]),
         bounds=tuple(around),
         method="bounded",
         options={"xatol": 0.01},
     )
-    return float(np.exp(found.x if found.fun < losses[best] else tried[best]))
+    return float(np.exp(result.x if result.fun < losses[best] else tried[best]))
 
 
 @jax.jit
@@ -236,11 +236,11 @@ def _innovation_complaints(z: np.ndarray) -> list[str]:
     """Whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
     said, centred = [], z - z.mean()
     lags = np.arange(1, min(LAGS, z.size // 4) + 1)
-    found = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)
-    worst = int(np.argmax(np.abs(found)))
-    if abs(found[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
+    result = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)
+    worst = int(np.argmax(np.abs(result)))
+    if abs(result[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
         said.append(
-            f"the innovations are not white (correlation {found[worst]:+.2f} at lag {lags[worst]}): noise or motion has a memory "
+            f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion has a memory "
             "that the model has not, and the standard deviations cannot be believed"
         )
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)

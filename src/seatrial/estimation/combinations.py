@@ -122,14 +122,14 @@ def null_combinations(information: Float[np.ndarray, "d d"], unknown: Unknown) -
     """
     size = np.sqrt(np.abs(np.diag(information)))
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
-    found = []
+    results = []
     for effect in _eliminated(vectors[:, eigenvalues < INVISIBLE * eigenvalues[-1]].T):
         named = np.flatnonzero(np.abs(effect) > SHOWN * np.abs(effect).max())
         part = unknown.pick(named)
         steps = effect[named] / (size[named] * part.scale)
         steps = steps / np.abs(steps).min() * np.sign(steps[0])
-        found.append(Invisible(part.names, tuple(map(float, steps)), tuple(map(bool, part.relative))))
-    return tuple(found)
+        results.append(Invisible(part.names, tuple(map(float, steps)), tuple(map(bool, part.relative))))
+    return tuple(results)
 
 
 def known_combinations(
@@ -142,20 +142,20 @@ def known_combinations(
         cov: their covariance.
         at: operating point, signal name to SI value.
     """
-    found = []
+    results = []
     for meant in _meant(unknown, at):
         weights = np.array(meant.weights)
         sd = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
-        found.append(meant._replace(value=float(weights @ unknown.values), sd=sd))
-    found += _ratio_of_two(unknown, cov)
+        results.append(meant._replace(value=float(weights @ unknown.values), sd=sd))
+    results += _ratio_of_two(unknown, cov)
     single = float(np.min(np.sqrt(np.diag(cov)) / np.maximum(np.abs(unknown.values), 1e-300)))
-    better = sorted((item for item in found if item.relative_sd < WORTH * single), key=lambda item: item.relative_sd)
+    better = sorted((item for item in results if item.relative_sd < WORTH * single), key=lambda item: item.relative_sd)
     return (*better, _best(unknown, cov, WORTH * single))
 
 
 def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list[int]]:
     """Parameters tied by correlations beyond a threshold, each group in order."""
-    left, found = set(range(len(correlation))), []
+    left, results = set(range(len(correlation))), []
     while left:
         group, border = set(), {min(left)}
         while border:
@@ -163,8 +163,8 @@ def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list
             border = {j for i in border for j in left - group if abs(correlation[i, j]) > threshold}
         left -= group
         if len(group) > 1:
-            found.append(sorted(group))
-    return found
+            results.append(sorted(group))
+    return results
 
 
 def _eliminated(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, "r d"]:

@@ -121,8 +121,8 @@ def _linearised(model: VehicleModel, rates: tuple[int, ...]):
 
     def rate(values: Array, state: Array, control: Array) -> Array:
         known = dict(zip(names, values, strict=True))
-        found = model.derivative(known, tuple(state), tuple(control))
-        return jnp.stack([jnp.asarray(found[i]) for i in rates])
+        result = model.derivative(known, tuple(state), tuple(control))
+        return jnp.stack([jnp.asarray(result[i]) for i in rates])
 
     @jax.jit
     def along(values: Array, state: Array, control: Array) -> tuple[Array, Array]:

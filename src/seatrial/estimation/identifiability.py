@@ -222,16 +222,16 @@ def identify(
     cov = _expected_cov(information, prior_sd) if cov is None else np.asarray(cov, float)
     sd = np.sqrt(np.diag(cov))
     correlation = cov / np.maximum(np.outer(sd, sd), 1e-300)
-    found = []
+    results = []
     for members in groups(correlation, TOGETHER):
         part = unknown.pick(members)
         if any(item.is_scale and set(part.names) <= set(item.names) for item in invisible):
             continue
         pairs = [correlation[i, j] for i, j in combinations(members, 2)]
         known = known_combinations(part, cov[np.ix_(members, members)], at or {})
-        found.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
+        results.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
     return Identifiability(
-        stage, names, units, values, sd, prior_sd, correlation, eigenvalues, tuple(untouched), invisible, tuple(found)
+        stage, names, units, values, sd, prior_sd, correlation, eigenvalues, tuple(untouched), invisible, tuple(results)
     )
 
 

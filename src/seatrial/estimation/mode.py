@@ -65,17 +65,17 @@ def find_mode(posterior: Posterior, key: jax.Array, starts: int = 512, tries: in
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
             f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    found: list[tuple[np.ndarray, float]] = []
+    results: list[tuple[np.ndarray, float]] = []
     lost = None
     for start in followed:
-        if not any(rises(posterior, start, z) for z, _ in found):
+        if not any(rises(posterior, start, z) for z, _ in results):
             try:
-                found.append(_climb(posterior, start))
+                results.append(_climb(posterior, start))
             except NumericalError as error:
                 lost = error
-    if lost is not None and not found:
+    if lost is not None and not results:
         raise lost
-    z, log_density = max(found, key=lambda pair: pair[1])
+    z, log_density = max(results, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
     return _about(posterior, z, log_density)

@@ -230,8 +230,8 @@ def _follow(problem: Slope, best: Maxima, chosen: Sequence[int]) -> list[_Path]:
         if not walking:
             return paths
         starts = np.array([_next_start(problem, path) for path in walking])
-        found = climb(problem, starts, [path.index for path in walking])
-        for path, values, height in zip(walking, found.values, found.height, strict=True):
+        result = climb(problem, starts, [path.index for path in walking])
+        for path, values, height in zip(walking, result.values, result.height, strict=True):
             root = float(np.sqrt(2 * max(peak.height - height, 0.0)))
             path.points.append(_Point(values, float(height), root))
             path.points.sort(key=lambda point: path.sign * point.values[path.index])

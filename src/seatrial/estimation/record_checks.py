@@ -96,7 +96,7 @@ def check_motion(
         remedy = "the motion is hardly that of the commands: check the channel map, the clocks and the priors"
         usual = f"{RELATED:g} or more is usual"
         return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy)]
-    found = [
+    results = [
         RecordFinding(name, "direction", "pass", f"correlation {correlation:+.2f} with the motion expected", against)
     ]
     there = np.isfinite(measured)
@@ -104,8 +104,8 @@ def check_motion(
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
     fits = 1 / SIZE <= ratio <= SIZE
     value, remedy = f"{ratio:.3g} times the motion expected", "" if fits else _unit_guess(ratio)
-    found.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
-    return [*found, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
+    results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
+    return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
 
 
 def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:
@@ -171,13 +171,13 @@ def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     neighbours to the same spike, the sides are the two samples before it and the two after.
     """
     reach = TOGETHER + 1
-    padded, here, found = np.pad(x, reach, mode="edge"), np.arange(x.size) + reach, np.zeros(x.size)
+    padded, here, result = np.pad(x, reach, mode="edge"), np.arange(x.size) + reach, np.zeros(x.size)
     for before, after in ((i, j) for i in range(1, reach) for j in range(1, reach + 1 - i)):
         sides = [(padded[here - before], padded[here - before - 1], before)]
         sides += [(padded[here + after], padded[here + after + 1], after)]
         beyond = np.stack([x - led for near, far, steps in sides for led in (near, near + steps * (near - far))])
-        found = np.maximum(found, np.maximum(beyond.min(0), -beyond.max(0)))
-    return found
+        result = np.maximum(result, np.maximum(beyond.min(0), -beyond.max(0)))
+    return result
 
 
 def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -199,29 +199,29 @@ def check_excitation(
         after: of what would be left, SI.
         about: where that was linearised, in words; empty for the prior means.
     """
-    found = []
+    results = []
     check = f"excitation ({about})" if about else "excitation"
     for name, prior, left in zip(names, before, after, strict=True):
         share = float(left / prior)
         value, limit = f"{share:.0%} of the prior's sd would be left", "below 70 % it is excited"
         if share < 0.7:
-            found.append(RecordFinding(name, check, "pass", value, limit))
+            results.append(RecordFinding(name, check, "pass", value, limit))
         else:
             remedy = "this record cannot tell it: move what it depends on further, fix it, or design a trial (`seatrial design`)"
-            found.append(RecordFinding(name, check, "caution", value, limit, remedy))
-    return found
+            results.append(RecordFinding(name, check, "caution", value, limit, remedy))
+    return results
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:
     """Steps by which the measured is behind the expected, and the correlation there, that of largest size; 0 on a tie."""
     n = measured.size
     most = min(most, n // 4)
-    found = {
+    results = {
         lag: _correlation(measured[max(lag, 0) : n + min(lag, 0)], expected[max(-lag, 0) : n - max(lag, 0)])
         for lag in range(-most, most + 1)
     }
-    lag = max(found, key=lambda key: (abs(found[key]), -abs(key)))
-    return lag, found[lag]
+    lag = max(results, key=lambda key: (abs(results[key]), -abs(key)))
+    return lag, results[lag]
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:

@@ -93,11 +93,11 @@ def sensor_noise(records: Sequence[Record], channels: Sequence[str]) -> dict[str
     Raises:
         InputError: too few samples, or a sensor whose steps are coarser than its noise.
     """
-    found = {}
+    results = {}
     for name in channels:
         sds = [noise_from_high_pass(record.time, record.channel(name)).sd for record in records]
-        found[name] = float(np.sqrt(np.mean(np.square(sds))))
-    return found
+        results[name] = float(np.sqrt(np.mean(np.square(sds))))
+    return results
 
 
 def check_noise(equations: Sequence[AxisEquation], trial: TrialRows, noise: Mapping[str, float]) -> None:
@@ -336,13 +336,13 @@ def _check_collinear(phi: Float[np.ndarray, "m j"], names: Sequence[str], place:
     cosine = np.triu(phi.T @ phi, 1)
     i, j = divmod(int(np.argmax(np.abs(cosine))), len(names))
     if 1 - abs(cosine[i, j]) < COLLINEAR * len(names):
-        found = f"regressors of {names[i]} and {names[j]} with correlation {cosine[i, j]:+.10f}"
+        result = f"regressors of {names[i]} and {names[j]} with correlation {cosine[i, j]:+.10f}"
     else:
         involved = [name for name, weight in zip(names, right[-1], strict=True) if abs(weight) > 0.1]
-        found = f"regressors of {', '.join(involved)} of which one is a combination of the others"
+        result = f"regressors of {', '.join(involved)} of which one is a combination of the others"
     raise InputError(
         place,
-        found=found,
+        found=result,
         expected="terms that the motion tells apart",
         remedy="drop one of them, or give a trial over more speeds or with other controls",
     )

@@ -227,9 +227,9 @@ def _grid(time: np.ndarray) -> np.ndarray:
 def _lagged(values: np.ndarray, at: np.ndarray, lag: int) -> tuple[float, int]:
     """Sum of products of samples that are `lag` places apart, and the number of such pairs."""
     later = np.searchsorted(at, at + lag)
-    found = later < at.size
-    found[found] = at[later[found]] == at[found] + lag
-    return float(values[found] @ values[later[found]]), int(found.sum())
+    result = later < at.size
+    result[result] = at[later[result]] == at[result] + lag
+    return float(values[result] @ values[later[result]]), int(result.sum())
 
 
 def _moves(values: np.ndarray) -> bool:

@@ -104,7 +104,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     if isinstance(vehicle, WholeVehicle):
         model = vehicle.model(structure)
         moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
-        found = ExportedVehicle(
+        result = ExportedVehicle(
             hull.name,
             replace(vehicle.hull, fixed={}),
             moves=moves,
@@ -123,14 +123,14 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             thrust_deduction=hull.thrust_deduction,
             trim=hull.trim,
         )
-        found = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign), **common)
+        result = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign), **common)
         moved = "u"
     source = campaign.source.vehicle.catalogue
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
-    absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
-    absent += found.unknown_drives
-    return found, ExportProvenance(
+    absent = [f"everything about {rate}" for rate in RATES if rate not in result.moves]
+    absent += result.unknown_drives
+    return result, ExportProvenance(
         estimate.key,
         campaign.source.campaign.name,
         f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
@@ -138,8 +138,8 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         tuple(term for term in campaign.full.terms if term not in structure.terms),
         tuple([", ".join(absent)] if absent else []),
         (
-            f"{'body' if found.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
-            *_limit_words(campaign, found),
+            f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
+            *_limit_words(campaign, result),
         ),
         tuple(estimate.alarms),
         _current(estimate),
@@ -179,7 +179,7 @@ def _with_rest(
         thrust_deduction=alone.hull.thrust_deduction,
         trim={**published.hull.trim, **alone.hull.trim},
     )
-    found = replace(
+    result = replace(
         published,
         name=alone.name,
         hull=replace(hull, name=alone.name),
@@ -187,25 +187,25 @@ def _with_rest(
         actuators={**published.actuators, **alone.actuators},
         estimated=alone.estimated,
     )
-    return found, replace(
+    return result, replace(
         provenance,
         sources=(
             *provenance.sources,
             f"{REST} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
             *([f"of {rest} left out, since they act in the campaign's own motion: {' '.join(gone)}"] if gone else []),
         ),
-        absent=(", ".join(found.unknown_drives),) if found.unknown_drives else (),
+        absent=(", ".join(result.unknown_drives),) if result.unknown_drives else (),
     )
 
 
 def _actuators(campaign: Campaign, model: VehicleModel | None = None) -> dict[str, Actuator]:
     """Lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
-    found: dict[str, dict[str, float]] = {}
+    results: dict[str, dict[str, float]] = {}
     for key, value in () if model is None else model.constants:
         if key.startswith("actuator "):
             _, name, part = key.split(" ")
-            found.setdefault(name, {})[part] = value
-    actuators = {name: Actuator(**parts) for name, parts in found.items()}
+            results.setdefault(name, {})[part] = value
+    actuators = {name: Actuator(**parts) for name, parts in results.items()}
     control, limits = campaign.source.design.control, campaign.limits()
     lower, upper, rate = (getattr(limits, key) for key in ("lower", "upper", "rate"))
     if control not in actuators and not (lower is None and upper is None and rate is None):

@@ -36,9 +36,9 @@ def motion_with(vehicle: ExportedVehicle, *forces: Motion) -> Motion:
 
     def accelerate(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         total = np.sum([force(nu, phi, theta, controls) for force in forces], axis=0)
-        found = np.zeros_like(np.asarray(nu, float))
-        found[moving] = np.tensordot(inverse, total[moving], 1)
-        return found
+        result = np.zeros_like(np.asarray(nu, float))
+        result[moving] = np.tensordot(inverse, total[moving], 1)
+        return result
 
     return accelerate
 
@@ -58,20 +58,20 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         nu = np.asarray(nu, float)
         known = {**dict(zip(RATES, nu, strict=True)), "phi": phi, "theta": theta, "psi": 0.0, **controls}
-        found = -coriolis_force(coriolis, nu) + restoring_force(hull.weight - hull.buoyancy, righting, phi, theta)
+        result = -coriolis_force(coriolis, nu) + restoring_force(hull.weight - hull.buoyancy, righting, phi, theta)
         for axis, name, value in acting:
-            found[axis] += value * name.regressor(known, hull.trim)
+            result[axis] += value * name.regressor(known, hull.trim)
         if not vehicle.thrusters and thrust:
             local = {**known, "u": inflow * known["u"]}
-            found[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
+            result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
         for number, thruster in enumerate(vehicle.thrusters, 1):
             if thrust:
                 local = {**known, "n": controls[f"n_{number}"], "u": inflow * thruster.inflow(tuple(nu))}
                 push = sum(value * name.regressor(local, hull.trim) for name, value in thrust)
             else:
                 push = controls[f"f_{number}"]
-            found += share * np.multiply.outer(np.array(thruster.column), push)
-        return found
+            result += share * np.multiply.outer(np.array(thruster.column), push)
+        return result
 
     return force
 

@@ -141,11 +141,11 @@ def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, .
     others = tuple(name for name in thrust if CoefficientName.parse(name).key != _SQUARE.key)
     if not vehicle.thrusters and square is None:
         return (), others
-    found = []
+    results = []
     for number, thruster in enumerate(vehicle.thrusters or (PROPELLER,), 1):
         control = ("f" if square is None else "n") + (f"_{number}" if vehicle.thrusters else "")
         actuator = vehicle.actuators.get(control)
-        found.append(
+        results.append(
             Drive(
                 control,
                 np.array(thruster.place, float),
@@ -156,7 +156,7 @@ def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, .
                 np.inf if actuator is None else actuator.upper,
             )
         )
-    return tuple(found), others
+    return tuple(results), others
 
 
 def drive_name(drive: Drive) -> str:
@@ -166,13 +166,13 @@ def drive_name(drive: Drive) -> str:
 
 def fins_of(terms: Sorted) -> tuple[tuple[Fin, ...], tuple[str, ...]]:
     """Fins made of the terms u^2 delta, and the names of such terms that are no force and moment of one fin."""
-    found, used = [], set()
+    results, used = [], set()
     for control, (axis, moment, sign) in _PAIRS.items():
         lift = terms.fin.get((axis, control), 0.0)
         if lift:
-            found.append(Fin(control, axis, lift, sign * terms.fin.get((moment, control), 0.0) / lift))
+            results.append(Fin(control, axis, lift, sign * terms.fin.get((moment, control), 0.0) / lift))
             used |= {(axis, control), (moment, control)}
-    return tuple(found), tuple(
+    return tuple(results), tuple(
         f"{AXES[axis]}_uu{control}" for axis, control in terms.fin if (axis, control) not in used
     )
 
@@ -183,15 +183,15 @@ def fin_force(fins: tuple[Fin, ...]) -> Motion:
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
         u, v, w = (one + water for one, water in zip(nu[:3], current_in(controls), strict=True))
         q, r = nu[4:]
-        found = np.zeros_like(np.asarray(nu, float))
+        result = np.zeros_like(np.asarray(nu, float))
         for fin in fins:
             across = v + r * fin.place if fin.axis == 1 else w - q * fin.place
             push = np.where(u > 0, fin.lift * np.hypot(u, across), 0.0) * controls.get(fin.control, 0.0)
             sign = 1.0 if fin.axis == 1 else -1.0
-            found[0] -= push * across
-            found[fin.axis] += push * u
-            found[6 - fin.axis] += sign * fin.place * push * u
-        return found
+            result[0] -= push * across
+            result[fin.axis] += push * u
+            result[6 - fin.axis] += sign * fin.place * push * u
+        return result
 
     return force
 

@@ -41,29 +41,29 @@ class Sorted:
 
 def sorted_terms(forces: Mapping[str, float]) -> Sorted:
     """Sort coefficients that are no added masses."""
-    found = Sorted()
+    result = Sorted()
     for text, value in forces.items():
         name = CoefficientName.parse(text)
         if name.axis == "T":
-            found.thrust[text] = value
+            result.thrust[text] = value
             continue
         axis = AXES.index(name.axis) if name.axis in AXES else -1
         plain, moduli, fins = _parts(name)
         if axis < 0 or plain is None:
-            found.other[text] = value
+            result.other[text] = value
         elif len(fins) == 1 and plain == [0, 0] and not moduli:
-            found.fin[axis, fins[0]] = value
+            result.fin[axis, fins[0]] = value
         elif fins:
-            found.other[text] = value
+            result.other[text] = value
         elif len(plain) == 1 and len(moduli) == 1:
-            found.modulus[axis, plain[0], moduli[0]] = value
+            result.modulus[axis, plain[0], moduli[0]] = value
         elif len(plain) == 2 and not moduli:
-            found.product[axis, plain[0], plain[1]] = value
+            result.product[axis, plain[0], plain[1]] = value
         elif len(plain) == 1 and not moduli:
-            found.linear[axis, plain[0]] = value
+            result.linear[axis, plain[0]] = value
         else:
-            found.other[text] = value
-    return found
+            result.other[text] = value
+    return result
 
 
 def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
@@ -73,21 +73,21 @@ def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
 
 def mass_products(matrix: Float[np.ndarray, "6 6"]) -> dict[Pair, float]:
     """Coriolis forces of a mass matrix, as products."""
-    found = {}
+    results = {}
     for product in matrix_products(matrix):
         plain, _, _ = _parts(product.name)
         assert plain is not None
-        found[AXES.index(product.name.axis), plain[0], plain[1]] = product.factor
-    return found
+        results[AXES.index(product.name.axis), plain[0], plain[1]] = product.factor
+    return results
 
 
 def all_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
     """Every product of two velocities but those of the rigid body: named ones, and automatic ones where the vehicle has them."""
-    found = dict(sorted_terms(vehicle.forces).product)
+    results = dict(sorted_terms(vehicle.forces).product)
     if vehicle.added_coriolis == "automatic":
         for key, value in automatic_products(vehicle).items():
-            found[key] = found.get(key, 0.0) + value
-    return found
+            results[key] = results.get(key, 0.0) + value
+    return results
 
 
 def product_name(key: Pair) -> str:
@@ -104,12 +104,12 @@ def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
 
 def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], where: str) -> tuple[str, ...]:
     """One sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
-    found = []
+    results = []
     for key in sorted({*own, *products}):
         here, there = own.get(key, 0.0), products.get(key, 0.0)
         if abs(here - there) > _ROUNDING * max(abs(here), abs(there)):
-            found.append(f"{product_name(key)} = {here:.4g} as {there:.4g}")
-    return (f"products of velocities {where} that the target sets itself: " + ", ".join(found),) if found else ()
+            results.append(f"{product_name(key)} = {here:.4g} as {there:.4g}")
+    return (f"products of velocities {where} that the target sets itself: " + ", ".join(results),) if results else ()
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:
@@ -126,7 +126,7 @@ def added_mass_losses(vehicle: ExportedVehicle, kept: Iterable[str] = ()) -> tup
 
 def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> tuple[str, ...]:
     """Lags, rates and limits that the target's actuators do not have, in words."""
-    found = []
+    results = []
     for name, own in vehicle.actuators.items():
         there = kept.get(name, Actuator(0.0))
         parts = [f"lag {own.time_constant:g} s"] if there.time_constant != own.time_constant else []
@@ -135,8 +135,8 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
         if (there.lower, there.upper) != (own.lower, own.upper):
             parts.append(f"limits {own.lower * factor:.4g} to {own.upper * factor:.4g} {unit}")
         if parts:
-            found.append(f"{' and '.join(parts)} of {name}")
-    return tuple(found)
+            results.append(f"{' and '.join(parts)} of {name}")
+    return tuple(results)
 
 
 def is_asymmetric(vehicle: ExportedVehicle) -> bool:

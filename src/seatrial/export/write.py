@@ -52,8 +52,8 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
     loss = changes(vehicle, before, after)
     drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
-    found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
-    return found._replace(lines=tuple(_lines(vehicle, found, command_line(vehicle, carried, plan))))
+    result = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
+    return result._replace(lines=tuple(_lines(vehicle, result, command_line(vehicle, carried, plan))))
 
 
 def loss_words(loss: Iterable[Change]) -> str:

@@ -173,8 +173,8 @@ def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[i
     dynamic = ", ".join(space.states[: space.n_dynamic])
 
     def sds(channels: list[int]) -> str:
-        found = np.sqrt(report.spread) * np.asarray(space.measurement_sd)
-        return ", ".join(f"{space.outputs[i]} to a standard deviation of {found[i]:.2g} or less" for i in channels)
+        result = np.sqrt(report.spread) * np.asarray(space.measurement_sd)
+        return ", ".join(f"{space.outputs[i]} to a standard deviation of {result[i]:.2g} or less" for i in channels)
 
     low = [i for i, count in enumerate(counts) if report.spread[i] < min(_band(count)[0], 1 - RELEVANT)]
     if low:

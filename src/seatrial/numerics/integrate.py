@@ -52,8 +52,8 @@ def rk4_looped(rate: Rate, state: State, step: Any) -> State:
         return (sums, _moved(start, rates, ahead * step)), None
 
     shares = jnp.array([1 / 6, 1 / 3, 1 / 3, 1 / 6], kind), jnp.array([0.5, 0.5, 1.0, 0.0], kind)
-    (found, _), _ = jax.lax.scan(stage, (start, start), shares)
-    return found
+    (result, _), _ = jax.lax.scan(stage, (start, start), shares)
+    return result
 
 
 def euler_step(rate: Rate, state: State, step: Any) -> State:

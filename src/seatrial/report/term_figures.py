@@ -41,8 +41,8 @@ def term_figures(
     campaign: Campaign, selection: Selection, screened: Screened | None, contenders: Contenders | None
 ) -> list[TermFigure]:
     """Draw what there is."""
-    found = _of_screening(campaign, selection, screened) if screened is not None else []
-    return found if contenders is None else [*found, _gap(contenders)]
+    result = _of_screening(campaign, selection, screened) if screened is not None else []
+    return result if contenders is None else [*result, _gap(contenders)]
 
 
 def symbol(term: str) -> str:

@@ -104,18 +104,18 @@ def moves_for(dim: int) -> int:
 
 def _living(target: Target, key: jax.Array, live: int) -> tuple[Array, float]:
     """Draws of the prior with a finite likelihood, and their share."""
-    kept, drawn, found = [], 0, 0
-    while found < live:
+    kept, drawn, result = [], 0, 0
+    while result < live:
         z = target.sample_prior(jax.random.fold_in(key, drawn), live)
         finite = np.isfinite(np.asarray(_log_likelihoods(target, z)))
         kept.append(np.asarray(z)[finite])
-        drawn, found = drawn + live, found + int(finite.sum())
+        drawn, result = drawn + live, result + int(finite.sum())
         if drawn >= ALIVE_DRAWS * live:
             raise NumericalError(
-                f"only {found} of {drawn} draws from the prior have a finite likelihood: under this prior the model diverges. "
+                f"only {result} of {drawn} draws from the prior have a finite likelihood: under this prior the model diverges. "
                 "Narrow the prior to damping that dissipates (negative coefficients), or check units."
             )
-    return jnp.asarray(np.concatenate(kept)[:live]), found / drawn
+    return jnp.asarray(np.concatenate(kept)[:live]), result / drawn
 
 
 def _integrate(

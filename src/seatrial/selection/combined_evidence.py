@@ -112,11 +112,11 @@ def further_modes(
             if any(rises(posterior, start, mode.z) for mode in modes):
                 continue
             try:
-                found = climb(posterior, start)
+                result = climb(posterior, start)
             except NumericalError:
                 continue
-            if _is_new(modes, found.z[None], np.array([found.log_density]))[0]:
-                modes.append(found)
+            if _is_new(modes, result.z[None], np.array([result.log_density]))[0]:
+                modes.append(result)
     return tuple(modes[1:])
 
 
@@ -245,12 +245,12 @@ class Gathering:
         following = iter(self._following, None)
         return [*asked, *following]
 
-    def add(self, found: EvidenceRun | Weighed) -> Piece | None:
+    def add(self, result: EvidenceRun | Weighed) -> Piece | None:
         """Keep what was found, and return what can be done now, if anything can."""
-        if isinstance(found, Weighed):
-            self.weighed = found
+        if isinstance(result, Weighed):
+            self.weighed = result
         else:
-            self.runs[found.repeat] = found
+            self.runs[result.repeat] = result
         return self._following()
 
     def evidence(self) -> Evidence:

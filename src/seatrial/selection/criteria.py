@@ -263,10 +263,10 @@ def maximise_likelihood(posterior: Posterior, mode: Mode) -> Maximum:
     start = fall(np.zeros(mode.z.size))[0]
     if start == _REFUSED:
         raise NumericalError("the likelihood is zero or has no derivative at the mode: it is not of this posterior")
-    found = minimize(fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200})
-    x = found.x if found.fun <= start else np.zeros(mode.z.size)
+    result = minimize(fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200})
+    x = result.x if result.fun <= start else np.zeros(mode.z.size)
     values = np.asarray(posterior.constrain(jnp.asarray(mode.z + scale @ x)))
-    return Maximum(values, -float(min(found.fun, start)))
+    return Maximum(values, -float(min(result.fun, start)))
 
 
 def aic(log_likelihood: Float[np.ndarray, " n"], parameters: int) -> PredictiveCriterion:

@@ -183,9 +183,9 @@ def refit(proposals: Sequence[ProposalComponent], weights: Weights) -> list[Prop
 
     Of several, a draw belongs to each as far as each is likely to have made it, and half of the draws are shared by what was found.
     """
-    found = np.exp(weights.smoothed - _log_sum(weights.smoothed))
+    result = np.exp(weights.smoothed - _log_sum(weights.smoothed))
     log_shares = _log_shares(proposals, weights.z)
-    belongs = found * np.exp(log_shares - logsumexp(log_shares, 0))
+    belongs = result * np.exp(log_shares - logsumexp(log_shares, 0))
     return [_refitted(one, part, weights.z, len(proposals)) for one, part in zip(proposals, belongs, strict=True)]
 
 

@@ -83,8 +83,8 @@ def _check(posterior: Posterior, mode: Mode, key: jax.Array, draws: int) -> _Che
         weights: Weights = weigh(posterior, [laplace_proposal(mode)], key, draws)
     except NumericalError:
         return _Check(float("nan"), float("nan"), 0.0, float("nan"))
-    found = evidence_of(weights)
-    return _Check(float(found.log_value - mode.log_evidence), found.std_error, weights.ess, weights.k_hat)
+    result = evidence_of(weights)
+    return _Check(float(result.log_value - mode.log_evidence), result.std_error, weights.ess, weights.k_hat)
 
 
 def _complaints(mode: Mode, check: _Check, bounded: tuple[str, ...]) -> list[str]:

@@ -233,16 +233,16 @@ def _explain_empty(
     for term in allowed:
         check_measured(term, signals, f"{place}, family {family}")
     if allowed:
-        found = f"{allowed[0]}, a change of {', '.join(allowed[0].trim_signals)} from a trim that is not known"
+        result = f"{allowed[0]}, a change of {', '.join(allowed[0].trim_signals)} from a trim that is not known"
         remedy = "give the trim, or leave the family out"
     elif any_at_all:
-        found, remedy = (
+        result, remedy = (
             "only terms that port-starboard symmetry forbids",
             "leave the family out, or say symmetric = false",
         )
     else:
-        found, remedy = "no term", "leave the family out"
-    raise InputError(f"{place}, family {family}", found=found, expected="at least one term", remedy=remedy)
+        result, remedy = "no term", "leave the family out"
+    raise InputError(f"{place}, family {family}", found=result, expected="at least one term", remedy=remedy)
 
 
 def _check_extra(

@@ -77,9 +77,9 @@ def log_likelihoods(
             best = max(best, float(np.max(_log_likelihoods(posterior, values[promising]))))
         kept = np.flatnonzero(bound >= best - MARGIN)
         draw, bound = draw[kept], bound[kept]
-    found = np.full(n, -np.inf)
-    found[draw] = np.where(bound > _NEVER, bound, -np.inf)
-    return found
+    result = np.full(n, -np.inf)
+    result[draw] = np.where(bound > _NEVER, bound, -np.inf)
+    return result
 
 
 @jax.jit

@@ -118,19 +118,19 @@ def sensitivity(
     options = {**options, "top": 2}
     base = subset_posterior(stats, prior, names, **options)
     pair = [base.numbers(rank) for rank in range(base.structures.size)]
-    found, factors = [], []
+    results, factors = [], []
     for scale in scales:
         scaled = prior.scaled(scale)
-        found.append(subset_posterior(stats, scaled, names, **options))
+        results.append(subset_posterior(stats, scaled, names, **options))
         logs = [evidence_of(stats, scaled, structure).log_evidence for structure in pair]
         factors += [logs[0] - logs[1]] if len(logs) == 2 else []
     return Sensitivity(
         base.names,
         np.asarray(scales, float),
-        np.array([one.inclusion for one in found]),
-        np.array([one.mean for one in found]),
-        np.array([one.structures[0] for one in found]),
-        np.array([one.probability[0] for one in found]),
+        np.array([one.inclusion for one in results]),
+        np.array([one.mean for one in results]),
+        np.array([one.structures[0] for one in results]),
+        np.array([one.probability[0] for one in results]),
         tuple(base.terms(rank) for rank in range(len(pair))),
         np.array(factors),
     )

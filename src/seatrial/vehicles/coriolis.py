@@ -27,13 +27,13 @@ class Product(NamedTuple):
 
 def entry_products(row: int, column: int) -> list[Product]:
     """Forces of a unit entry of the mass matrix."""
-    found = []
+    results = []
     for axis, turning in _crosses(row):
         first, second = sorted((turning, column))
         power = f"{RATES[first]}2" if first == second else RATES[first] + RATES[second]
         sign = _SIGN[axis % 3, turning % 3, row % 3]
-        found.append(Product(CoefficientName.parse(f"{AXES[axis]}_{power}"), -sign))
-    return found
+        results.append(Product(CoefficientName.parse(f"{AXES[axis]}_{power}"), -sign))
+    return results
 
 
 def matrix_products(matrix: Float[np.ndarray, "6 6"]) -> list[Product]:

@@ -53,7 +53,7 @@ def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: floa
     given = u if u is not None else n
     rates, jacobian = _level_rates(model, u is not None)
     first = np.copysign(100.0, u) if u is not None else _level_speed(model, params, n)
-    found = root(
+    result = root(
         rates,
         np.array([first, 0.0, 0.0, 0.0]),
         args=(given, dict(params)),
@@ -61,15 +61,15 @@ def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: floa
         method="lm",
         options={"xtol": 1e-15, "ftol": 1e-15},
     )
-    residual = float(np.abs(rates(found.x, given, dict(params))).max())
-    if not (residual < 1e-9 and np.abs(found.x[2:]).max() < np.pi / 3):
+    residual = float(np.abs(rates(result.x, given, dict(params))).max())
+    if not (residual < 1e-9 and np.abs(result.x[2:]).max() < np.pi / 3):
         raise InputError(
             where,
-            found=f"accelerations down to {residual:.3g} at pitch {found.x[2]:.3g} rad and stern plane {found.x[3]:.3g} rad",
+            found=f"accelerations down to {residual:.3g} at pitch {result.x[2]:.3g} rad and stern plane {result.x[3]:.3g} rad",
             expected="an equilibrium in level flight",
             remedy="go faster, trim the buoyancy, or check the signs of the coefficients of Z and M",
         )
-    state, control = _level(model, u is not None, found.x, given)
+    state, control = _level(model, u is not None, result.x, given)
     return Trim(tuple(float(x) for x in state), tuple(float(x) for x in control))
 
 

@@ -55,8 +55,8 @@ def commands_for(
         InputError: no thrusts make it.
     """
     matrix = allocation(thrusters)
-    found = np.linalg.pinv(matrix) @ wanted
-    missing = np.abs(matrix @ found - wanted).max()
+    result = np.linalg.pinv(matrix) @ wanted
+    missing = np.abs(matrix @ result - wanted).max()
     if missing > tolerance * max(1.0, float(np.abs(wanted).max())):
         raise InputError(
             "thruster allocation",
@@ -64,4 +64,4 @@ def commands_for(
             expected="one within the range of the allocation matrix",
             remedy="ask for no force or moment on an axis that no thruster drives",
         )
-    return found
+    return result

@@ -70,21 +70,21 @@ def forces_of(
     names = thruster_controls(len(thrusters), commanded_force=not thrust)
 
     def forces(values: Mapping[str, Any], known: Mapping[str, Any], velocity: tuple) -> list[Any]:
-        found: list[Any] = [0.0] * 6
+        results: list[Any] = [0.0] * 6
         made: dict[tuple, Any] = {}
         for name, parts in sums.items():
             if name.key not in made:
                 made[name.key] = name.regressor(known, hull.trim)
             axis = AXES.index(name.axis)
             scale = total((constant.get(name, 0.0), *(times(factor, values[text]) for factor, text in parts)))
-            found[axis] = total((found[axis], times(scale, made[name.key])))
+            results[axis] = total((results[axis], times(scale, made[name.key])))
         for thruster, control, column in zip(thrusters, names, columns, strict=True):
             push = known[control]
             if thrust:
                 local = {**known, "n": push, "u": times(inflow, thruster.inflow(velocity))}
                 push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
-            found = [total((force, times(x, push))) for force, x in zip(found, column, strict=True)]
-        return found
+            results = [total((force, times(x, push))) for force, x in zip(results, column, strict=True)]
+        return results
 
     return forces
 
@@ -125,7 +125,7 @@ def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientNa
     }
 
     def solve(values: Mapping[str, Any], forces: Sequence[Any]) -> list[Any]:
-        found: dict[int, Any] = {}
+        results: dict[int, Any] = {}
         for group in groups:
             right = [forces[i] if len(group) == 1 else _computed_once(forces[i]) for i in group]
             if group in inverses:
@@ -133,8 +133,8 @@ def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientNa
             else:
                 rows = [[_entry(float(constant[i, j]), named.get((i, j), ()), values) for j in group] for i in group]
                 rates = _eliminate(rows, right)
-            found.update(zip(group, rates, strict=True))
-        return [found[i] for i in moving]
+            results.update(zip(group, rates, strict=True))
+        return [results[i] for i in moving]
 
     return solve
 
@@ -182,11 +182,11 @@ def _eliminate(rows: list[list[Any]], right: list[Any]) -> list[Any]:
             for j in range(k + 1, n):
                 rows[i][j] = total((rows[i][j], -times(share, rows[k][j])))
             right[i] = total((right[i], -times(share, right[k])))
-    found: list[Any] = [0.0] * n
+    result: list[Any] = [0.0] * n
     for i in reversed(range(n)):
-        known = (-times(rows[i][j], found[j]) for j in range(i + 1, n))
-        found[i] = total((right[i], *known)) / rows[i][i]
-    return found
+        known = (-times(rows[i][j], result[j]) for j in range(i + 1, n))
+        result[i] = total((right[i], *known)) / rows[i][i]
+    return result
 
 
 def whole_vehicle(

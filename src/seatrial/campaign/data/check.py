@@ -17,7 +17,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
-    Finding,
+    RecordFinding,
     check_excitation,
     check_motion,
     check_samples,
@@ -40,7 +40,7 @@ class RecordJudgement:
     """
 
     record: Record
-    findings: tuple[Finding, ...]
+    findings: tuple[RecordFinding, ...]
     cautions: tuple[str, ...]
 
     @property
@@ -85,7 +85,9 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     if not np.isfinite(expected).all():
         remedy = "narrow the priors, so that the vehicle at their means can be simulated over this record"
         findings.append(
-            Finding("motion", "direction", "caution", "the vehicle at the prior means runs away", "finite", remedy)
+            RecordFinding(
+                "motion", "direction", "caution", "the vehicle at the prior means runs away", "finite", remedy
+            )
         )
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
     usual, unsaid = float(np.median(step[:-1])), []
@@ -104,7 +106,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
 
 def _excitation(
     plan: TrialPlan, priors: tuple[Prior, ...], values: np.ndarray, control: np.ndarray, about: str = ""
-) -> list[Finding]:
+) -> list[RecordFinding]:
     """What the record can tell, linearised at some values of the coefficients."""
     before = np.array([float(prior.sd) for prior in priors])
     information = np.asarray(plan.information(values, control))
@@ -114,7 +116,7 @@ def _excitation(
 
 def _excitation_as_moved(
     record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
-) -> list[Finding]:
+) -> list[RecordFinding]:
     """The same where the vehicle at the prior means does not move as this one did: at a fit of the measured motion."""
     found = first_guess(plan.model, [record], [tuple(plan.start)], dict(zip(plan.names, priors, strict=True)))
     if found:
@@ -126,7 +128,7 @@ def _excitation_as_moved(
     )
     value = "not judged; the vehicle at the prior means does not move as this one did"
     remedy = "priors of known sign would say"
-    return [Finding("all", "excitation", "note", value, f"but {reason}", remedy)]
+    return [RecordFinding("all", "excitation", "note", value, f"but {reason}", remedy)]
 
 
 @jax.jit

@@ -184,21 +184,21 @@ def _drift_force(vehicle: ExportedVehicle) -> Motion:
 
 def plugin_terms(vehicle: ExportedVehicle, engine: str) -> dict[str, float]:
     """Parameters of the hydrodynamics plugin by element."""
-    terms, found = sorted_terms(vehicle.forces), {}
+    terms, results = sorted_terms(vehicle.forces), {}
     if engine == "other":
         for i, j in np.argwhere(vehicle.added_mass != 0):
-            found[f"{_axis(i)}Dot{_rate(j)}"] = -float(flip(vehicle.added_mass)[i, j])
+            results[f"{_axis(i)}Dot{_rate(j)}"] = -float(flip(vehicle.added_mass)[i, j])
     for (i, j), value in terms.linear.items():
-        found[f"{_axis(i)}{_rate(j)}"] = value * SIGN[i] * SIGN[j]
+        results[f"{_axis(i)}{_rate(j)}"] = value * SIGN[i] * SIGN[j]
     for (i, j, k), value in terms.modulus.items():
-        found[f"{_axis(i)}{_rate(j)}abs{_rate(k)}"] = value * SIGN[i] * SIGN[j]
+        results[f"{_axis(i)}{_rate(j)}abs{_rate(k)}"] = value * SIGN[i] * SIGN[j]
     own, made = all_products(vehicle), automatic_products(vehicle) if engine == "dart" else {}
     for key in sorted({*own, *made}):
         i, j, k = key
         here, there = own.get(key, 0.0), made.get(key, 0.0)
         if abs(here - there) > 1e-12 * max(abs(here), abs(there)):
-            found[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (here - there) * SIGN[i] * SIGN[j] * SIGN[k]
-    return found
+            results[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (here - there) * SIGN[i] * SIGN[j] * SIGN[k]
+    return results
 
 
 def _axis(i: int) -> str:

@@ -289,13 +289,13 @@ def drag_force(solid: Solid, density: float) -> Motion:
         speed = np.sqrt(np.einsum("ij,ij->i", water, water))
         push = (areas * speed * np.maximum(0.0, -across))[:, None] * water
         skin = areas[:, None] * (water - across[:, None] * normals)
-        found = np.zeros(6)
+        result = np.zeros(6)
         for faces, by in ((push, 0.5 * density * solid.quadratic), (skin, density * solid.viscous)):
-            found[:3] += _weighed(faces.sum(axis=0), by)
+            result[:3] += _weighed(faces.sum(axis=0), by)
             spread = arms.T @ faces
-            found[3:] += _weighed(np.array([spread[i - 2, i - 1] - spread[i - 1, i - 2] for i in range(3)]), by)
-        found[3:] += np.cross(solid.centre, found[:3])
-        return found
+            result[3:] += _weighed(np.array([spread[i - 2, i - 1] - spread[i - 1, i - 2] for i in range(3)]), by)
+        result[3:] += np.cross(solid.centre, result[:3])
+        return result
 
     return force
 
@@ -324,9 +324,9 @@ def rudder_force(fin: Fin) -> Motion:
 def rudders_of(vehicle: ExportedVehicle) -> tuple[Fin, ...]:
     """Fins that turn, and at the origin fixed ones that give the lift Y_uv and Z_uw that those leave."""
     terms = sorted_terms(vehicle.forces)
-    found = fins_of(terms)[0]
-    rest = {axis: -terms.product.get((axis, 0, axis), 0.0) - _lift(found, axis) for axis in (1, 2)}
-    return found + tuple(Fin(f"{_HULL}{RATES[axis]}", axis, lift, 0.0) for axis, lift in rest.items() if lift > 0)
+    result = fins_of(terms)[0]
+    rest = {axis: -terms.product.get((axis, 0, axis), 0.0) - _lift(result, axis) for axis in (1, 2)}
+    return result + tuple(Fin(f"{_HULL}{RATES[axis]}", axis, lift, 0.0) for axis, lift in rest.items() if lift > 0)
 
 
 def _weighed(vector: Float[np.ndarray, " 3"], by: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
@@ -351,13 +351,13 @@ def _named(vehicle: ExportedVehicle, solid: Solid) -> set[str]:
     """Forces of the vehicle that the target has in one form or another."""
     terms = sorted_terms(vehicle.forces)
     drives, other = drives_of(vehicle)
-    found = {name for name in terms.thrust if drives and drives[0].factor is not None and name not in other}
-    found |= {name for fin in rudders_of(vehicle) for name in _fin_terms(fin)}
+    results = {name for name in terms.thrust if drives and drives[0].factor is not None and name not in other}
+    results |= {name for fin in rudders_of(vehicle) for name in _fin_terms(fin)}
     for i in range(6):
         own = f"{AXES[i]}_{RATES[i]}"
-        found |= {f"{own}abs{RATES[i]}"} if i in (0, 3, 4, 5) or not solid.cruises else set()
-        found |= {own}
-    return found
+        results |= {f"{own}abs{RATES[i]}"} if i in (0, 3, 4, 5) or not solid.cruises else set()
+        results |= {own}
+    return results
 
 
 def _turning(vehicle: ExportedVehicle, solid: Solid) -> list[str]:
@@ -374,14 +374,14 @@ def _turning_inertia(vehicle: ExportedVehicle) -> Float[np.ndarray, " 3"]:
 def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
     """Those of the thrusters, with their lags, and of the fins, which act at once; limits are the same both ways."""
     drives, fins = {drive.control for drive in drives_of(vehicle)[0]}, {fin.control for fin in rudders_of(vehicle)}
-    found = {}
+    results = {}
     for name, one in vehicle.actuators.items():
         top = max(abs(one.lower), abs(one.upper))
         if name in drives:
-            found[name] = Actuator(one.time_constant, -top, top)
+            results[name] = Actuator(one.time_constant, -top, top)
         elif name in fins:
-            found[name] = Actuator(0.0, -top, top)
-    return found
+            results[name] = Actuator(0.0, -top, top)
+    return results
 
 
 @lru_cache(1)
@@ -407,11 +407,11 @@ def _cut(vertices: list[Float[np.ndarray, " 3"]], faces: list[tuple[int, int, in
             vertices.append((vertices[one] + vertices[other]) / 2)
         return middles[edge]
 
-    found = []
+    results = []
     for a, b, c in faces:
         ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
-        found += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return found
+        results += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return results
 
 
 _PART = "".join(f"v {x} {y} {z}\n" for x in (-0.01, 0.01) for y in (-0.05, 0.05) for z in (-0.05, 0.05)) + "".join(

@@ -172,21 +172,21 @@ def plugin_of(vehicle: ExportedVehicle) -> Plugin:
 def _shift(centre: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
     """H: velocities at the origin from those at the centre."""
     x, y, z = centre
-    found = np.eye(6)
-    found[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    return found
+    result = np.eye(6)
+    result[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    return result
 
 
 def _products_of(tensor: Float[np.ndarray, "6 6 6"]) -> dict[Pair, float]:
     """Products with ascending velocities; what is rounding beside the largest of its axis is left out."""
-    found = {}
+    results = {}
     for i in range(6):
         for j in range(6):
             for k in range(j, 6):
                 value = tensor[i, j, k] + (tensor[i, k, j] if k > j else 0.0)
                 if abs(value) > 1e-12 * np.abs(tensor[i]).max():
-                    found[i, j, k] = float(value)
-    return found
+                    results[i, j, k] = float(value)
+    return results
 
 
 def _plugin_force(plugin: Plugin) -> Motion:
@@ -195,9 +195,9 @@ def _plugin_force(plugin: Plugin) -> Motion:
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
         there = np.tensordot(back, np.asarray(nu, float), 1)
-        found = np.tensordot(plugin.linear, there, 1) + there[0] * np.tensordot(plugin.forward, there, 1)
-        found = found + (plugin.quadratic * (np.abs(there) * there).T).T - coriolis_force(plugin.added, there)
-        return np.tensordot(back.T, found, 1)
+        result = np.tensordot(plugin.linear, there, 1) + there[0] * np.tensordot(plugin.forward, there, 1)
+        result = result + (plugin.quadratic * (np.abs(there) * there).T).T - coriolis_force(plugin.added, there)
+        return np.tensordot(back.T, result, 1)
 
     return force
 

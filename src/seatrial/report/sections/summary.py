@@ -225,7 +225,7 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
         groups.setdefault(_NUMBER.sub("#", name.sub("§", text)), []).append(text)
     said = []
     for first, *others in groups.values():
-        names = [found for other in others if (found := tuple(dict.fromkeys(name.findall(other))))]
+        names = [result for other in others if (result := tuple(dict.fromkeys(name.findall(other))))]
         listed = [Markup(" with ").join(label_html(labels[n]) for n in group) for group in dict.fromkeys(names)]
         likewise = Markup(" Likewise {}.").format(Markup(", ").join(listed)) if names else ""
         said += (
@@ -238,7 +238,7 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
 
 def _health(outcome: Outcome, index: int) -> dict[str, Any]:
     estimate, evidence = outcome.estimates[index], outcome.selection.evidences[index]
-    data, found = estimate.data, evidence.diagnostics["methods"]
+    data, result = estimate.data, evidence.diagnostics["methods"]
     worst = int(np.argmax(np.nan_to_num(data["r_hat"].values, nan=np.inf)))
     r_hat, ess = (
         float(data["r_hat"].values[worst]),
@@ -256,10 +256,10 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
         "acceptance": percent(float(data.attrs["acceptance"])),
         "laplace": f"{float(data.attrs['laplace_log_evidence']):.1f}",
         "evidences": [
-            f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := found.get(name)) else "–"
+            f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := result.get(name)) else "–"
             for name in _methods(outcome)
         ],
-        "apart": short(max(abs(one["joint_errors"]) for one in found.values()), 2),
+        "apart": short(max(abs(one["joint_errors"]) for one in result.values()), 2),
         "evidence_bad": bool(evidence.status),
     }
 

@@ -205,15 +205,15 @@ class Best:
     def offer(self, scores: Float[np.ndarray, "m lanes"], lane: int, shift: int) -> None:
         """Look at a block: its structure in row i and lane j has the number (i << shift) + lane + j."""
         flat = scores.ravel()
-        found = np.flatnonzero((flat >= self._threshold) & (flat > -np.inf))
-        found = found[_top(flat[found], self._most)]
-        if not found.size:
+        result = np.flatnonzero((flat >= self._threshold) & (flat > -np.inf))
+        result = result[_top(flat[result], self._most)]
+        if not result.size:
             return
-        row, column = np.divmod(found, scores.shape[1])
+        row, column = np.divmod(result, scores.shape[1])
         with self._lock:
-            self._scores.append(flat[found])
+            self._scores.append(flat[result])
             self._codes.append((row << shift) + lane + column)
-            self._held += found.size
+            self._held += result.size
             if self._held > 4 * self._most:
                 self._compact()
 
@@ -348,8 +348,8 @@ def all_subsets(
         raise no_structure()
     lane_chance = np.exp(_log_chance(np.arange(2**fixed), chance[:fixed]))
     log_mass = float(np.log(lane_chance @ sums.chance))
-    found = _collect(candidates, problem, outer, sums.rescaled(), best, log_mass)
-    return SubsetPosterior(stats=stats, prior=prior, **found)
+    result = _collect(candidates, problem, outer, sums.rescaled(), best, log_mass)
+    return SubsetPosterior(stats=stats, prior=prior, **result)
 
 
 def _by_turns(shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
@@ -406,9 +406,9 @@ def _averages(problem: Problem, outer: SubsetElimination, sums: LaneSums, order:
     """Moments of the coefficients from those of the lanes, in the order of the library."""
     moment = outer.gather_moments(sums.moment)[..., 0]
     spread, corner = outer.gather_spreads(sums.spread, sums.corner)
-    found = averages(problem, moment, spread[..., 0], float(corner[0]))
+    result = averages(problem, moment, spread[..., 0], float(corner[0]))
     square = np.ix_(order, order)
-    return Averages(found.mean[order], found.within[square], found.between[square])
+    return Averages(result.mean[order], result.within[square], result.between[square])
 
 
 def _parts(problem: Problem, terms: slice) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -183,19 +183,19 @@ def sample_subsets(
         renormalised[term] = weight[evaluated.codes >> np.uint64(term) & np.uint64(1) == 1].sum()
     covered = min(float(np.exp(np.logaddexp.reduce(evaluated.scores) - log_total)), 1.0)
     held = covered * float(weight[most].sum())
-    found = _by_visits(candidates, problem, seen, owner, moves)
-    errors = found.pop("errors")
+    result = _by_visits(candidates, problem, seen, owner, moves)
+    errors = result.pop("errors")
     if held >= HELD:
         listed = Chains(problem, units, candidates.free, rules, evaluated.codes[most], most.size, random)
         share = weight[most] / weight[most].sum()
-        found = _averaged(candidates, problem, sums_over(listed.matrix, listed.present().astype(float), share))
+        result = _averaged(candidates, problem, sums_over(listed.matrix, listed.present().astype(float), share))
         errors["inclusion_error"] = np.full(len(candidates.names), 1 - held)
-        errors["mean_error"] = (1 - held) * np.sqrt(np.diag(found["within"] + found["between"]) + found["mean"] ** 2)
+        errors["mean_error"] = (1 - held) * np.sqrt(np.diag(result["within"] + result["between"]) + result["mean"] ** 2)
         status = ""
     else:
-        status = _status(candidates.names, found["inclusion"], renormalised, covered, errors)
+        status = _status(candidates.names, result["inclusion"], renormalised, covered, errors)
         # chains that have hardly seen a rare structure agree too well: the evidences know of it
-        unexplained = np.maximum(np.abs(found["inclusion"] - renormalised) - (1 - covered), 0.0)
+        unexplained = np.maximum(np.abs(result["inclusion"] - renormalised) - (1 - covered), 0.0)
         errors["inclusion_error"] = np.hypot(errors["inclusion_error"], unexplained)
     return SubsetPosterior(
         names=candidates.names,
@@ -215,7 +215,7 @@ def sample_subsets(
             status=status,
             **errors,
         ),
-        **found,
+        **result,
     )
 
 
@@ -232,17 +232,17 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
         sums=StructureSums(np.zeros((k, k)), np.zeros((k + 1, k + 1)), np.zeros((k, k)), np.zeros(1)),
         inside=np.zeros(chains),
     )
-    found, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
-    before, at = found, np.arange(chains)[:, None]
+    result, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
+    before, at = result, np.arange(chains)[:, None]
     visits = []
     for now in range(moves):
         move = walkers.move()
         fresh.append((move.codes, move.scores))
         if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH == 0:
             walkers.refresh()
-            found, fresh = _merge(found, fresh), []
+            result, fresh = _merge(result, fresh), []
         if now == half - 1:
-            before = found
+            before = result
         if now < warmup:
             continue
         cold = walkers.cold
@@ -255,7 +255,7 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
         if now % EVERY == 0:
             _look(walkers, there, seen)
     seen.inside[:] = np.isin(np.array(visits), before.codes).sum(0)
-    return seen, before, found
+    return seen, before, result
 
 
 def sums_over(
@@ -338,20 +338,20 @@ def _exactly(
 def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
     """Averages over the visits, in the order of the library, and their errors."""
     free, chains, d = candidates.free, seen.mean.shape[0], len(candidates.names)
-    found, looks = _averaged(candidates, problem, seen.sums), seen.sums.moment[-1, -1]
+    result, looks = _averaged(candidates, problem, seen.sums), seen.sums.moment[-1, -1]
     draws, chance = seen.draws[:, owner], seen.chance[:, owner]
     error, r_hat = np.zeros(d), np.ones(d)
-    inclusion = found["inclusion"]
+    inclusion = result["inclusion"]
     inclusion[free] = value = chance.sum(0) / draws.sum(0)
     error[free] = (chance - value * draws).std(0, ddof=1) / draws.mean(0) / np.sqrt(chains)
     r_hat[free] = presence_r_hat(seen.presence, moves)
     sure = candidates.sure
-    found["joint"][np.ix_(sure, free)], found["joint"][np.ix_(free, sure)] = value, value[:, None]
-    np.fill_diagonal(found["joint"], inclusion)
+    result["joint"][np.ix_(sure, free)], result["joint"][np.ix_(free, sure)] = value, value[:, None]
+    np.fill_diagonal(result["joint"], inclusion)
     up = np.vstack([problem.slope[:, :-1], np.eye(len(free))]) * problem.scale
     each = seen.mean * chains / looks @ up.T
     mean_error = (each.std(0, ddof=1) / np.sqrt(chains))[_library_order(candidates)]
-    return {**found, "errors": {"inclusion_error": error, "r_hat": r_hat, "mean_error": mean_error}}
+    return {**result, "errors": {"inclusion_error": error, "r_hat": r_hat, "mean_error": mean_error}}
 
 
 def _averaged(candidates: Candidates, problem: Problem, sums: StructureSums) -> dict[str, Any]:
@@ -361,14 +361,14 @@ def _averaged(candidates: Candidates, problem: Problem, sums: StructureSums) -> 
     joint = np.ones((d, d))
     joint[np.ix_(free, free)] = share
     joint[np.ix_(sure, free)], joint[np.ix_(free, sure)] = np.diag(share), np.diag(share)[:, None]
-    found, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(candidates)
+    result, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(candidates)
     square = np.ix_(order, order)
     return {
         "inclusion": np.diag(joint).copy(),
         "joint": joint,
-        "mean": found.mean[order],
-        "within": found.within[square],
-        "between": found.between[square],
+        "mean": result.mean[order],
+        "within": result.within[square],
+        "between": result.between[square],
     }
 
 
@@ -414,10 +414,10 @@ def _look(walkers: Chains, there: np.ndarray, seen: Visits) -> None:
         total[:] += part
 
 
-def _merge(found: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
+def _merge(result: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
     """Add structures, each once and only if it is allowed."""
-    codes = np.concatenate([found.codes, *(codes.ravel() for codes, _ in fresh)])
-    scores = np.concatenate([found.scores, *(scores.ravel() for _, scores in fresh)])
+    codes = np.concatenate([result.codes, *(codes.ravel() for codes, _ in fresh)])
+    scores = np.concatenate([result.scores, *(scores.ravel() for _, scores in fresh)])
     kept = scores > -np.inf
     codes, first = np.unique(codes[kept], return_index=True)
     return Evaluated(codes, scores[kept][first])

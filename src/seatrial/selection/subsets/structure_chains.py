@@ -182,8 +182,8 @@ class Chains:
             corners.append(small[-1, -1].copy())
             determinants.append(determinant)
         scores = problem.constant - problem.shape * np.log(np.array(corners)) - 0.5 * np.array(determinants)
-        found = np.array(codes)
-        return found, np.where(self._rules.allowed(found), scores, -np.inf)
+        result = np.array(codes)
+        return result, np.where(self._rules.allowed(result), scores, -np.inf)
 
     def _sweep(self, which: np.ndarray, columns: np.ndarray | int) -> None:
         """Sweep the matrices of some chains on one column each."""

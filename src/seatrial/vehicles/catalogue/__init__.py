@@ -294,12 +294,12 @@ def _lengths(texts: Sequence[str], where: str) -> tuple[float, float, float]:
 
 
 def _actuators(table: dict[str, Any], where: str) -> dict[str, Actuator]:
-    found = {}
+    results = {}
     for name in dict.fromkeys((*table.get("limits", {}), *table.get("lags", {}), *table.get("rates", {}))):
         unit = signal_unit(name)
         lower, upper = table.get("limits", {}).get(name, (None, None))
         lag, rate = table.get("lags", {}).get(name), table.get("rates", {}).get(name)
         limits = {} if lower is None else {"lower": quantity(lower, unit, where), "upper": quantity(upper, unit, where)}
         limits |= {} if rate is None else {"rate": quantity(rate, f"{unit}/s", where)}
-        found[name] = Actuator(0.0 if lag is None else quantity(lag, "s", where), **limits)
-    return found
+        results[name] = Actuator(0.0 if lag is None else quantity(lag, "s", where), **limits)
+    return results
