@@ -90,7 +90,7 @@ def table_6_part(study: Study, full: bool) -> xr.Dataset:
 
 
 def starts_part(study: Study) -> xr.Dataset:
-    """How long a chain takes to arrive from the paper's first estimates, half the truth, and from the posterior mode."""
+    """Return how long a chain takes to arrive from the paper's first estimates, half the truth, and from the posterior mode."""
     posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
     mode = find_mode(posterior, study.random_key("mode"))
     half = [0.5 * study.reading.truth.get(name, study.reading.sigma) for name in posterior.names]
@@ -232,7 +232,7 @@ def _truth(reading: Reading, names: tuple[str, ...]) -> Float[np.ndarray, " d"]:
 
 
 def _raw_acf(x: np.ndarray) -> np.ndarray:
-    """Products of the draws as they are, their mean left in: near 1 at every lag unless the mean is near 0."""
+    """Return the products of the draws as they are, their mean left in: near 1 at every lag unless the mean is near 0."""
     return np.array([x[lag:] @ x[: x.size - lag] for lag in range(LAGS + 1)]) / (x @ x)
 
 

@@ -79,7 +79,7 @@ def listing_part(study: Study, table: int) -> xr.Dataset:
 
 
 def evidence_part(study: Study, table: int) -> xr.Dataset:
-    """Log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
+    """Return the log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
     reading, report = study.reading, study.progress(f"evidences for Table {'IV' if table == 4 else 'V'}")
     weighing = ImportanceSettings(study.sizes.importance_draws)
     estimators: dict[str, Estimator] = {
@@ -116,7 +116,7 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
 
 
 def odds_part(study: Study) -> xr.Dataset:
-    """Probability of M-0 by importance sampling over several trials, as the true term grows; priors +-200 % of a printed value.
+    """Return the probability of M-0 by importance sampling over several trials, as the true term grows; priors +-200 % of a printed value.
 
     Beyond the printed values the prior is that of the larger printed one scaled to hold the true value.
     """
@@ -372,7 +372,7 @@ def _table(study: Study, table: int) -> Item:
 
 
 def _disagreement(data: xr.Dataset) -> float:
-    """Largest difference of two methods' log evidences of one model, in units of their joint error."""
+    """Return the largest difference of two methods' log evidences of one model, in units of their joint error."""
     values, errors = data["log_value"].values, data["error"].values
     return max(
         float((np.abs(values[i] - values[j]) / np.hypot(errors[i], errors[j])).max())
@@ -445,6 +445,6 @@ def _answers(axes: "Axes", study: Study, table: int) -> None:
 
 
 def _probability(log_value: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-    """Probability of M-0 with its Monte Carlo error, from the log evidences of M-0 and M-1."""
+    """Return the probability of M-0 with its Monte Carlo error, from the log evidences of M-0 and M-1."""
     p = float(1 / (1 + np.exp(log_value[1] - log_value[0])))
     return p, float(p * (1 - p) * np.hypot(*error))

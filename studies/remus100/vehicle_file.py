@@ -206,7 +206,7 @@ class Reading:
             return surge_vehicle(hull, (*NAMES, *extra))
 
     def printed(self, value: float | None) -> float | None:
-        """A number the paper prints, where this is the paper's vehicle."""
+        """Return a number the paper prints, where this is the paper's vehicle."""
         return value if self.is_paper else None
 
     def _thrust_unit(self, key: str) -> float:
@@ -228,7 +228,7 @@ class Reading:
 
 
 def read_vehicle(path: Path) -> Reading:
-    """A user's vehicle, checked.
+    """Return a user's vehicle, checked.
 
     Raises:
         InputError: no such file, or something in it that cannot be used.
@@ -246,14 +246,14 @@ def read_vehicle(path: Path) -> Reading:
 
 
 def paper_reading(name: str) -> Reading:
-    """The paper's vehicle as read one way, `A` or `B`."""
+    """Return the paper's vehicle as read one way, `A` or `B`."""
     place = Path(str(files(__package__).joinpath(f"reading_{name.lower()}.toml")))
     text = read_text(place)
     return Reading(name, place, parse_toml(place, text, VehicleFile, _example), True, text)
 
 
 def _example(_: Sequence[str | int]) -> str:
-    """What to say after a missing key."""
+    """Return what to say after a missing key."""
     return f"{EXAMPLE} shows every table"
 
 

@@ -64,7 +64,7 @@ def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, tria
 def _in_order(
     information: np.ndarray, worth: Callable, nothing: np.ndarray, chosen: list[int], utility: Utility
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
-    """The trials chosen, each the best beside those before it, so that fewer may be run."""
+    """Return the trials chosen, each the best beside those before it, so that fewer may be run."""
     left, order, reached, base = list(chosen), [], [], nothing
     while left:
         gains = worth(base)[left]

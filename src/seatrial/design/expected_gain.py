@@ -153,7 +153,7 @@ def importance_gain(
     key: jax.Array,
     settings: GainSettings = GainSettings(),
 ) -> Gain:
-    """Expected information gain by nested Monte Carlo with importance draws about each posterior mode.
+    """Return the expected information gain by nested Monte Carlo with importance draws about each posterior mode.
 
     What it cannot see: a second mode of a posterior, far from the coefficients that made the data; the gain is then too large, by
     ln 2 at most where there are two.
@@ -209,7 +209,7 @@ def _generators(key: jax.Array, which: Array) -> list[np.random.Generator]:
 
 
 def _student(random: np.random.Generator, n: int, d: int) -> np.ndarray:
-    """Draws of the standard multivariate t in opposite pairs, which cancel skewness."""
+    """Return the draws of the standard multivariate t in opposite pairs, which cancel skewness."""
     half = random.normal(size=(n // 2, d)) * np.sqrt(FREEDOM / random.chisquare(FREEDOM, (n // 2, 1)))
     return np.concatenate([half, -half])
 
@@ -231,7 +231,7 @@ def _chance(z: np.ndarray, origin: "_Slopes") -> np.ndarray:
 def _explain(
     plan: TrialPlan, belief: Belief, control: Array, z: Array, noise: Array, t: Array, climbs: int
 ) -> tuple[Array, Array, _Slopes]:
-    """Log prior density of each z, log weights of its importance draws, and slopes at it."""
+    """Return the log prior density of each z, log weights of its importance draws, and slopes at it."""
     outputs = partial(outputs_of, plan, belief, control)
     measured = jax.vmap(outputs)(z) + noise
     peak, origin = jax.vmap(partial(_climb, outputs, belief, climbs))(z, measured, noise)
@@ -256,7 +256,7 @@ def _log_student(t: Array) -> Array:
 
 
 def _height(belief: Belief, shown: Array, z: Array, measured: Array, noise: Array) -> Array:
-    """Log prior density plus log-likelihood of z, less that of the coefficients that made the data."""
+    """Return the log prior density plus log-likelihood of z, less that of the coefficients that made the data."""
     return jnp.sum(log_priors(belief, z)) - 0.5 * jnp.sum((measured - shown) ** 2 - noise**2)
 
 
@@ -304,7 +304,7 @@ def _with_prior(belief: Belief, z: Array, information: Array) -> tuple[Array, Ar
 def _local_gains(
     plan: TrialPlan, belief: Belief, control: np.ndarray, key: jax.Array, n: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Prior draws z, shape (n, k), and 0.5 ln det(I + N F) at each."""
+    """Return the prior draws z, shape (n, k), and 0.5 ln det(I + N F) at each."""
     z, held = draw_z(belief, key, n), jnp.asarray(control, float)
     information = in_blocks(lambda point: (_information(plan, belief, held, point),), z)[0]
     _refuse_divergence(belief, plan, z, np.isfinite(information).all((1, 2)))
@@ -314,7 +314,7 @@ def _local_gains(
 
 @jax.jit
 def _information(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> Array:
-    """Information about z."""
+    """Return the information about z."""
 
     def one(z: Array) -> Array:
         slope = jax.jacfwd(partial(values_of, belief))(z)

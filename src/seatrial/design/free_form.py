@@ -158,7 +158,7 @@ def design_free_form(
 
 
 def _change(problem: FreeFormProblem, name: str, levels: np.ndarray) -> np.ndarray:
-    """Levels of a start as changes from trim over the span."""
+    """Return the levels of a start as changes from trim over the span."""
     levels = np.asarray(levels, float)
     if levels.shape != (problem.form.size,) or not np.isfinite(levels).all():
         raise InputError(
@@ -171,7 +171,7 @@ def _change(problem: FreeFormProblem, name: str, levels: np.ndarray) -> np.ndarr
 
 
 def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
-    """All draws but those that fare worst under a start, as many as may; one that trim itself endangers fares worst of all."""
+    """Return all draws but those that fare worst under a start, as many as may; one that trim itself endangers fares worst of all."""
     left_out = everyone.problem.left_out
     if not left_out:
         return everyone.kept

@@ -65,7 +65,7 @@ def doublets(m: int, low: float, high: float) -> Float[np.ndarray, "designs m"]:
 
 
 def best_of(problem: FreeFormProblem, setup: Setup, x: np.ndarray | None) -> np.ndarray | None:
-    """The most informative of several inputs once each is inside the limits of amplitude and rate."""
+    """Return the most informative of several inputs once each is inside the limits of amplitude and rate."""
     if x is None:
         return None
     inside = gentled(problem, x)
@@ -95,7 +95,7 @@ def gentled(problem: FreeFormProblem, x: Float[np.ndarray, "... m"]) -> Float[np
 
 
 def _multisines(m: int, rng: np.random.Generator) -> Float[np.ndarray, "designs m"]:
-    """Sums of the lowest harmonics with random phases, their largest value one, as many as are computed at once."""
+    """Return the sums of the lowest harmonics with random phases, their largest value one, as many as are computed at once."""
     time = (np.arange(m) + 0.5) / m
     results = []
     for _ in range(LANES):
@@ -130,7 +130,7 @@ class Climb:
     kept: Bool[np.ndarray, " S"]
 
     def utilities(self, x: Float[np.ndarray, "lanes m"]) -> Float[np.ndarray, " lanes"]:
-        """Utilities of several inputs, nats.
+        """Return the utilities of several inputs, nats.
 
         Raises:
             NumericalError: the vehicle diverges.
@@ -139,7 +139,7 @@ class Climb:
         return _finite(gain)
 
     def excess(self, x: Float[np.ndarray, "lanes m"]) -> Float[np.ndarray, " lanes"]:
-        """How far several inputs are beyond the worst of all limits, as a share of its room; negative inside."""
+        """Return how far several inputs are beyond the worst of all limits, as a share of its room; negative inside."""
         low, high = self.problem.box
         rows, most = self._linear
         worst = np.concatenate([x - high, low - x, x @ rows.T - most], 1).max(1)
@@ -149,18 +149,18 @@ class Climb:
         return worst
 
     def draw_excess(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " S"]:
-        """How far one input takes every draw beyond the worst bound of motion or cost, as a share of its room."""
+        """Return how far one input takes every draw beyond the worst bound of motion or cost, as a share of its room."""
         if not self._follows_course:
             return np.full(self.kept.size, -np.inf)
         return self._beyond(self._course(x[None])).max(-1)[0]
 
     def course(self, x: Float[np.ndarray, " m"]) -> Course:
-        """Where one input takes the draws that are kept: they lead each shape."""
+        """Return where one input takes the draws that are kept: they lead each shape."""
         result = courses(self.setup, self.watched, jnp.asarray(x)[None], self.problem.block)
         return Course(*(np.asarray(each)[0][self.kept] for each in result))
 
     def pulled_in(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        """The input drawn towards trim, which is inside, as little as the limits ask for.
+        """Return the input drawn towards trim, which is inside, as little as the limits ask for.
 
         Raises:
             NumericalError: not even trim is inside, for the draws that are kept.
@@ -237,14 +237,14 @@ class Climb:
         return Course(*in_blocks(lambda lanes: courses(self.setup, self.watched, lanes, self.problem.block), x))
 
     def _beyond(self, course: Course) -> np.ndarray:
-        """Shares by which bounds of motion, block by block, and cost are exceeded, the last axis over all of them."""
+        """Return the shares by which bounds of motion, block by block, and cost are exceeded, the last axis over all of them."""
         results = [room.shortfall(course) for room in self.rooms]
         if self.problem.cost is not None:
             results.append(np.asarray(course.spent)[..., None] / self.problem.budget - 1.0)
         return np.concatenate(results, -1)
 
     def _worst(self, x: np.ndarray) -> np.ndarray:
-        """The same of the worst draw that is kept."""
+        """Return the same of the worst draw that is kept."""
         result = worst_course(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
         return self._beyond(Course(*map(np.asarray, result)))
 

@@ -72,19 +72,19 @@ class Course(NamedTuple):
 
 @partial(jax.jit, static_argnames="block")
 def utility(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, ""]:
-    """Utility, nats, of one input: x are the levels' changes from trim over the span."""
+    """Return the utility, nats, of one input: x are the levels' changes from trim over the span."""
     return _utility(setup, x, block)
 
 
 @partial(jax.jit, static_argnames="block")
 def utility_slope(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, " m"]:
-    """Gradient of the utility in x."""
+    """Return the gradient of the utility in x."""
     return jax.grad(lambda x: _utility(setup, x, block))(x)
 
 
 @partial(jax.jit, static_argnames="block")
 def utilities(setup: Setup, x: Float[Array, "lanes m"], block: int) -> tuple[Float[Array, " lanes"]]:
-    """Utilities of several inputs, nats."""
+    """Return the utilities of several inputs, nats."""
     return (jax.vmap(lambda x: _utility(setup, x, block))(x),)
 
 
@@ -173,7 +173,7 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
 
 
 def _blocks(plan: TrialPlan, control: Array, block: int) -> tuple:
-    """Controls, steps and weights in blocks; the last is filled with samples of no duration that nobody measures."""
+    """Return the controls, steps and weights in blocks; the last is filled with samples of no duration that nobody measures."""
     n = control.shape[0]
     missing = -n % block
 

@@ -44,7 +44,7 @@ def check_some_allowed(safety: Safety) -> None:
 
 
 def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:
-    """Pairs of limits of which each alone leaves designs, together none; those that leave most alone first."""
+    """Return the pairs of limits of which each alone leaves designs, together none; those that leave most alone first."""
     held = safety.held
     alone = (held.sum(1) >= safety.needed).sum(0)
     pairs = [
@@ -56,7 +56,7 @@ def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:
 
 
 def least_miss(safety: Safety, limit: int, beside: tuple[int, ...] = ()) -> tuple[float, int]:
-    """How much wider a bound would have to be for one design to keep it, and others beside it, and which design that is.
+    """Return how much wider a bound would have to be for one design to keep it, and others beside it, and which design that is.
 
     Args:
         safety: what was judged.

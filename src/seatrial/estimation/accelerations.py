@@ -147,7 +147,7 @@ def _filled(time: np.ndarray, values: np.ndarray, there: np.ndarray) -> tuple[np
 def _most_likely(
     data: tuple[np.ndarray, np.ndarray, np.ndarray], usual: float, sigma: float | None, shortest: float, longest: float
 ) -> float:
-    """Tau of the greatest likelihood, s: the best of a grid, then between its neighbours."""
+    """Return tau of the greatest likelihood, s: the best of a grid, then between its neighbours."""
     given = 0.0 if sigma is None else sigma
     tried = np.linspace(np.log(shortest), np.log(longest), TRIED)
     losses = np.asarray(_losses(data, usual, np.exp(tried), given))
@@ -164,7 +164,7 @@ def _most_likely(
 
 @jax.jit
 def _losses(data: tuple, usual: float, taus: Float[Array, " k"], sigma: float) -> Float[Array, " k"]:
-    """Minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
+    """Return minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
 
     def loss(tau: Array) -> Array:
         _, _, mean, var, told = _pass(data, usual, tau)
@@ -233,7 +233,7 @@ def _pass(data: tuple, usual: float, tau: Array | float) -> tuple[tuple, tuple, 
 
 
 def _innovation_complaints(z: np.ndarray) -> list[str]:
-    """Whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
+    """Return whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
     said, centred = [], z - z.mean()
     lags = np.arange(1, min(LAGS, z.size // 4) + 1)
     result = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)

@@ -133,7 +133,7 @@ class Identifiability:
         return said + self.cautions()
 
     def cautions(self) -> list[str]:
-        """What a reader must know or do; empty where each parameter is known by itself."""
+        """Return what a reader must know or do; empty where each parameter is known by itself."""
         together = [self._together(group) for group in self.groups]
         if np.isfinite(self.eigenvalues).all():
             return [*self._structural(), *self._practical(), *together]
@@ -334,6 +334,6 @@ def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:
 
 
 def _expected_cov(information: np.ndarray, prior_sd: np.ndarray) -> np.ndarray:
-    """Inverse of the data's information and the prior's together."""
+    """Return the inverse of the data's information and the prior's together."""
     eigenvalues, vectors = np.linalg.eigh(information * np.outer(prior_sd, prior_sd))
     return (vectors / (1.0 + np.maximum(eigenvalues, 0.0))) @ vectors.T * np.outer(prior_sd, prior_sd)

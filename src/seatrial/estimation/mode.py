@@ -122,7 +122,7 @@ def _best(densities: np.ndarray) -> np.ndarray:
 
 
 def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
-    """The best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
+    """Return the best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
     if posterior.guess is None or np.isnan(posterior.guess).all():
         return candidates[:0]
     known = ~np.isnan(posterior.guess)
@@ -141,7 +141,7 @@ class _Expansion(NamedTuple):
 
 @jax.jit
 def _expand(posterior: Posterior, z: Array) -> _Expansion:
-    """All three at once: one program to compile instead of three, and compiling is most of the time."""
+    """Return all three at once: one program to compile instead of three, and compiling is most of the time."""
 
     def value_twice(z: Array) -> tuple[Array, Array]:
         value = posterior.log_density(z)
@@ -157,7 +157,7 @@ def _expand(posterior: Posterior, z: Array) -> _Expansion:
 
 @jax.jit
 def _slope(posterior: Posterior, z: Array) -> Array:
-    """Derivative of each parameter's value with respect to its own z."""
+    """Return the derivative of each parameter's value with respect to its own z."""
     return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))[1]
 
 
@@ -188,7 +188,7 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _point(posterior: Posterior, z: np.ndarray) -> str:
-    """Values of the parameters there, in words."""
+    """Return the values of the parameters there, in words."""
     values = np.asarray(posterior.constrain(jnp.asarray(z)))
     return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.names, values, strict=True))
 

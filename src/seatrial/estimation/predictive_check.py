@@ -68,12 +68,12 @@ def judge(score: Score, channel: str, held_back: bool, coloured: bool) -> Verdic
 
 
 def worst(verdicts: Sequence[Verdict]) -> Verdict:
-    """The gravest verdict of a trial's channels, the first of them where several are as grave."""
+    """Return the gravest verdict of a trial's channels, the first of them where several are as grave."""
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
 def _sizes(score: Score, channel: str, held_back: bool) -> Verdict | None:
-    """Errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
+    """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
     short = score.coverage < 0.9 and betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
     large = chi2.sf(n * score.variance, n) < RARE
@@ -133,7 +133,7 @@ def _motion(score: Score, channel: str, held_back: bool) -> Verdict | None:
 
 
 def _colour(score: Score, channel: str, coloured: bool) -> Verdict | None:
-    """Residuals that remember, by more than chance and by enough to matter."""
+    """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
     result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
@@ -161,7 +161,7 @@ def _colour(score: Score, channel: str, coloured: bool) -> Verdict | None:
 
 
 def _shape(score: Score, channel: str) -> Verdict | None:
-    """Errors of the right size that are not normal, or lie to one side."""
+    """Return the errors of the right size that are not normal, or lie to one side."""
     if score.pit_distance <= max(MISSHAPEN, KS_CHANCE / np.sqrt(max(score.effective, 1.0))):
         return None
     below = sum(score.pit[: len(score.pit) // 2])

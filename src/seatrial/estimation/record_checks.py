@@ -109,7 +109,7 @@ def check_motion(
 
 
 def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:
-    """Whether the priors say which way a channel goes: vehicles drawn from them nearly all go the way of the one at their means.
+    """Return whether the priors say which way a channel goes: vehicles drawn from them nearly all go the way of the one at their means.
 
     Those that run away say nothing. Where none moves by more than the noise, the priors say that the channel stays still.
 
@@ -127,14 +127,14 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
 
 
 def not_judged(names: Sequence[str]) -> RecordFinding:
-    """The note about channels of which the priors do not say which way they go."""
+    """Return the note about channels of which the priors do not say which way they go."""
     value = "not judged, nor size and delay; vehicles drawn from the priors go either way or run away"
     remedy = "priors of known sign, such as half-normal ones, would say"
     return RecordFinding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
 
 
 def _delay(name: str, late: float, shifted: float, direct: float) -> list[RecordFinding]:
-    """A shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
+    """Return a shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
     limit = f"under {LATE:g} s, where a shift explains most of the rest"
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
@@ -146,7 +146,7 @@ def _delay(name: str, late: float, shifted: float, direct: float) -> list[Record
 
 
 def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[RecordFinding]:
-    """Samples that stand out from both of their sides, alone or up to three together.
+    """Return the samples that stand out from both of their sides, alone or up to three together.
 
     Args:
         name: channel.
@@ -165,7 +165,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
 
 
 def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """How far each sample lies beyond both sides, and beyond where the straight lines of both sides lead.
+    """Return how far each sample lies beyond both sides, and beyond where the straight lines of both sides lead.
 
     A slope or a step leads away on one side only, and a turn no further than its neighbours bend. For each way to count up to two
     neighbours to the same spike, the sides are the two samples before it and the two after.
@@ -181,7 +181,7 @@ def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 
 def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Standard deviation of white noise that bends as the samples around each do: by a quartile, which spikes leave alone."""
+    """Return the standard deviation of white noise that bends as the samples around each do: by a quartile, which spikes leave alone."""
     bend = np.abs(np.diff(x, 2)) / np.sqrt(6.0)
     around = min(AROUND, bend.size // 2)
     near = np.lib.stride_tricks.sliding_window_view(np.pad(bend, around + 1, mode="reflect"), 2 * around + 1)
@@ -191,7 +191,7 @@ def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 def check_excitation(
     names: Sequence[str], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"], about: str = ""
 ) -> list[RecordFinding]:
-    """What the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
+    """Return what the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
 
     Args:
         names: coefficients.
@@ -213,7 +213,7 @@ def check_excitation(
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:
-    """Steps by which the measured is behind the expected, and the correlation there, that of largest size; 0 on a tie."""
+    """Return the steps by which the measured is behind the expected, and the correlation there, that of largest size; 0 on a tie."""
     n = measured.size
     most = min(most, n // 4)
     results = {

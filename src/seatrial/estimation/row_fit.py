@@ -81,7 +81,7 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
 def independent_rows(
     equations: Sequence[AxisEquation], records: Sequence[Record], noise: Mapping[str, float], narrowest: float
 ) -> tuple[WhitenedRows, RowFit]:
-    """Rows and fit at the first width, of `narrowest` s and its doubles, at which neighbouring residuals no longer correlate.
+    """Return the rows and fit at the first width, of `narrowest` s and its doubles, at which neighbouring residuals no longer correlate.
 
     The widest that leaves two rows for each term is taken where none does, and the fit's status then says what is wrong.
 
@@ -102,7 +102,7 @@ def independent_rows(
 
 
 def _correlations(residual: np.ndarray, trial: np.ndarray, index: np.ndarray) -> Float[np.ndarray, " lags"]:
-    """Correlation over 1, 2, … windows of one trial; 0 where no two rows are that far apart."""
+    """Return the correlation over 1, 2, … windows of one trial; 0 where no two rows are that far apart."""
     power = np.mean(residual**2)
     place = trial * (index.max() + FARTHEST + 1) + index
     results = []

@@ -52,7 +52,7 @@ class TrialData(NamedTuple):
 def stack_trials(
     records: Sequence[Record], model: VehicleModel, channels: Sequence[str], initial: Sequence[Sequence[float]]
 ) -> TrialData:
-    """Arrays of several trials, so that compiled code does not grow with their number.
+    """Return the arrays of several trials, so that compiled code does not grow with their number.
 
     Raises:
         InputError: a control or channel a record does not have.
@@ -81,7 +81,7 @@ def _trial(record: Record, model: VehicleModel, channels: Sequence[str], initial
 
 
 def _channel(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:
-    """Arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
+    """Return the arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
     present = np.isfinite(column)
     between = np.concatenate([[FOREVER], np.diff(time[present])])[: present.sum()]
     _, which, counts = np.unique(np.round(between, 9), return_inverse=True, return_counts=True)

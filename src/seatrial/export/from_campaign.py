@@ -42,7 +42,7 @@ from seatrial.vehicles.model import VehicleModel
 def of_campaign(
     folder: Path | str, structure: str | None = None, rest: str | None = None
 ) -> tuple[ExportedVehicle, ExportProvenance]:
-    """The vehicle that a campaign's data support.
+    """Return the vehicle that a campaign's data support.
 
     Args:
         folder: of the campaign.
@@ -88,7 +88,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:
-    """What the campaign itself knows."""
+    """Return what the campaign itself knows."""
     hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure
     if hull.mass is None:
         raise InputError(
@@ -149,7 +149,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
 def _with_rest(
     campaign: Campaign, alone: ExportedVehicle, provenance: ExportProvenance, rest: str
 ) -> tuple[ExportedVehicle, ExportProvenance]:
-    """The published vehicle, in which all that acts in the campaign's motion is the campaign's."""
+    """Return the published vehicle, in which all that acts in the campaign's motion is the campaign's."""
     published = of_published(rest, load_vehicle(rest))
     own, other = alone.hull.mass, published.hull.mass
     if not same_mass(alone.hull, published.hull):
@@ -229,7 +229,7 @@ def _estimated(estimate: Estimate, structure: Structure) -> CoefficientEstimates
 
 
 def _current(estimate: Estimate) -> float:
-    """Largest current of its trials by its mean, m/s; 0 where none was estimated."""
+    """Return the largest current of its trials by its mean, m/s; 0 where none was estimated."""
     names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
     return float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0
 

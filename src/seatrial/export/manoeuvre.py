@@ -49,7 +49,7 @@ class Plan(NamedTuple):
 
 
 def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
-    """The standard manoeuvre of a vehicle, with those controls that it has."""
+    """Return the standard manoeuvre of a vehicle, with those controls that it has."""
     names = vehicle.model().controls
     if vehicle.thrusters and names[-1].startswith("f_"):
         return _frame_plan(vehicle, names)
@@ -76,7 +76,7 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
 def run_manoeuvre(
     motion: Motion, actuators: Mapping[str, Actuator], plan: Plan, current: Current = STILL
 ) -> Float[np.ndarray, "n 6"]:
-    """Velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away."""
+    """Return the velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away."""
     start = np.zeros(8)
     start[0] = plan.speed
     return simulate(motion, actuators, plan.controls, start, DURATION, STEP, current)[:, :6]
@@ -91,7 +91,7 @@ def simulate(
     step: float,
     current: Current = STILL,
 ) -> Float[np.ndarray, "n 8"]:
-    """Velocities through the water, roll and pitch at each step, by RK4; NaN from where the motion runs away.
+    """Return the velocities through the water, roll and pitch at each step, by RK4; NaN from where the motion runs away.
 
     Actuators begin at rest in the first commands; controls without one act at once. Commands are held over a step.
 
@@ -132,7 +132,7 @@ def simulate(
 
 
 def growth_rate(motion: Motion, plan: Plan) -> float:
-    """Largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
+    """Return the largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
     start = np.zeros(9)
     start[0] = plan.speed
     held = dict(plan.controls(0.0))
@@ -145,7 +145,7 @@ def growth_rate(motion: Motion, plan: Plan) -> float:
 def changes(
     vehicle: ExportedVehicle, own: Float[np.ndarray, "n 6"], other: Float[np.ndarray, "n 6"]
 ) -> tuple[Change, ...]:
-    """Largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own."""
+    """Return the largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own."""
     results = []
     for i, rate in enumerate(RATES):
         if rate in vehicle.moves or np.nanmax(np.abs(other[:, i])) > 0:
@@ -207,7 +207,7 @@ def command_line(vehicle: ExportedVehicle, carried: Carried, plan: Plan) -> str:
 
 
 def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float]) -> Float[np.ndarray, " 9"]:
-    """Rates of the velocities, roll, pitch and heading."""
+    """Return the rates of the velocities, roll, pitch and heading."""
     phi, theta = float(x[6]), float(x[7])
     p, q, r = (float(part) for part in x[3:6])
     turn = q * np.sin(phi) + r * np.cos(phi)
@@ -216,7 +216,7 @@ def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float
 
 
 def _in_body(current: Current, angles: Float[np.ndarray, " 3"]) -> dict[str, float]:
-    """The current in body axes, by name."""
+    """Return the current in body axes, by name."""
     result = Rotation.from_euler("ZYX", angles[::-1]).inv().apply(np.array(current))
     return dict(zip(CURRENT_IN_BODY, map(float, result), strict=True))
 
@@ -230,7 +230,7 @@ def _within(wanted: Mapping[str, float], actuators: Mapping[str, Actuator]) -> d
 
 
 def _follow(actuator: Actuator, wanted: float, actual: float) -> float:
-    """Speed at which an actuator follows its command."""
+    """Return the speed at which an actuator follows its command."""
     return min(max((wanted - actual) / actuator.time_constant, -actuator.rate), actuator.rate)
 
 

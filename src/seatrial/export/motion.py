@@ -25,12 +25,12 @@ CURRENT_IN_BODY = ("current_u", "current_v", "current_w")
 
 
 def motion_of(vehicle: ExportedVehicle) -> Motion:
-    """Accelerations of the vehicle; those of velocities that do not move are zero."""
+    """Return the accelerations of the vehicle; those of velocities that do not move are zero."""
     return motion_with(vehicle, force_of(vehicle))
 
 
 def motion_with(vehicle: ExportedVehicle, *forces: Motion) -> Motion:
-    """Accelerations of the vehicle's mass under forces."""
+    """Return the accelerations of the vehicle's mass under forces."""
     moving = [RATES.index(rate) for rate in vehicle.moves]
     inverse = np.linalg.inv((vehicle.rigid_mass + vehicle.added_mass)[np.ix_(moving, moving)])
 
@@ -77,7 +77,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
 
 
 def current_in(controls: Mapping[str, Any]) -> Float[np.ndarray, " 3"]:
-    """The water's velocity among the controls of a motion, m/s; still water where there is none."""
+    """Return the water's velocity among the controls of a motion, m/s; still water where there is none."""
     return np.array([controls.get(name, 0.0) for name in CURRENT_IN_BODY], float)
 
 
@@ -89,7 +89,7 @@ def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:
 
 
 def restoring_force(net: float, righting: Float[np.ndarray, " 3"], phi: Any, theta: Any) -> Velocity:
-    """Force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B."""
+    """Return the force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B."""
     down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
     return np.concatenate([net * down, _cross(righting, down)])
 

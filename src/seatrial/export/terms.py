@@ -82,7 +82,7 @@ def mass_products(matrix: Float[np.ndarray, "6 6"]) -> dict[Pair, float]:
 
 
 def all_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
-    """Every product of two velocities but those of the rigid body: named ones, and automatic ones where the vehicle has them."""
+    """Return every product of two velocities but those of the rigid body: named ones, and automatic ones where the vehicle has them."""
     results = dict(sorted_terms(vehicle.forces).product)
     if vehicle.added_coriolis == "automatic":
         for key, value in automatic_products(vehicle).items():
@@ -91,19 +91,19 @@ def all_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
 
 
 def product_name(key: Pair) -> str:
-    """Name of a product, for example `X_wq` or `X_q2`."""
+    """Return the name of a product, for example `X_wq` or `X_q2`."""
     axis, first, second = key
     return f"{AXES[axis]}_{RATES[first]}{'2' if first == second else RATES[second]}"
 
 
 def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
-    """The vehicle without some terms."""
+    """Return the vehicle without some terms."""
     gone = set(names)
     return replace(vehicle, coefficients={name: x for name, x in vehicle.coefficients.items() if name not in gone})
 
 
 def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], where: str) -> tuple[str, ...]:
-    """One sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
+    """Return one sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
     results = []
     for key in sorted({*own, *products}):
         here, there = own.get(key, 0.0), products.get(key, 0.0)
@@ -113,13 +113,13 @@ def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], wh
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:
-    """One sentence about terms that are left out; none where there are none."""
+    """Return one sentence about terms that are left out; none where there are none."""
     shown = [f"{name} = {vehicle.coefficients[name]:.5g} {CoefficientName.parse(name).unit}" for name in names]
     return (", ".join(shown) + why,) if shown else ()
 
 
 def added_mass_losses(vehicle: ExportedVehicle, kept: Iterable[str] = ()) -> tuple[str, ...]:
-    """One sentence about the added masses but those that are kept."""
+    """Return one sentence about the added masses but those that are kept."""
     names = [name for name in vehicle.coefficients if name not in vehicle.forces and name not in set(kept)]
     return tuple("added mass: " + line for line in term_losses(vehicle, names))
 
@@ -140,13 +140,13 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
 
 
 def is_asymmetric(vehicle: ExportedVehicle) -> bool:
-    """Whether the added mass differs from its transpose."""
+    """Return whether the added mass differs from its transpose."""
     matrix = vehicle.added_mass
     return bool(np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max())
 
 
 def _parts(name: CoefficientName) -> tuple[list[int] | None, list[int], list[str]]:
-    """Velocities without and with bars, and fins; None where something else is in it."""
+    """Return the velocities without and with bars, and fins; None where something else is in it."""
     plain: list[int] = []
     moduli: list[int] = []
     fins: list[str] = []

@@ -127,7 +127,7 @@ class ExportedVehicle:
         return self.model().controls
 
     def model(self) -> VehicleModel:
-        """The same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
+        """Return the same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
         added = {name: value for name, value in self.coefficients.items() if name not in self.forces}
         return whole_vehicle(
             replace(self.hull, fixed=added),
@@ -139,12 +139,12 @@ class ExportedVehicle:
         )
 
     def unit(self, name: str) -> str:
-        """SI unit of a coefficient."""
+        """Return the SI unit of a coefficient."""
         return CoefficientName.parse(name).unit
 
 
 def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:
-    """A vehicle of the catalogue.
+    """Return a vehicle of the catalogue.
 
     Raises:
         InputError: its forces are no sum of named terms.

@@ -57,7 +57,7 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
 
 
 def loss_words(loss: Iterable[Change]) -> str:
-    """The loss in predicted motion in words."""
+    """Return the loss in predicted motion in words."""
     shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
     if not shown:
         return "none"
@@ -108,7 +108,7 @@ def make_exporter(name: str, **options: Any) -> Exporter:
 
 
 def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
-    """A published vehicle by name.
+    """Return a published vehicle by name.
 
     Raises:
         InputError: no such vehicle, which may have been meant as a folder.
@@ -135,7 +135,7 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
 def _loss_in_current(
     vehicle: ExportedVehicle, carried: Carried, plan: Plan, current: float
 ) -> tuple[Change, ...] | None:
-    """Changes of the velocities through the water, in a current to the east; None without one."""
+    """Return the changes of the velocities through the water, in a current to the east; None without one."""
     if current == 0:
         return None
     own = run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan, (0.0, current, 0.0))

@@ -64,7 +64,7 @@ def euler_step(rate: Rate, state: State, step: Any) -> State:
 def held_mean(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], edges: Float[np.ndarray, " m1"]
 ) -> Float[np.ndarray, " m"]:
-    """Mean of a held signal over each interval between neighbouring edges: exact, and without aliases of what is faster.
+    """Return the mean of a held signal over each interval between neighbouring edges: exact, and without aliases of what is faster.
 
     Args:
         time: stamps, strictly increasing, s.

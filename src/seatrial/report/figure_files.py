@@ -51,7 +51,7 @@ def write_accelerations_picture(campaign: Campaign, record: Record, channels: Se
 
 
 def _rate_axis(name: str, unit: str) -> str:
-    """Axis label of a rate in the unit of its signal over s."""
+    """Return the axis label of a rate in the unit of its signal over s."""
     return unit_label(
         signal_symbol(name + RATE), f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
     )
@@ -215,7 +215,7 @@ def compose(title: str, figures: list[TermFigure]) -> str:
 
 
 def _nested(text: str, x: float, y: float, height: float) -> str:
-    """A whole SVG file as an element at this place."""
+    """Return a whole SVG file as an element at this place."""
     body = _FIGURE_NAME.sub("", text[text.index("<svg") :])
     inside = body[body.index(">") + 1 :]
     return f'<svg x="{x:g}" y="{y:g}" width="{WIDE:g}" height="{height:g}" viewBox="0 0 {WIDE:g} {height:g}">{inside}'.rstrip()

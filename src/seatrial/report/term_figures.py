@@ -46,7 +46,7 @@ def term_figures(
 
 
 def symbol(term: str) -> str:
-    """A term for a figure."""
+    """Return a term for a figure."""
     return label_mathtext(CoefficientName.parse(term).label)
 
 

@@ -93,7 +93,7 @@ def sample_nested(
 
 
 def batch_of(live: int) -> int:
-    """Points that are replaced at once."""
+    """Return the points that are replaced at once."""
     return max(1, live // 8)
 
 
@@ -103,7 +103,7 @@ def moves_for(dim: int) -> int:
 
 
 def _living(target: Target, key: jax.Array, live: int) -> tuple[Array, float]:
-    """Draws of the prior with a finite likelihood, and their share."""
+    """Return the draws of the prior with a finite likelihood, and their share."""
     kept, drawn, result = [], 0, 0
     while result < live:
         z = target.sample_prior(jax.random.fold_in(key, drawn), live)
@@ -121,7 +121,7 @@ def _living(target: Target, key: jax.Array, live: int) -> tuple[Array, float]:
 def _integrate(
     dead: list[Float[np.ndarray, " k"]], last: Float[np.ndarray, " live"]
 ) -> tuple[float, float, Float[np.ndarray, " n"]]:
-    """Log evidence, information and share of each point, from the likelihoods of those removed, in order, and of those left.
+    """Return the log evidence, information and share of each point, from the likelihoods of those removed, in order, and of those left.
 
     Within a batch the points leave in turn without replacement, from n, n - 1, ... points.
     """

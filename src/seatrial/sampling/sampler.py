@@ -32,7 +32,7 @@ class Sampler(Protocol):
         ...
 
     def finish(self, run: Run) -> Draws:
-        """Draws of a finished run."""
+        """Return the draws of a finished run."""
         ...
 
 

@@ -156,7 +156,7 @@ def psis_loo(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveC
 
 
 def compare(one: PredictiveCriterion, other: PredictiveCriterion) -> Comparison:
-    """Difference of two models on the same measurements, its error from the pointwise differences.
+    """Return the difference of two models on the same measurements, its error from the pointwise differences.
 
     Raises:
         InputError: different criteria or different numbers of measurements.
@@ -187,7 +187,7 @@ def mean_error(series: Float[np.ndarray, "chains draws"]) -> float:
 
 
 def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
-    """Standard error of the sum of contributions, as if they were a sample of possible ones."""
+    """Return the standard error of the sum of contributions, as if they were a sample of possible ones."""
     return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
 
 
@@ -198,7 +198,7 @@ def deviances(posterior: Posterior, values: Float[Array, "n d"]) -> Float[Array,
 
 
 def _columns(log_likelihood: np.ndarray) -> Iterator[np.ndarray]:
-    """The table a few measurements at a time, these first and all draws last."""
+    """Return the table a few measurements at a time, these first and all draws last."""
     table = log_likelihood.reshape(-1, log_likelihood.shape[2])
     for start in range(0, table.shape[1], _AT_ONCE):
         yield np.ascontiguousarray(table[:, start : start + _AT_ONCE].T)

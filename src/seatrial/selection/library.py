@@ -62,7 +62,7 @@ class TermLibrary:
         return tuple(term.text for term in self.terms)
 
     def find(self, text: str, place: str) -> str:
-        """Name under which the library has a term, whatever the order of its factors.
+        """Return the name under which the library has a term, whatever the order of its factors.
 
         Raises:
             InputError: malformed, of a signal that was not measured, or not in the library.
@@ -79,7 +79,7 @@ class TermLibrary:
         return self.names[self.terms.index(term)]
 
     def __add__(self, other: "TermLibrary") -> "TermLibrary":
-        """Terms of both, for several axes at once."""
+        """Return the terms of both, for several axes at once."""
         return TermLibrary(
             tuple(dict.fromkeys(self.terms + other.terms)), tuple(dict.fromkeys(self.signals + other.signals))
         )
@@ -149,7 +149,7 @@ def term_library(
 
 
 def breaks_symmetry(term: CoefficientName) -> bool:
-    """Whether a vehicle that is its own mirror image in the plane of x and z cannot have this term."""
+    """Return whether a vehicle that is its own mirror image in the plane of x and z cannot have this term."""
     odd = sum(factor.power for factor in term.factors if factor.signal in LATERAL_SIGNALS and not factor.modulus) % 2
     return bool(odd) != (term.axis in LATERAL_AXES)
 

@@ -92,7 +92,7 @@ class Screening:
         return {term: float(p) for term, p in zip(self.rules.optional, self.posterior.inclusion, strict=False)}
 
     def shortlist(self, most: int = MOST, covered: float = COVERED) -> tuple[tuple[str, ...], ...]:
-        """Terms of the most probable structures, until they hold this probability together or are this many."""
+        """Return the terms of the most probable structures, until they hold this probability together or are this many."""
         enough = int(np.searchsorted(np.cumsum(self.posterior.probability), covered)) + 1
         return tuple(self.posterior.terms(rank) for rank in range(min(enough, most, self.posterior.structures.size)))
 
@@ -183,7 +183,7 @@ def screen(
 
 
 def worth(stats: Gram, rows: float) -> Gram:
-    """Statistics that say as much as this many independent rows."""
+    """Return the statistics that say as much as this many independent rows."""
     share = min(rows / stats.n, 1.0)
     return Gram(share * stats.matrix, share * stats.moment, share * stats.square, max(round(share * stats.n), 1))
 

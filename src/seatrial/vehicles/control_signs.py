@@ -98,7 +98,7 @@ def sense_words(sense: Sense) -> str:
 
 
 def _steady(model: VehicleModel, params: Params, start: Mapping[str, float]) -> float:
-    """Propeller speed that holds the speed ahead best, rad/s."""
+    """Return the propeller speed that holds the speed ahead best, rad/s."""
     if "u" not in model.states:
         return 0.0
     state = tuple(np.full(_PROPELLER.size, start.get(name, 0.0)) for name in model.states)

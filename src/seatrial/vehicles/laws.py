@@ -19,7 +19,7 @@ _SPEEDS = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))
 
 
 def added_mass_findings(values: Mapping[str, float]) -> list[str]:
-    """Added mass that is not symmetric, or not positive: water would be set in motion for nothing."""
+    """Return the added mass that is not symmetric, or not positive: water would be set in motion for nothing."""
     results = [
         f"{one} = {values[one]:g} and {other} = {values[other]:g} differ: the added mass of an ideal fluid is symmetric"
         for one, other in asymmetric_pairs(values)
@@ -45,7 +45,7 @@ def coriolis_findings(values: Mapping[str, float]) -> list[str]:
 def dissipation_findings(
     values: Mapping[str, float], speeds: Mapping[str, float] | None = None, samples: int = 2000, seed: int = 0
 ) -> list[str]:
-    """Motions in which damping gives power, nu . F > 0, among random ones.
+    """Return the motions in which damping gives power, nu . F > 0, among random ones.
 
     Damping is every term of velocities alone with a modulus, an odd power or one factor: X_uabsu, Y_v, N_r3. Products of two
     velocities without modulus, such as Y_uv and M_uw, are lift and Coriolis forces: they do no work, or are paid for by the propeller.
@@ -149,7 +149,7 @@ def check_laws(hull: Hull, values: Mapping[str, float], allowed: Iterable[str] =
 
 
 def _is_damping(name: CoefficientName) -> bool:
-    """Whether a term is damping: of velocities alone, and no plain product of two."""
+    """Return whether a term is damping: of velocities alone, and no plain product of two."""
     plain = all(factor.signal in RATES and not factor.change and not factor.derivative for factor in name.factors)
     if not plain or not name.factors or name.axis not in AXES:
         return False

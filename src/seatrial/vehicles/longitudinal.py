@@ -107,7 +107,7 @@ def surge_restriction(hull: LongitudinalHull, terms: Sequence[str]) -> VehicleMo
 
 
 def _body(hull: LongitudinalHull) -> Hull:
-    """The same vehicle in six degrees of freedom, as far as it is known."""
+    """Return the same vehicle in six degrees of freedom, as far as it is known."""
     return Hull(
         hull.name,
         hull.mass,

@@ -49,7 +49,7 @@ def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:
 def commands_for(
     thrusters: Sequence[Thruster], wanted: Float[np.ndarray, " 6"], tolerance: float = 1e-9
 ) -> Float[np.ndarray, " n"]:
-    """Least thrusts that make a wanted force and moment.
+    """Return the least thrusts that make a wanted force and moment.
 
     Raises:
         InputError: no thrusts make it.

@@ -46,7 +46,7 @@ def forces_of(
     thrusters: Sequence[Thruster],
     inertial: Sequence[CoefficientName],
 ) -> Callable[[Mapping[str, Any], Mapping[str, Any], tuple], list[Any]]:
-    """Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it."""
+    """Return the forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it."""
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
     sums: dict[CoefficientName, list[tuple[float, str]]] = {}
     thrust = [name for name in named if name.axis == "T"]
@@ -92,7 +92,7 @@ def forces_of(
 def _coriolis_products(
     hull: Hull, fixed: Mapping[str, float], freedom: Freedom, added_coriolis: AddedCoriolis
 ) -> list[Product]:
-    """Products of the rigid body, and of the fixed added mass where that is wanted; none of a body of which nothing is known."""
+    """Return the products of the rigid body, and of the fixed added mass where that is wanted; none of a body of which nothing is known."""
     rigid = [] if hull.mass is None else matrix_products(rigid_mass_matrix(hull))
     added = matrix_products(added_mass_matrix(fixed)) if added_coriolis == "automatic" else []
     return [product for product in summed((*rigid, *added)) if acts(product.name, freedom, ())]
@@ -140,7 +140,7 @@ def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientNa
 
 
 def _computed_once(force: Any) -> Any:
-    """The same number, which the compiler keeps although several accelerations need it.
+    """Return the same number, which the compiler keeps although several accelerations need it.
 
     Cheap expressions are computed anew wherever they are used, a quotient never is (decision 2); that this divisor is 1 it cannot know.
     Batched steps of six degrees of freedom take half the time.
@@ -285,7 +285,7 @@ def assemble(
         )
 
     def shown(name: str) -> Callable[[Params, tuple, tuple], Any]:
-        """A channel that is no state: an Euler angle, or a velocity over ground."""
+        """Return a channel that is no state: an Euler angle, or a velocity over ground."""
 
         def value(_: Params, state: tuple, control: tuple) -> Any:
             known = known_at(state, control)
@@ -328,7 +328,7 @@ def _attitude(hull: Hull, named: Sequence[CoefficientName], freedom: Freedom) ->
 
 
 def _current_components(freedom: Freedom) -> tuple[str, ...]:
-    """The water's vertical velocity counts only for a vehicle that may leave its depth."""
+    """Return the components of the current; its vertical velocity counts only for a vehicle that may leave its depth."""
     if freedom.current is None:
         return ()
     return CURRENT if any(rate in freedom.moves for rate in ("w", "p", "q")) else CURRENT[:2]

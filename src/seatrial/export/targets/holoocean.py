@@ -77,7 +77,7 @@ def lamb_factors(ratio: float) -> tuple[float, float, float]:
 
 
 def slenderness(surge: float) -> float:
-    """Half length over radius of the spheroid whose added mass in surge is this share of its mass, between 0 and 0.5."""
+    """Return the half length over radius of the spheroid whose added mass in surge is this share of its mass, between 0 and 0.5."""
     return float(brentq(lambda ratio: lamb_factors(ratio)[0] - surge, 1.001, 1000.0))
 
 
@@ -276,7 +276,7 @@ class HoloOcean:
 
 
 def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
-    """The torpedo that is nearest to a vehicle."""
+    """Return the torpedo that is nearest to a vehicle."""
     mass, terms = vehicle.hull.mass or 1.0, sorted_terms(vehicle.forces)
     ratio = slenderness(vehicle.added_mass[0, 0] / mass)
     radius = (mass / (4 / 3 * pi * density * ratio)) ** (1 / 3)
@@ -322,7 +322,7 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
 
 
 def dynamics_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]:
-    """The `dynamics` of the agent."""
+    """Return the `dynamics` of the agent."""
     return {
         "rho": torpedo.density,
         "mass": torpedo.mass,
@@ -381,7 +381,7 @@ def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
 
 
 def _limit_changes(vehicle: ExportedVehicle) -> list[str]:
-    """Where one limit either way, and one for all fins, is not the vehicle's."""
+    """Return where one limit either way, and one for all fins, is not the vehicle's."""
     known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *_FINS)}
     uneven = [name for name, one in known.items() if isfinite(one.upper - one.lower) and one.lower != -one.upper]
     fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in _FINS}

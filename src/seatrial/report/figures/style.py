@@ -131,12 +131,12 @@ def draw_dots(
 
 
 def thin(count: int, most: int = 1500) -> np.ndarray:
-    """Indices of at most about `most` of `count` samples, evenly spread, first and last included."""
+    """Return the indices of at most about `most` of `count` samples, evenly spread, first and last included."""
     return np.arange(count) if count <= most else np.unique(np.round(np.linspace(0, count - 1, most)).astype(int))
 
 
 def thin_steps(values: np.ndarray, most: int = 1500) -> np.ndarray:
-    """Indices that keep the look of a signal with steps: its changes if they are few, else the extremes of each stretch."""
+    """Return the indices that keep the look of a signal with steps: its changes if they are few, else the extremes of each stretch."""
     count = values.size
     changes = np.flatnonzero(np.diff(values) != 0)
     corners = np.unique(np.concatenate([[0], changes, changes + 1, [count - 1]]))
@@ -152,13 +152,13 @@ def thin_steps(values: np.ndarray, most: int = 1500) -> np.ndarray:
 
 
 def power_of_ten(*values: float) -> int:
-    """Power of ten to pull out of an axis so that its tick labels stay short."""
+    """Return the power of ten to pull out of an axis so that its tick labels stay short."""
     size = max((abs(value) for value in values if np.isfinite(value)), default=0.0)
     return 0 if size == 0.0 or 0.05 <= size < 10000 else int(np.floor(np.log10(size)))
 
 
 def unit_label(symbol: str, unit: str, exponent: int = 0) -> str:
-    """Axis label such as `$X_{u}$ [10⁻⁴ kg/s]`."""
+    """Return the axis label such as `$X_{u}$ [10⁻⁴ kg/s]`."""
     from seatrial.report.numbers import times_ten, unit_text
 
     unit = unit_text("" if unit == "1" else unit)

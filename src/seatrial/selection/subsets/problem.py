@@ -188,7 +188,7 @@ def make_problem(
 def averages(
     problem: Problem, moment: Float[np.ndarray, "k1 k1"], spread: Float[np.ndarray, "k k"], corner: float
 ) -> Averages:
-    """Averages from sums over structures in scaled columns.
+    """Return the averages from sums over structures in scaled columns.
 
     Args:
         problem: as made.

@@ -94,7 +94,7 @@ class Evaluated(NamedTuple):
 
 
 def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options: Any) -> SubsetPosterior:
-    """Posterior over all structures: exact up to 25 optional terms, sampled beyond.
+    """Return the posterior over all structures: exact up to 25 optional terms, sampled beyond.
 
     Args:
         stats: of the regression on all terms.
@@ -126,7 +126,7 @@ def sample_subsets(
     chains: int = 64,
     moves: int = 2000,
 ) -> SubsetPosterior:
-    """Probabilities of structures, and averages over them, with Monte Carlo errors in `monte_carlo`.
+    """Return the probabilities of structures, and averages over them, with Monte Carlo errors in `monte_carlo`.
 
     Args:
         stats: of the regression on all terms.
@@ -261,7 +261,7 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
 def sums_over(
     matrix: Float[np.ndarray, "n k1 k1"], there: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
 ) -> StructureSums:
-    """Sums over structures whose swept matrices and terms are given."""
+    """Return the sums over structures whose swept matrices and terms are given."""
     z = np.column_stack([matrix[:, :-1, -1] * there, np.full(weight.size, -1.0)])
     corner = weight * matrix[:, -1, -1]
     covariance = matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
@@ -271,7 +271,7 @@ def sums_over(
 
 
 def share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> tuple[float, float]:
-    """Log of the share of visits in the structures known before, and its standard error."""
+    """Return the log of the share of visits in the structures known before, and its standard error."""
     visits = moves - half_of(moves)
     share = inside / visits
     # no visit outside says only that there are fewer than about one in all visits
@@ -302,7 +302,7 @@ def _check_candidates(
     inclusion: float | Sequence[float],
     top: int,
 ) -> tuple[Candidates, Float[np.ndarray, " d"]]:
-    """The question, checked, and the prior probability of every term."""
+    """Return the question, checked, and the prior probability of every term."""
     if len(names) > MOST_TERMS:
         raise InputError(
             "library of terms",
@@ -328,7 +328,7 @@ def _check_candidates(
 def _exactly(
     stats: Gram, prior: Prior, candidates: Candidates, chance: np.ndarray, codes: np.ndarray
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Log evidences of some structures by themselves, and logs of their prior probabilities."""
+    """Return the log evidences of some structures by themselves, and logs of their prior probabilities."""
     there = bits(codes, len(candidates.names)).T.astype(bool)
     logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in there])
     each = np.where(there, np.log(chance), np.log1p(-chance))
@@ -336,7 +336,7 @@ def _exactly(
 
 
 def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
-    """Averages over the visits, in the order of the library, and their errors."""
+    """Return the averages over the visits, in the order of the library, and their errors."""
     free, chains, d = candidates.free, seen.mean.shape[0], len(candidates.names)
     result, looks = _averaged(candidates, problem, seen.sums), seen.sums.moment[-1, -1]
     draws, chance = seen.draws[:, owner], seen.chance[:, owner]
@@ -373,7 +373,7 @@ def _averaged(candidates: Candidates, problem: Problem, sums: StructureSums) -> 
 
 
 def _library_order(candidates: Candidates) -> np.ndarray:
-    """Where each term of the library stands among those always there and then the others."""
+    """Return where each term of the library stands among those always there and then the others."""
     return np.argsort([*candidates.sure, *candidates.free])
 
 
@@ -384,7 +384,7 @@ def _status(
     covered: float,
     errors: dict[str, np.ndarray],
 ) -> str:
-    """What is wrong, in words."""
+    """Return what is wrong, in words."""
     said = []
     apart = errors["r_hat"] > MAX_PRESENCE_R_HAT
     if apart.any():
