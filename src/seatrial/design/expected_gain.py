@@ -142,7 +142,13 @@ def explain(
 
 
 def noise_of(key: jax.Array, which: Int[Array, " m"], size: int) -> Float[np.ndarray, "m size"]:
-    """White noise of each outer draw, the same for every design and however many draws there are."""
+    """White noise of each outer draw, the same for every design and however many draws there are.
+
+    Args:
+        key: random key.
+        which: number of each outer draw.
+        size: numbers of each.
+    """
     return np.stack([random.normal(size=size) for random in _generators(key, which)])
 
 

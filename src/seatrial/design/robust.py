@@ -109,7 +109,14 @@ def information_table(
 def local_utility(
     plan: TrialPlan, controls: Float[np.ndarray, "D n c"], values: Float[np.ndarray, " k"], criterion: Criterion
 ) -> Float[np.ndarray, " D"]:
-    """Return the utility of every design were the coefficients `values`, SI; errors as `utility_table`."""
+    """Return the utility of every design were the coefficients `values`, SI; errors as `utility_table`.
+
+    Args:
+        plan: vehicle, start and sensors.
+        controls: designs, held from each sample to the next, SI, shape (D, n, c).
+        values: coefficients, SI, shape (k,).
+        criterion: number of an information matrix.
+    """
     return utility_table(plan, controls, np.asarray(values, float)[None], criterion).values[:, 0]
 
 

@@ -91,7 +91,13 @@ def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
 
 
 def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.ndarray, " d"]) -> bool:
-    """Return whether the density never falls on the straight way, looked at in as many places as are computed at once."""
+    """Return whether the density never falls on the straight way, looked at in as many places as are computed at once.
+
+    Args:
+        posterior: whose density is followed.
+        start: where the way begins, z, shape (d,).
+        end: where it ends, z, shape (d,).
+    """
     way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
     height = evaluate(posterior, start + way * (end - start))
     return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())

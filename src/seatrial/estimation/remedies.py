@@ -55,7 +55,13 @@ def listed(names: Sequence[str]) -> str:
 
 
 def measured(value: float, sd: float, unit: str) -> str:
-    """Return a value to two digits of its standard deviation, as in `-5.70 +- 0.04 kg/s`."""
+    """Return a value to two digits of its standard deviation, as in `-5.70 +- 0.04 kg/s`.
+
+    Args:
+        value: in `unit`.
+        sd: its standard deviation, in `unit`.
+        unit: as it is printed.
+    """
     decimals = 1 - floor(log10(sd)) if sd > 0 else 4
     number = (
         f"{value:.{max(decimals, 0)}f} +- {sd:.{max(decimals, 0)}f}" if decimals < 5 else f"{value:.4g} +- {sd:.2g}"

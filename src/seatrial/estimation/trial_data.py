@@ -54,6 +54,12 @@ def stack_trials(
 ) -> TrialData:
     """Return the arrays of several trials, so that compiled code does not grow with their number.
 
+    Args:
+        records: trials, of any lengths.
+        model: vehicle whose controls the records have.
+        channels: measured channels, in order.
+        initial: state at the start of each trial, shape (trials, states).
+
     Raises:
         InputError: a control or channel a record does not have.
     """

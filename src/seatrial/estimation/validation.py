@@ -107,7 +107,13 @@ def nrmse_fit(measured: Float[np.ndarray, " n"], predicted: Float[np.ndarray, " 
 def crps_normal(
     measured: Float[np.ndarray, " n"], mean: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Continuous ranked probability score of normal predictions, in the unit of the measurement; lower is better."""
+    """Continuous ranked probability score of normal predictions, in the unit of the measurement; lower is better.
+
+    Args:
+        measured: measurements, shape (n,).
+        mean: predicted means, shape (n,).
+        sd: predicted standard deviations, noise included, shape (n,).
+    """
     z = (measured - mean) / sd
     return sd * (z * (2 * ndtr(z) - 1) + 2 * stats.norm.pdf(z) - 1 / np.sqrt(np.pi))
 

@@ -89,7 +89,14 @@ def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:
 
 
 def restoring_force(net: float, righting: Float[np.ndarray, " 3"], phi: Any, theta: Any) -> Velocity:
-    """Return the force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B."""
+    """Return the force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B.
+
+    Args:
+        net: W - B, N.
+        righting: r_g W - r_b B, N m, shape (3,).
+        phi: roll, rad.
+        theta: pitch, rad.
+    """
     down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
     return np.concatenate([net * down, _cross(righting, down)])
 

@@ -109,7 +109,13 @@ def body_of(rigid_mass: Float[np.ndarray, "6 6"]) -> Body:
 
 
 def point_mass(mass: float, inertia: float, place: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
-    """Rigid mass matrix of a small part of equal moments of inertia, about the origin."""
+    """Rigid mass matrix of a small part of equal moments of inertia, about the origin.
+
+    Args:
+        mass: kg.
+        inertia: moment about each axis through its centre, kg m^2.
+        place: of its centre, m, shape (3,).
+    """
     steiner = mass * (place @ place * np.eye(3) - np.outer(place, place))
     moments = inertia * np.eye(3) + steiner
     products = (-moments[0, 1], -moments[0, 2], -moments[1, 2])

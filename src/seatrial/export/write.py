@@ -44,7 +44,13 @@ EXPORTERS: dict[str, Callable[..., Exporter]] = {
 
 
 def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance) -> Statement:
-    """Compare the vehicle with what the target keeps, and say it."""
+    """Compare the vehicle with what the target keeps, and say it.
+
+    Args:
+        exporter: of the target.
+        vehicle: to export.
+        provenance: where it comes from.
+    """
     carried, own = exporter.carries(vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
     before = run_manoeuvre(own, vehicle.actuators, plan)
@@ -68,6 +74,12 @@ def export_vehicle(
     exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance, folder: Path
 ) -> tuple[Statement, list[Path]]:
     """Write a vehicle's files into a folder; returns what they say of themselves, and their paths.
+
+    Args:
+        exporter: of the target.
+        vehicle: to export.
+        provenance: where it comes from.
+        folder: to write into.
 
     Raises:
         InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.

@@ -78,6 +78,11 @@ def weighted_mean(rule: UnscentedRule, n: int, points: Sequence[Vector]) -> Vect
     """Return the mean of transformed sigma points, the centre first.
 
     Taken about the centre point, so that the large weights of a small alpha do not cancel.
+
+    Args:
+        rule: spread and weights of the points.
+        n: number of dimensions in which they lie.
+        points: the centre, then the pairs, a tuple of scalars each.
     """
     _, _, other = rule.weights(n)
     centre = points[0]

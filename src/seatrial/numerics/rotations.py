@@ -54,7 +54,13 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def matrix_of_angles(phi: Any, theta: Any, psi: Any) -> Rows:
-    """Return the rows of R; its last row holds the body components of the vertical."""
+    """Return the rows of R; its last row holds the body components of the vertical.
+
+    Args:
+        phi: roll, rad.
+        theta: pitch, rad.
+        psi: yaw, rad.
+    """
     (s1, c1), (s2, c2), (s3, c3) = (_sine_and_cosine(angle) for angle in (phi, theta, psi))
     s1s2, c1s2 = times(s1, s2), times(c1, s2)
     return (
@@ -65,7 +71,13 @@ def matrix_of_angles(phi: Any, theta: Any, psi: Any) -> Rows:
 
 
 def angle_rates(phi: Any, theta: Any, rotation: Vector) -> Vector:
-    """Return the rates of phi, theta and psi for the body rates (p, q, r); infinite at a pitch of 90 degrees."""
+    """Return the rates of phi, theta and psi for the body rates (p, q, r); infinite at a pitch of 90 degrees.
+
+    Args:
+        phi: roll, rad.
+        theta: pitch, rad.
+        rotation: p, q and r, rad/s.
+    """
     p, q, r = rotation
     (s1, c1), (s2, c2) = _sine_and_cosine(phi), _sine_and_cosine(theta)
     turn = total((times(q, s1), times(r, c1)))
@@ -100,7 +112,13 @@ def quaternion_rate(q: Quaternion, rotation: Vector, pull: float) -> Quaternion:
 
 
 def quaternion_of_angles(phi: Any, theta: Any, psi: Any) -> Quaternion:
-    """Return the unit quaternion of Euler angles."""
+    """Return the unit quaternion of Euler angles.
+
+    Args:
+        phi: roll, rad.
+        theta: pitch, rad.
+        psi: yaw, rad.
+    """
     (s1, s2, s3), (c1, c2, c3) = (
         tuple(function(0.5 * angle) for angle in (phi, theta, psi)) for function in (jnp.sin, jnp.cos)
     )

@@ -33,7 +33,13 @@ class UnscentedRule:
 
 
 def sigma_pairs(mean: Sequence[Scalar], chol_cov: Triangle, spread: float) -> tuple[list[Vector], list[Vector]]:
-    """Return the points on the positive and on the negative side of the mean, one pair for each column of the factor."""
+    """Return the points on the positive and on the negative side of the mean, one pair for each column of the factor.
+
+    Args:
+        mean: of the state, a tuple of n scalars.
+        chol_cov: lower factor of its covariance, rows of scalars.
+        spread: distance of the points, in standard deviations.
+    """
     n = len(mean)
     columns = [[chol_cov[i][j] if j <= i else 0.0 for i in range(n)] for j in range(n)]
     above = [tuple(plus(m, times(spread, c)) for m, c in zip(mean, column, strict=True)) for column in columns]

@@ -56,6 +56,15 @@ def sample(
 ) -> Draws:
     """Sample without checkpoints: start, then advance until all draws are made.
 
+    Args:
+        sampler: module of the family.
+        target: density to sample.
+        starts: of the chains, z, shape (chains, d).
+        cov: covariance to begin with, shape (d, d).
+        key: random key.
+        settings: size of the run.
+        progress: told how many iterations are done.
+
     Raises:
         NumericalError: a start of zero density.
     """

@@ -45,7 +45,14 @@ def mean_acceptance(log_ratio: Float[Array, " chains"]) -> Float[Array, ""]:
 def learn_moments(
     mean: Float[Array, " d"], cov: Float[Array, "d d"], z: Float[Array, "chains d"], weight: Float[Array, ""]
 ) -> tuple[Float[Array, " d"], Float[Array, "d d"]]:
-    """Move a running mean and covariance towards those of all chains."""
+    """Move a running mean and covariance towards those of all chains.
+
+    Args:
+        mean: running mean, shape (d,).
+        cov: running covariance, shape (d, d).
+        z: where all chains are, shape (chains, d).
+        weight: of what is new, from 0 to 1.
+    """
     mean = mean + weight * (z.mean(0) - mean)
     spread = z - mean
     return mean, cov + weight * (spread.T @ spread / z.shape[0] - cov)

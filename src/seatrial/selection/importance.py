@@ -158,6 +158,12 @@ def distance(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[
 def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Weights:
     """Draw from the proposals, each its share, and weigh the draws.
 
+    Args:
+        target: density.
+        proposals: components of the mixture.
+        key: random key.
+        n: number of draws.
+
     Raises:
         NumericalError: every draw has zero density.
     """

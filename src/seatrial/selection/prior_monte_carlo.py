@@ -54,6 +54,11 @@ def log_likelihoods(
 
     Early stops need the output-error likelihood with white residuals and no unknowns beside coefficients and noise; any other
     is computed in full.
+
+    Args:
+        posterior: whose likelihood is evaluated.
+        values: draws of all parameters in their order, SI, shape (n, d).
+        early_stop: whether a draw may stop once it can no longer matter.
     """
     likelihood = posterior.likelihood
     if not (early_stop and isinstance(likelihood, OutputError) and likelihood.is_plain):
@@ -267,7 +272,13 @@ def listing_one(
 
 @partial(jax.jit, static_argnums=2)
 def draw_by_name(posterior: Posterior, key: jax.Array, n: int) -> Float[Array, "n d"]:
-    """Prior draws of the parameters' values; a parameter's draws depend on the key and its name only, not on the other parameters."""
+    """Prior draws of the parameters' values; a parameter's draws depend on the key and its name only, not on the other parameters.
+
+    Args:
+        posterior: whose priors are drawn from.
+        key: random key.
+        n: number of draws.
+    """
     return jnp.stack(
         [p.prior.draw(jax.random.fold_in(key, crc32(p.name.encode())), (n,)) for p in posterior.parameters], -1
     )

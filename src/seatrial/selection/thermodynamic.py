@@ -121,6 +121,12 @@ def sample_ladder(
 ) -> Ladder:
     """Run the tempered chains.
 
+    Args:
+        target: density, prior and likelihood kept apart.
+        key: random key.
+        settings: size of the run.
+        progress: told how many iterations are done.
+
     Raises:
         InputError: a ladder of an even number or fewer than 5 rungs, fewer than 4 copies, or iterations not in blocks of 250.
         NumericalError: no draw of the prior has a finite likelihood, or cold chains never left where it is zero.

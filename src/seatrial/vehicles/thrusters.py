@@ -51,6 +51,11 @@ def commands_for(
 ) -> Float[np.ndarray, " n"]:
     """Return the least thrusts that make a wanted force and moment.
 
+    Args:
+        thrusters: of the frame.
+        wanted: force and moment, N and N m, shape (6,).
+        tolerance: what may be missed, as a share of the largest part wanted, or of 1 where that is more.
+
     Raises:
         InputError: no thrusts make it.
     """

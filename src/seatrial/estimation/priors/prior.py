@@ -82,6 +82,11 @@ def restricted(prior: Prior, lower: float, upper: float) -> Prior:
 
     A uniform stays uniform and a normal becomes a truncated normal; a prior that lies inside already is returned as it is.
 
+    Args:
+        prior: normal, uniform or a kind cut already.
+        lower: bound in the unit of the parameter; -inf for none.
+        upper: likewise; inf for none.
+
     Raises:
         InputError: next to nothing of the prior lies inside, or a log-normal, which cannot be cut.
     """

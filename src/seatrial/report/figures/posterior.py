@@ -144,7 +144,13 @@ def marginal(
 
 
 def normal_density(x: np.ndarray, mean: float, sd: float) -> np.ndarray:
-    """Return the density of a normal distribution."""
+    """Return the density of a normal distribution.
+
+    Args:
+        x: where, shape (n,).
+        mean: of the distribution.
+        sd: its standard deviation.
+    """
     return np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * sqrt(2 * pi))
 
 

@@ -102,7 +102,13 @@ def limit_ticks(axis: "Axis", most: int) -> None:
 
 
 def label_axes(axes: "Axes", x: str = "", y: str = "") -> None:
-    """Name the axes; text within dollars is mathematics, so names from users must not come here."""
+    """Name the axes; text within dollars is mathematics, so names from users must not come here.
+
+    Args:
+        axes: to label.
+        x: name and unit below; none if empty.
+        y: name and unit at the side; none if empty.
+    """
     if x:
         axes.set_xlabel(x, fontsize=FONT, color=INK, labelpad=3)
     if y:
@@ -158,7 +164,13 @@ def power_of_ten(*values: float) -> int:
 
 
 def unit_label(symbol: str, unit: str, exponent: int = 0) -> str:
-    """Return the axis label such as `$X_{u}$ [10⁻⁴ kg/s]`."""
+    """Return the axis label such as `$X_{u}$ [10⁻⁴ kg/s]`.
+
+    Args:
+        symbol: LaTeX.
+        unit: as it is printed; none if empty.
+        exponent: of ten, taken out of the numbers.
+    """
     from seatrial.report.numbers import times_ten, unit_text
 
     unit = unit_text("" if unit == "1" else unit)

@@ -220,7 +220,13 @@ def sample_subsets(
 
 
 def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, Evaluated]:
-    """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all."""
+    """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all.
+
+    Args:
+        walkers: at their starts.
+        n_units: number of units, that of nobody included.
+        moves: of each chain, the first quarter of them warm-up.
+    """
     chains, k = walkers.cold.size, walkers.matrix.shape[1] - 1
     warmup = moves // 4
     half = half_of(moves)
@@ -261,7 +267,13 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
 def sums_over(
     matrix: Float[np.ndarray, "n k1 k1"], there: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
 ) -> StructureSums:
-    """Return the sums over structures whose swept matrices and terms are given."""
+    """Return the sums over structures whose swept matrices and terms are given.
+
+    Args:
+        matrix: swept matrix of each structure, shape (n, k+1, k+1).
+        there: whether each optional term is there, 0 or 1, shape (n, k).
+        weight: of each structure, shape (n,).
+    """
     z = np.column_stack([matrix[:, :-1, -1] * there, np.full(weight.size, -1.0)])
     corner = weight * matrix[:, -1, -1]
     covariance = matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]

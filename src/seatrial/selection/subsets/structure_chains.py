@@ -195,7 +195,14 @@ class Chains:
 
 
 def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int) -> Units:
-    """Put together what the rules keep together, and say who is whose partner."""
+    """Put together what the rules keep together, and say who is whose partner.
+
+    Args:
+        rules: over all terms.
+        free: numbers of the optional terms.
+        problem: of these terms.
+        n_terms: number of all terms.
+    """
     wants, rivals = rules.required(n_terms), rules.rivals(n_terms)
     closed = [closure(wants, 1 << i) for i in range(n_terms)]
     together = {i: tuple(j for j in free if closed[i] >> j & 1 and closed[j] >> i & 1) for i in free}
@@ -227,7 +234,15 @@ def rungs_between(least: float, most: float) -> int:
 def some_starts(
     units: Units, certain: int, rules: RuleMasks, walkers: int, random: np.random.Generator
 ) -> UInt64[np.ndarray, " walkers"]:
-    """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between."""
+    """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between.
+
+    Args:
+        units: what moves.
+        certain: the smallest structure, as a bit mask.
+        rules: over all terms.
+        walkers: number of starts.
+        random: generator.
+    """
     starts = np.full(walkers, certain, np.uint64)
     share = np.linspace(0.0, 1.0, walkers)
     for u in random.permutation(units.with_wanted.size):
