@@ -358,7 +358,7 @@ def _criterion(study: Study, part: str, name: str, what: str = "criterion_value"
 
 
 def _delta(study: Study, name: str) -> tuple[float, float]:
-    """Criterion of M-1 less that of M-0, with its Monte Carlo error."""
+    """Return the criterion of M-1 less that of M-0, with its Monte Carlo error."""
     values, errors = (
         [_criterion(study, part, name, what) for part in TABLE_6] for what in ("criterion_value", "criterion_error")
     )
@@ -366,14 +366,14 @@ def _delta(study: Study, name: str) -> tuple[float, float]:
 
 
 def _leaning(deltas: dict[str, tuple[float, float]]) -> str:
-    """Which model DIC and BPIC favour beyond twice their errors, in words."""
+    """Return which model DIC and BPIC favour beyond twice their errors, in words."""
     toward = {name: "M-1" if value < 0 else "M-0" for name, (value, error) in deltas.items() if abs(value) > 2 * error}
     said = [f"{name} favours {toward[name]}" for name in ("DIC", "BPIC") if name in toward]
     return " and ".join(said) or "a tie within Monte Carlo error"
 
 
 def _tighter(study: Study) -> bool:
-    """Whether both drag coefficients of M-1 are nearer the truth, and of smaller standard deviation, than those of M-0."""
+    """Return whether both drag coefficients of M-1 are nearer the truth, and of smaller standard deviation, than those of M-0."""
     full, reduced = (study.part(part).sel(parameter=list(NAMES[:2])) for part in TABLE_6)
     nearer = np.abs(reduced["mean"] - reduced["truth"]) < np.abs(full["mean"] - full["truth"])
     return bool((nearer & (reduced["sd"] < full["sd"])).all())

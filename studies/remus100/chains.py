@@ -72,12 +72,12 @@ def table_6_part(study: Study, full: bool) -> xr.Dataset:
     sampled = _sample(study, posterior, adaptive_metropolis, f"Table VI, M-{0 if full else 1}")
     report = study.progress(f"information criteria of M-{0 if full else 1}")
     report(0, 2)
-    found = deviance_criteria(posterior, sampled.values)
+    result = deviance_criteria(posterior, sampled.values)
     report(1, 2)
     table = pointwise_log_likelihood(posterior, thin_draws(sampled.values, study.sizes.criteria_draws))
     predictive = (waic(table), psis_loo(table))
     report(2, 2)
-    named = {"DIC": found.dic, "BPIC": found.bpic, "p_D": found.p_d, "Dbar": found.mean_deviance}
+    named = {"DIC": result.dic, "BPIC": result.bpic, "p_D": result.p_d, "Dbar": result.mean_deviance}
     named |= {criterion.method: criterion.value for criterion in predictive}
     return _summary(study, posterior, sampled).assign(
         criterion_value=("criterion", [one.value for one in named.values()]),
@@ -90,7 +90,7 @@ def table_6_part(study: Study, full: bool) -> xr.Dataset:
 
 
 def starts_part(study: Study) -> xr.Dataset:
-    """How long a chain takes to arrive from the paper's first estimates, half the truth, and from the posterior mode."""
+    """Return how long a chain takes to arrive from the paper's first estimates, half the truth, and from the posterior mode."""
     posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
     mode = find_mode(posterior, study.random_key("mode"))
     half = [0.5 * study.reading.truth.get(name, study.reading.sigma) for name in posterior.names]
@@ -232,7 +232,7 @@ def _truth(reading: Reading, names: tuple[str, ...]) -> Float[np.ndarray, " d"]:
 
 
 def _raw_acf(x: np.ndarray) -> np.ndarray:
-    """Products of the draws as they are, their mean left in: near 1 at every lag unless the mean is near 0."""
+    """Return the products of the draws as they are, their mean left in: near 1 at every lag unless the mean is near 0."""
     return np.array([x[lag:] @ x[: x.size - lag] for lag in range(LAGS + 1)]) / (x @ x)
 
 

@@ -186,7 +186,7 @@ def claim_quiet_time(study: Study) -> Item:
 
 
 def ridges(gain: Float[np.ndarray, " P"]) -> list[float]:
-    """Periods after which a longer doublet teaches less, because one whole doublet fewer fits."""
+    """Return the periods after which a longer doublet teaches less, because one whole doublet fewer fits."""
     return [float(PERIODS[i]) for i in range(1, gain.size - 1) if gain[i] > gain[i - 1] and gain[i] > gain[i + 1]]
 
 

@@ -96,7 +96,7 @@ def sweep_part(study: Study, window: str, method: Filter = SquareRootUnscentedKa
 
 
 def ekf_sweep_part(study: Study) -> xr.Dataset:
-    """The 40 s window by the extended Kalman filter."""
+    """Return the 40 s window by the extended Kalman filter."""
     return sweep_part(study, "medium", ExtendedKalmanFilter())
 
 
@@ -248,7 +248,7 @@ def draw_relay(study: Study) -> "Figure":
 
 
 def _apart(study: Study, window: str) -> float:
-    """Height of a window's name beside its line: in the order of the lines' ends, so that no two overlap."""
+    """Return the height of a window's name beside its line: in the order of the lines' ends, so that no two overlap."""
     ends = {name: float(study.part(f"sweep-{name}")["gain"].values[-1, -1]) for name in WINDOWS}
     return 0.64 + 0.15 * sorted(WINDOWS, key=ends.__getitem__).index(window)
 

@@ -39,7 +39,7 @@ ROWS = {"equations-2": ("(1), (3)", "(4)", "(5)"), "equations-3": ("(6), (7), (9
 
 
 def equations_part(study: Study) -> xr.Dataset:
-    """Rows of (equation, what, ours, independent)."""
+    """Return the rows of (equation, what, ours, independent)."""
     rows = [*_vehicle(study), *_entropy(), *_model(study)]
     return xr.Dataset(
         {"ours": ("row", [row[2] for row in rows]), "independent": ("row", [row[3] for row in rows])},
@@ -118,7 +118,7 @@ def _entropy() -> list[tuple[str, str, float, float]]:
 
 
 def _model(study: Study) -> list[tuple[str, str, float, float]]:
-    """Density of the hierarchical model at a point, by a plain loop and textbook densities."""
+    """Return the density of the hierarchical model at a point, by a plain loop and textbook densities."""
     reading, record = study.reading, paper_trial(study.reading, None)
     posterior = paper_posterior(reading, [record], None)
     sigma = 1.1 * reading.sigma

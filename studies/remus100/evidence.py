@@ -53,12 +53,12 @@ TALL, TALLEST = 1.7, 1.2
 def listing_part(study: Study, table: int) -> xr.Dataset:
     """Listing 1 as printed over many seeds, and with draws shared between the models, on the trial of Table IV or V."""
     sizes, models = study.sizes, _models(study.reading, table)
-    found = {}
+    results = {}
     for shared, repeats in ((False, sizes.listing_repeats), (True, sizes.listing_shared)):
         title = f"Listing 1 for Table {'IV' if table == 4 else 'V'}, {repeats} seeds" + (
             ", shared draws" if shared else ""
         )
-        found[shared] = listing_one(
+        results[shared] = listing_one(
             models,
             study.random_key("listing"),
             draws=sizes.listing_draws,
@@ -68,18 +68,18 @@ def listing_part(study: Study, table: int) -> xr.Dataset:
         )
     return xr.Dataset(
         {
-            "probability": (("repeat", "model"), found[False].probability),
-            "shared_probability": (("shared_repeat", "model"), found[True].probability),
-            "log_values": (("repeat", "model"), _column(found[False], "log_values")),
-            "ess": (("repeat", "model"), _column(found[False], "ess")),
+            "probability": (("repeat", "model"), results[False].probability),
+            "shared_probability": (("shared_repeat", "model"), results[True].probability),
+            "log_values": (("repeat", "model"), _column(results[False], "log_values")),
+            "ess": (("repeat", "model"), _column(results[False], "ess")),
         },
         {"model": list(MODELS)},
-        {"status": found[False].status},
+        {"status": results[False].status},
     )
 
 
 def evidence_part(study: Study, table: int) -> xr.Dataset:
-    """Log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
+    """Return the log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
     reading, report = study.reading, study.progress(f"evidences for Table {'IV' if table == 4 else 'V'}")
     weighing = ImportanceSettings(study.sizes.importance_draws)
     estimators: dict[str, Estimator] = {
@@ -92,31 +92,31 @@ def evidence_part(study: Study, table: int) -> xr.Dataset:
     if study.sizes.nested_live:
         estimators["nested sampling"] = partial(nested_evidence, live=study.sizes.nested_live)
     models, key = _models(reading, table), study.random_key(f"evidence {table}")
-    found, total = [], 2 * len(estimators) + 1
+    results, total = [], 2 * len(estimators) + 1
     for row, estimate in enumerate(estimators.values()):
         pair = []
         for model in models:
             report(len(pair) + 2 * row, total)
             pair.append(estimate(model, jax.random.fold_in(key, row)))
-        found.append(pair)
+        results.append(pair)
     report(total - 1, total)
     record = paper_trial(reading, doubted_value(reading, table))
     alone = importance_evidence(paper_posterior(reading, [record], wide(reading)), key, settings=weighing)
     report(total, total)
     return xr.Dataset(
         {
-            "log_value": (("method", "model"), [[one.log_value for one in pair] for pair in found]),
-            "error": (("method", "model"), [[one.std_error for one in pair] for pair in found]),
+            "log_value": (("method", "model"), [[one.log_value for one in pair] for pair in results]),
+            "error": (("method", "model"), [[one.std_error for one in pair] for pair in results]),
             "wide_log_value": ((), alone.log_value),
             "wide_error": ((), alone.std_error),
         },
         {"method": list(estimators), "model": list(MODELS)},
-        {"status": [one.status for pair in found for one in pair]},
+        {"status": [one.status for pair in results for one in pair]},
     )
 
 
 def odds_part(study: Study) -> xr.Dataset:
-    """Probability of M-0 by importance sampling over several trials, as the true term grows; priors +-200 % of a printed value.
+    """Return the probability of M-0 by importance sampling over several trials, as the true term grows; priors +-200 % of a printed value.
 
     Beyond the printed values the prior is that of the larger printed one scaled to hold the true value.
     """
@@ -372,7 +372,7 @@ def _table(study: Study, table: int) -> Item:
 
 
 def _disagreement(data: xr.Dataset) -> float:
-    """Largest difference of two methods' log evidences of one model, in units of their joint error."""
+    """Return the largest difference of two methods' log evidences of one model, in units of their joint error."""
     values, errors = data["log_value"].values, data["error"].values
     return max(
         float((np.abs(values[i] - values[j]) / np.hypot(errors[i], errors[j])).max())
@@ -445,6 +445,6 @@ def _answers(axes: "Axes", study: Study, table: int) -> None:
 
 
 def _probability(log_value: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-    """Probability of M-0 with its Monte Carlo error, from the log evidences of M-0 and M-1."""
+    """Return the probability of M-0 with its Monte Carlo error, from the log evidences of M-0 and M-1."""
     p = float(1 / (1 + np.exp(log_value[1] - log_value[0])))
     return p, float(p * (1 - p) * np.hypot(*error))

@@ -265,7 +265,7 @@ def _rows(study: Study, name: str, printed: tuple[float, ...], printed_sd: tuple
 
 
 def _apart(data: xr.Dataset) -> float:
-    """Largest root mean square difference of a final estimate from the SRUKF's, in standard deviations."""
+    """Return the largest root mean square difference of a final estimate from the SRUKF's, in standard deviations."""
     final, sds = data["final_mean"], _mean(data, "SRUKF", "final_sd")
     reference = final.sel(filter="SRUKF").values
     return max(float((np.sqrt(np.mean((final.sel(filter=n).values - reference) ** 2, 0)) / sds).max()) for n in TABLE_1)
@@ -276,7 +276,7 @@ def _mean(data: xr.Dataset, name: str, what: str) -> np.ndarray:
 
 
 def _rms(study: Study, name: str) -> np.ndarray:
-    """Root mean square error of the final estimates over the seeds, printed units."""
+    """Return the root mean square error of the final estimates over the seeds, printed units."""
     final = study.part("filters")["final_mean"].sel(filter=name).values
     return np.sqrt(np.mean((final - np.array([study.reading.printed_truth[term] for term in NAMES])) ** 2, 0))
 

@@ -94,7 +94,7 @@ class FilterRun(NamedTuple):
 
 
 def filters_part(study: Study) -> xr.Dataset:
-    """Every filter over the same trials: estimates at the end and at each second, clipping, run times, one whole trace."""
+    """Return every filter over the same trials: estimates at the end and at each second, clipping, run times, one whole trace."""
     reading, seeds = study.reading, study.sizes.filter_seeds
     trials, space = make_trials(reading, seeds), filter_space(reading)
     report, runs = study.progress("four filters"), {}
@@ -153,12 +153,12 @@ def filter_space(reading: Reading, p: float = 1.0, q: float = 1.0, r: float = 1.
 
 
 def filter_scales(reading: Reading) -> tuple[float, float, float]:
-    """SI value of one filter unit of each coefficient."""
+    """Return the SI value of one filter unit of each coefficient."""
     return (1.0, 1.0, reading.thrust_filter)
 
 
 def paper_filters(reading: Reading) -> dict[str, Filter]:
-    """The four filters; the constrained one keeps each coefficient within 50 % of its true value."""
+    """Return the four filters; the constrained one keeps each coefficient within 50 % of its true value."""
     centres = [reading.truth[name] / scale for name, scale in zip(NAMES, filter_scales(reading), strict=True)]
     bounds = [(c - BOUND_SHARE * abs(c), c + BOUND_SHARE * abs(c)) for c in centres]
     return {
@@ -175,12 +175,12 @@ def run_over_seeds(method: Filter, space: StateSpace, trials: FilterTrials) -> F
 
 
 def in_printed_units(reading: Reading, coefficients: Float[Array, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """Coefficients, or their standard deviations, of a filter in the units of the tables."""
+    """Return the coefficients, or their standard deviations, of a filter in the units of the tables."""
     return np.asarray(coefficients) * [1.0, 1.0, reading.thrust_filter / reading.thrust_print]
 
 
 def rates(reading: Reading, means: Float[Array, "n 4"], control: Float[Array, "n 1"]) -> Float[Array, " n"]:
-    """Acceleration as a filter's own state and coefficients have it, m/s^2."""
+    """Return the acceleration as a filter's own state and coefficients have it, m/s^2."""
     model, scales = reading.model(), filter_scales(reading)
 
     def rate(mean: Array, n: Array) -> Array:

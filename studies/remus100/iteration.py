@@ -129,7 +129,7 @@ def iteration_part(study: Study) -> xr.Dataset:
 
 
 def readings_part(study: Study) -> xr.Dataset:
-    """Standard deviations of filter and fit, entropy reductions, and the probability of M-0, under both readings."""
+    """Return the standard deviations of filter and fit, entropy reductions, and the probability of M-0, under both readings."""
     report, rows = study.progress("both readings of the units"), []
     for done, reading in enumerate(READINGS.values()):
         report(done, len(READINGS))

@@ -110,7 +110,7 @@ def _equation(terms: list[Parameter]) -> str:
 
 
 def _towards(x: float, centre: float, width: float) -> float:
-    """Where an arrow from x meets the upper edge of a box: straight below, or as near as the box reaches."""
+    """Return where an arrow from x meets the upper edge of a box: straight below, or as near as the box reaches."""
     return min(max(x, centre - 0.46 * width), centre + 0.46 * width)
 
 

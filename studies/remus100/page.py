@@ -78,7 +78,7 @@ SIZES = {
 
 
 def card(item: Item, reading: Reading) -> dict[str, Any]:
-    """What the templates print of an item."""
+    """Return what the templates print of an item."""
     labels = labels_of(reading)
     return {
         "key": item.key,
@@ -105,7 +105,7 @@ def verdict_words(verdict: Verdict, reading: Reading) -> str:
 
 
 def labels_of(reading: Reading) -> dict[str, str]:
-    """LaTeX label of every name that items speak of."""
+    """Return the LaTeX label of every name that items speak of."""
     labels = {name: CoefficientName.parse(name).label for name in (*NAMES, reading.doubted, "X_udot")}
     slopes = {f"d{name}": f"d{label}" for name, label in labels.items()}
     return labels | slopes | {"sigma_u": r"\sigma_{u}", "udot": r"\dot{u}", "p_D": "p_{D}", "P_0": "P_{0}"}
@@ -251,13 +251,13 @@ def _draw_figures(study: Study, items: Sequence[Item]) -> Drawn:
 
 
 def _section(key: str) -> str:
-    """Anchor of the section in which an item stands: the last to begin before it, or with it."""
+    """Return the anchor of the section in which an item stands: the last to begin before it, or with it."""
     order = list(ENTRIES)
     return [anchor for first, (anchor, _) in SECTIONS.items() if order.index(first) <= order.index(key)][-1]
 
 
 def _counts(study: Study, items: Sequence[Item]) -> list[dict[str, Any]]:
-    """How many items have each verdict."""
+    """Return how many items have each verdict."""
     counted = Counter(item.verdict for item in items)
     return [
         {"words": verdict_words(verdict, study.reading), "look": look, "count": counted[verdict]}

@@ -110,14 +110,14 @@ def key(figure: "Figure", entries: Mapping[str, Mapping[str, Any]], *, x: float 
 
 
 def symbol(name: str) -> str:
-    """Symbol of a parameter within dollars; the noise of a channel is a sigma with the channel's name."""
+    """Return the symbol of a parameter within dollars; the noise of a channel is a sigma with the channel's name."""
     if name.startswith(NOISE_PREFIX):
         return label_mathtext(rf"\sigma_{{{name.removeprefix(NOISE_PREFIX)}}}")
     return label_mathtext(CoefficientName.parse(name).label)
 
 
 def printed_unit(reading: Reading, name: str) -> str:
-    """Unit in which a parameter is printed, as text: `10⁻² N/(rev/s)²`."""
+    """Return the unit in which a parameter is printed, as text: `10⁻² N/(rev/s)²`."""
     if name.startswith(NOISE_PREFIX):
         return "m/s"
     if name != "T_nabsn":
@@ -130,10 +130,10 @@ def printed_unit(reading: Reading, name: str) -> str:
 
 
 def with_unit(reading: Reading, name: str, before: str = "") -> str:
-    """Axis label of a parameter: symbol and printed unit."""
+    """Return the axis label of a parameter: symbol and printed unit."""
     return f"{before}{symbol(name)} [{printed_unit(reading, name)}]"
 
 
 def rpm(n: np.ndarray) -> np.ndarray:
-    """Propeller speed in rpm."""
+    """Return the propeller speed in rpm."""
     return np.asarray(n) / RPM

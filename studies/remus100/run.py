@@ -18,7 +18,7 @@ FILE_NAME = "paper.json"
 
 
 def choose_vehicle(reading: str, vehicle: Path | None) -> Reading:
-    """The paper's vehicle under one reading, or a user's.
+    """Return the paper's vehicle under one reading, or a user's.
 
     Raises:
         InputError: no such reading, both given, or a file that cannot be used.

@@ -99,7 +99,7 @@ class Study:
     _locks: dict[str, Lock] = field(default_factory=dict)
 
     def part(self, name: str) -> xr.Dataset:
-        """Results of one part: from memory, from disk if they are current, or computed now."""
+        """Return the results of one part: from memory, from disk if they are current, or computed now."""
         with self._locks.setdefault(name, Lock()):
             if name not in self._held:
                 path, key = self.folder / "results" / f"{name}.nc", self.key(name)
@@ -172,7 +172,7 @@ class Item:
 
 
 def trial_settings(study: Study) -> dict[str, Any]:
-    """The vehicle, the trial, and the seeds of both trial and computation."""
+    """Return the vehicle, the trial, and the seeds of both trial and computation."""
     return {"reading": study.reading.name, "data_seed": 1, "sigma": study.reading.sigma, "seed": study.seed}
 
 

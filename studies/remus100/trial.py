@@ -29,7 +29,7 @@ def stamps() -> Float[np.ndarray, " n"]:
 
 
 def doublets(reading: Reading, period: float = PERIOD, active: float = ACTIVE) -> Float[np.ndarray, " n"]:
-    """Propeller speed of the largest doublets, rad/s."""
+    """Return the propeller speed of the largest doublets, rad/s."""
     family = Family("n", reading.trim, DURATION, active, STEP)
     return np.asarray(family.signal(reading.highest, period, stamps()))
 
@@ -52,7 +52,7 @@ def paper_trial(
     control: Float[np.ndarray, " n"] | None = None,
     label: str = "paper",
 ) -> Record:
-    """A simulated and measured trial; `doubted` is the true value of the doubted term, None for a vehicle without it."""
+    """Return a simulated and measured trial; `doubted` is the true value of the doubted term, None for a vehicle without it."""
     control = doublets(reading) if control is None else control
     truth = reading.truth | ({} if doubted is None else {reading.doubted: doubted})
     noise = reading.sigma * np.random.default_rng(seed).normal(size=control.size)

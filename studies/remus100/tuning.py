@@ -37,7 +37,7 @@ STATE = {"color": INK, "marker": "o", "markersize": 4, "linewidth": 0.8}
 
 
 def tuning_part(study: Study) -> xr.Dataset:
-    """Errors, stated standard deviations, how the state is followed, how far the estimates travel, and what the check says."""
+    """Return the errors, stated standard deviations, how the state is followed, how far the estimates travel, and what the check says."""
     reading, seeds = study.reading, study.sizes.tuning_seeds
     trials, truth = make_trials(reading, seeds), np.array([reading.printed_truth[name] for name in NAMES])
     report, rows, said = study.progress("tuning of P, Q and R"), [], {}
@@ -144,13 +144,13 @@ def draw_tuning(study: Study) -> "Figure":
 
 
 def _one(trace: FilterTrace) -> FilterTrace:
-    """The first of a batch of traces."""
+    """Return the first of a batch of traces."""
     final = Gaussian(*(np.asarray(part)[0] for part in trace.final))
     return FilterTrace(trace.log_likelihood[0], final, *(np.asarray(part)[0] for part in trace[2:]))
 
 
 def _rms_or_mean(study: Study, what: str, change: str) -> tuple[float, float]:
-    """Root mean square over seeds, as printed and after the change; of X_u where there are several coefficients."""
+    """Return the root mean square over seeds, as printed and after the change; of X_u where there are several coefficients."""
     data = study.part("tuning")[what]
     data = data.sel(coefficient="X_u") if "coefficient" in data.dims else data
     mean_square = (data**2).mean("seed")

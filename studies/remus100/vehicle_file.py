@@ -206,7 +206,7 @@ class Reading:
             return surge_vehicle(hull, (*NAMES, *extra))
 
     def printed(self, value: float | None) -> float | None:
-        """A number the paper prints, where this is the paper's vehicle."""
+        """Return a number the paper prints, where this is the paper's vehicle."""
         return value if self.is_paper else None
 
     def _thrust_unit(self, key: str) -> float:
@@ -228,7 +228,7 @@ class Reading:
 
 
 def read_vehicle(path: Path) -> Reading:
-    """A user's vehicle, checked.
+    """Return a user's vehicle, checked.
 
     Raises:
         InputError: no such file, or something in it that cannot be used.
@@ -246,14 +246,14 @@ def read_vehicle(path: Path) -> Reading:
 
 
 def paper_reading(name: str) -> Reading:
-    """The paper's vehicle as read one way, `A` or `B`."""
+    """Return the paper's vehicle as read one way, `A` or `B`."""
     place = Path(str(files(__package__).joinpath(f"reading_{name.lower()}.toml")))
     text = read_text(place)
     return Reading(name, place, parse_toml(place, text, VehicleFile, _example), True, text)
 
 
 def _example(_: Sequence[str | int]) -> str:
-    """What to say after a missing key."""
+    """Return what to say after a missing key."""
     return f"{EXAMPLE} shows every table"
 
 
@@ -266,7 +266,7 @@ def _checked(reading: Reading) -> Reading:
             raise _mistake(
                 reading, key, f"{name}, both fixed and estimated", "one of the two", f"take {name} out of [fixed]"
             )
-    for place, found, expected, remedy in (
+    for place, result, expected, remedy in (
         ("name", "" if source.name.strip() else "no name", "a name", "it heads the report"),
         *(
             (f"coefficients.{name}", "" if value < 0 else f"{value:g}", "a negative number", "drag opposes motion")
@@ -296,8 +296,8 @@ def _checked(reading: Reading) -> Reading:
             "the wide prior has to hold the truth",
         ),
     ):
-        if found:
-            raise _mistake(reading, place, found, expected, remedy)
+        if result:
+            raise _mistake(reading, place, result, expected, remedy)
     reading.model(reading.doubted)
     _check_sizes(reading)
     return reading

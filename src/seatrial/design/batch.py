@@ -53,9 +53,9 @@ def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, tria
         before = best
         for place in range(trials):
             others = information[chosen[:place] + chosen[place + 1 :]].sum(0) if trials > 1 else nothing
-            found = worth(others)
-            if found.max() > best + 1e-9 * abs(best):
-                chosen[place], best = int(np.argmax(found)), float(found.max())
+            result = worth(others)
+            if result.max() > best + 1e-9 * abs(best):
+                chosen[place], best = int(np.argmax(result)), float(result.max())
         if best == before:
             break
     return Batch(*_in_order(information, worth, nothing, chosen, utility), repeated)
@@ -64,7 +64,7 @@ def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, tria
 def _in_order(
     information: np.ndarray, worth: Callable, nothing: np.ndarray, chosen: list[int], utility: Utility
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
-    """The trials chosen, each the best beside those before it, so that fewer may be run."""
+    """Return the trials chosen, each the best beside those before it, so that fewer may be run."""
     left, order, reached, base = list(chosen), [], [], nothing
     while left:
         gains = worth(base)[left]

@@ -134,15 +134,21 @@ def explain(
     noise_key, draw_key = jax.random.split(key)
     noise = noise_of(noise_key, which, plan.weight.size)
     t = np.stack([_student(random, inner, z.shape[1]) for random in _generators(draw_key, which)])
-    found = _explain(plan, belief, control, z, jnp.asarray(noise), jnp.asarray(t), climbs)
-    log_prior, log_weight, origin = jax.tree.map(np.asarray, found)
-    total = logsumexp(log_weight, axis=1)
-    ess = np.exp(2.0 * total - logsumexp(2.0 * log_weight, axis=1))
+    result = _explain(plan, belief, control, z, jnp.asarray(noise), jnp.asarray(t), climbs)
+    log_prior, log_weight, origin = jax.tree.map(np.asarray, result)
+    total, double = (np.asarray(logsumexp(times * log_weight, axis=1)) for times in (1.0, 2.0))
+    ess = np.exp(2.0 * total - double)
     return Explained(np.log(inner) - total, _chance(np.asarray(z), origin) - log_prior, ess)
 
 
 def noise_of(key: jax.Array, which: Int[Array, " m"], size: int) -> Float[np.ndarray, "m size"]:
-    """White noise of each outer draw, the same for every design and however many draws there are."""
+    """White noise of each outer draw, the same for every design and however many draws there are.
+
+    Args:
+        key: random key.
+        which: number of each outer draw.
+        size: numbers of each.
+    """
     return np.stack([random.normal(size=size) for random in _generators(key, which)])
 
 
@@ -153,7 +159,7 @@ def importance_gain(
     key: jax.Array,
     settings: GainSettings = GainSettings(),
 ) -> Gain:
-    """Expected information gain by nested Monte Carlo with importance draws about each posterior mode.
+    """Return the expected information gain by nested Monte Carlo with importance draws about each posterior mode.
 
     What it cannot see: a second mode of a posterior, far from the coefficients that made the data; the gain is then too large, by
     ln 2 at most where there are two.
@@ -178,17 +184,17 @@ def importance_gain(
     z, local = _local_gains(plan, belief, control, key, settings.draws)
     m, held = settings.outer, jnp.asarray(control, float)
     key = jax.random.fold_in(key, 1)
-    found, chance, ess = in_blocks(
+    result, chance, ess = in_blocks(
         lambda which, point: explain(plan, belief, held, key, which, point, settings.inner, settings.climbs),
         np.arange(m),
         z[:m],
     )
-    if not np.isfinite(found).all():
+    if not np.isfinite(result).all():
         raise NumericalError(
-            f"for {np.sum(~np.isfinite(found))} of {m} simulated trials no importance draw about the posterior mode can be "
+            f"for {np.sum(~np.isfinite(result))} of {m} simulated trials no importance draw about the posterior mode can be "
             "simulated: narrow the prior, or excite less"
         )
-    correction = found - (local[:m] + chance - np.sum(entropies(belief)))
+    correction = result - (local[:m] + chance - np.sum(entropies(belief)))
     value, joint = float(local.mean() + correction.mean()), np.cov(local[:m], correction)
     variance = local.var(ddof=1) / settings.draws + joint[1, 1] / m + 2.0 * joint[0, 1] / settings.draws
     diagnostics = {
@@ -209,7 +215,7 @@ def _generators(key: jax.Array, which: Array) -> list[np.random.Generator]:
 
 
 def _student(random: np.random.Generator, n: int, d: int) -> np.ndarray:
-    """Draws of the standard multivariate t in opposite pairs, which cancel skewness."""
+    """Return the draws of the standard multivariate t in opposite pairs, which cancel skewness."""
     half = random.normal(size=(n // 2, d)) * np.sqrt(FREEDOM / random.chisquare(FREEDOM, (n // 2, 1)))
     return np.concatenate([half, -half])
 
@@ -231,7 +237,7 @@ def _chance(z: np.ndarray, origin: "_Slopes") -> np.ndarray:
 def _explain(
     plan: TrialPlan, belief: Belief, control: Array, z: Array, noise: Array, t: Array, climbs: int
 ) -> tuple[Array, Array, _Slopes]:
-    """Log prior density of each z, log weights of its importance draws, and slopes at it."""
+    """Return the log prior density of each z, log weights of its importance draws, and slopes at it."""
     outputs = partial(outputs_of, plan, belief, control)
     measured = jax.vmap(outputs)(z) + noise
     peak, origin = jax.vmap(partial(_climb, outputs, belief, climbs))(z, measured, noise)
@@ -256,7 +262,7 @@ def _log_student(t: Array) -> Array:
 
 
 def _height(belief: Belief, shown: Array, z: Array, measured: Array, noise: Array) -> Array:
-    """Log prior density plus log-likelihood of z, less that of the coefficients that made the data."""
+    """Return the log prior density plus log-likelihood of z, less that of the coefficients that made the data."""
     return jnp.sum(log_priors(belief, z)) - 0.5 * jnp.sum((measured - shown) ** 2 - noise**2)
 
 
@@ -304,7 +310,7 @@ def _with_prior(belief: Belief, z: Array, information: Array) -> tuple[Array, Ar
 def _local_gains(
     plan: TrialPlan, belief: Belief, control: np.ndarray, key: jax.Array, n: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Prior draws z, shape (n, k), and 0.5 ln det(I + N F) at each."""
+    """Return the prior draws z, shape (n, k), and 0.5 ln det(I + N F) at each."""
     z, held = draw_z(belief, key, n), jnp.asarray(control, float)
     information = in_blocks(lambda point: (_information(plan, belief, held, point),), z)[0]
     _refuse_divergence(belief, plan, z, np.isfinite(information).all((1, 2)))
@@ -314,7 +320,7 @@ def _local_gains(
 
 @jax.jit
 def _information(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> Array:
-    """Information about z."""
+    """Return the information about z."""
 
     def one(z: Array) -> Array:
         slope = jax.jacfwd(partial(values_of, belief))(z)

@@ -45,7 +45,7 @@ class Discrimination:
     wording = "expected log likelihood ratio against the structure that is hardest to tell apart"
 
     def __call__(self, information: Float[Array, "*batch S k k"]) -> Float[Array, "*batch S"]:
-        """Utility of information matrices, one for each draw along the axis before the last two."""
+        """Return the utility of information matrices, one for each draw along the axis before the last two."""
         xp = jnp if isinstance(information, jax.Array) else np
         return xp.stack([self._against(information, absent) for absent in self.absent]).min(0)
 
@@ -80,7 +80,7 @@ class Criterion(Protocol):
     wording: str
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """Utility of Fisher information matrices, SI.
+        """Return the utility of Fisher information matrices, SI.
 
         JAX arrays, traced ones too, give JAX arrays that can be differentiated; NumPy arrays give NumPy arrays.
         """
@@ -179,7 +179,7 @@ CRITERIA: dict[str, Callable[..., Criterion]] = {
 def find_criterion(
     name: str, prior_cov: Float[np.ndarray, "k k"], gradient: Float[np.ndarray, " k"] | None = None
 ) -> Criterion:
-    """Criterion by name.
+    """Return the criterion by name.
 
     Args:
         name: one of `CRITERIA`.
@@ -200,7 +200,7 @@ def find_criterion(
 
 
 def _factor(cov: np.ndarray) -> np.ndarray:
-    """Cholesky factor, taken of the correlations so that coefficients of any size are treated alike."""
+    """Return the Cholesky factor, taken of the correlations so that coefficients of any size are treated alike."""
     sd = np.sqrt(np.maximum(np.diag(cov), 0.0))
     place, remedy = (
         "covariance before the trial",
@@ -221,15 +221,15 @@ def _factor(cov: np.ndarray) -> np.ndarray:
 
 
 def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
-    found = None if gradient is None else np.asarray(gradient, float)
-    if found is None or found.shape != (k,) or not np.isfinite(found).all() or not found.any():
+    result = None if gradient is None else np.asarray(gradient, float)
+    if result is None or result.shape != (k,) or not np.isfinite(result).all() or not result.any():
         raise InputError(
             f"utility {PredictionCriterion.name}, gradient",
-            found="none" if found is None else f"{found}",
+            found="none" if result is None else f"{result}",
             expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
             remedy="state the prediction whose variance is to fall",
         )
-    return found
+    return result
 
 
 def _gained(factor: np.ndarray, information: Array) -> Any:
@@ -245,7 +245,7 @@ def _eigenvalues(factor: np.ndarray, information: Array) -> Array:
 
 
 def _left(rows: np.ndarray, factor: np.ndarray, information: Array) -> Array:
-    """Variance after the trial, r (I + G)^-1 r^T, of every row r."""
+    """Return the variance after the trial, r (I + G)^-1 r^T, of every row r."""
     total = _gained(factor, information) + np.eye(len(factor))
     solved = _namespace(information).linalg.solve(total, np.broadcast_to(rows.T, (*total.shape[:-2], *rows.T.shape)))
     return (rows * solved.swapaxes(-1, -2)).sum(-1)

@@ -128,7 +128,7 @@ def design_free_form(
         chosen = {name: gentled(problem, _change(problem, name, levels)) for name, levels in starts.items()}
     if not chosen:
         raise InputError("free-form design, starts", found="none", expected="at least one", remedy="give a start")
-    found = []
+    results = []
     for i, (name, x) in enumerate(chosen.items()):
         climb = replace(everyone, kept=_kept(everyone, x))
         begin = climb.pulled_in(x)
@@ -138,10 +138,10 @@ def design_free_form(
         before, after = climb.utilities(np.array([begin, climbed]))
         final, gain = climb.rounded(climbed if after >= before else begin)
         levels = problem.form.trim + problem.span * final
-        found.append((ClimbOutcome(name, float(before), float(after), gain, levels, done, converged), climb, final))
+        results.append((ClimbOutcome(name, float(before), float(after), gain, levels, done, converged), climb, final))
         progress((i + 1) * steps, len(chosen) * steps)
-    best, climb, x = max(found, key=lambda each: each[0].utility)
-    outcomes = tuple(outcome for outcome, _, _ in found)
+    best, climb, x = max(results, key=lambda each: each[0].utility)
+    outcomes = tuple(outcome for outcome, _, _ in results)
     broken = float((climb.draw_excess(x) > ROUNDING).mean())
     low, high = problem.box
     return FreeFormDesign(
@@ -158,7 +158,7 @@ def design_free_form(
 
 
 def _change(problem: FreeFormProblem, name: str, levels: np.ndarray) -> np.ndarray:
-    """Levels of a start as changes from trim over the span."""
+    """Return the levels of a start as changes from trim over the span."""
     levels = np.asarray(levels, float)
     if levels.shape != (problem.form.size,) or not np.isfinite(levels).all():
         raise InputError(
@@ -171,7 +171,7 @@ def _change(problem: FreeFormProblem, name: str, levels: np.ndarray) -> np.ndarr
 
 
 def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
-    """All draws but those that fare worst under a start, as many as may; one that trim itself endangers fares worst of all."""
+    """Return all draws but those that fare worst under a start, as many as may; one that trim itself endangers fares worst of all."""
     left_out = everyone.problem.left_out
     if not left_out:
         return everyone.kept
@@ -184,22 +184,22 @@ def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
 def _margins(climb: Climb, x: np.ndarray) -> tuple[LimitMargin, ...]:
     problem, limits, step = climb.problem, climb.problem.limits, float(np.median(climb.setup.plan.step))
     _, control = problem.form.manoeuvre(problem.form.trim + problem.span * x).sample(step)
-    found = [
+    results = [
         _margin(f"upper limit of {problem.form.control}", float(control.max()), limits.upper, 1.0, problem.span),
         _margin(f"lower limit of {problem.form.control}", float(control.min()), limits.lower, -1.0, problem.span),
     ]
     if limits.rate is not None:
         fastest = float(np.abs(np.diff(control)).max()) / step
-        found.append(_margin(f"rate limit of {problem.form.control}", fastest, limits.rate, 1.0, limits.rate))
+        results.append(_margin(f"rate limit of {problem.form.control}", fastest, limits.rate, 1.0, limits.rate))
     course = climb.course(x)
     for room in climb.rooms:
         reached = room.side * float((room.side * room.reached(course)).max())
-        found.append(_margin(room.name, reached, room.bound, room.side, room.scale))
+        results.append(_margin(room.name, reached, room.bound, room.side, room.scale))
     if problem.cost is not None:
-        found.append(
+        results.append(
             _margin(f"budget in {problem.cost.unit}", float(course.spent.max()), problem.budget, 1.0, problem.budget)
         )
-    return tuple(found)
+    return tuple(results)
 
 
 def _margin(name: str, reached: float, bound: float, side: float, scale: float) -> LimitMargin:

@@ -54,18 +54,18 @@ def ready_starts(
 
 def doublets(m: int, low: float, high: float) -> Float[np.ndarray, "designs m"]:
     """Whole doublets of every period and number that fit, either side first, from the first level on."""
-    found = []
+    results = []
     for half in range(1, max(m // 2, 1) + 1):
         for count in range(1, max(m // (2 * half), 1) + 1):
             side = np.zeros(m)
             side[: 2 * half * count] = np.tile(np.repeat([1.0, -1.0], half), count)[:m]
-            found += [side, -side]
-    sides = np.array(found)
+            results += [side, -side]
+    sides = np.array(results)
     return np.where(sides > 0, high, np.where(sides < 0, low, 0.0))
 
 
 def best_of(problem: FreeFormProblem, setup: Setup, x: np.ndarray | None) -> np.ndarray | None:
-    """The most informative of several inputs once each is inside the limits of amplitude and rate."""
+    """Return the most informative of several inputs once each is inside the limits of amplitude and rate."""
     if x is None:
         return None
     inside = gentled(problem, x)
@@ -95,14 +95,14 @@ def gentled(problem: FreeFormProblem, x: Float[np.ndarray, "... m"]) -> Float[np
 
 
 def _multisines(m: int, rng: np.random.Generator) -> Float[np.ndarray, "designs m"]:
-    """Sums of the lowest harmonics with random phases, their largest value one, as many as are computed at once."""
+    """Return the sums of the lowest harmonics with random phases, their largest value one, as many as are computed at once."""
     time = (np.arange(m) + 0.5) / m
-    found = []
+    results = []
     for _ in range(LANES):
         harmonics = np.arange(1, rng.integers(1, max(m // 6, 2) + 1) + 1)
         sums = np.sin(2 * np.pi * (harmonics * time[:, None] + rng.random(harmonics.size))).sum(1)
-        found.append(sums / np.abs(sums).max())
-    return np.array(found)
+        results.append(sums / np.abs(sums).max())
+    return np.array(results)
 
 
 ROUNDING = 1e-9
@@ -130,7 +130,7 @@ class Climb:
     kept: Bool[np.ndarray, " S"]
 
     def utilities(self, x: Float[np.ndarray, "lanes m"]) -> Float[np.ndarray, " lanes"]:
-        """Utilities of several inputs, nats.
+        """Return the utilities of several inputs, nats.
 
         Raises:
             NumericalError: the vehicle diverges.
@@ -139,7 +139,7 @@ class Climb:
         return _finite(gain)
 
     def excess(self, x: Float[np.ndarray, "lanes m"]) -> Float[np.ndarray, " lanes"]:
-        """How far several inputs are beyond the worst of all limits, as a share of its room; negative inside."""
+        """Return how far several inputs are beyond the worst of all limits, as a share of its room; negative inside."""
         low, high = self.problem.box
         rows, most = self._linear
         worst = np.concatenate([x - high, low - x, x @ rows.T - most], 1).max(1)
@@ -149,18 +149,18 @@ class Climb:
         return worst
 
     def draw_excess(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " S"]:
-        """How far one input takes every draw beyond the worst bound of motion or cost, as a share of its room."""
+        """Return how far one input takes every draw beyond the worst bound of motion or cost, as a share of its room."""
         if not self._follows_course:
             return np.full(self.kept.size, -np.inf)
         return self._beyond(self._course(x[None])).max(-1)[0]
 
     def course(self, x: Float[np.ndarray, " m"]) -> Course:
-        """Where one input takes the draws that are kept: they lead each shape."""
-        found = courses(self.setup, self.watched, jnp.asarray(x)[None], self.problem.block)
-        return Course(*(np.asarray(each)[0][self.kept] for each in found))
+        """Return where one input takes the draws that are kept: they lead each shape."""
+        result = courses(self.setup, self.watched, jnp.asarray(x)[None], self.problem.block)
+        return Course(*(np.asarray(each)[0][self.kept] for each in result))
 
     def pulled_in(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        """The input drawn towards trim, which is inside, as little as the limits ask for.
+        """Return the input drawn towards trim, which is inside, as little as the limits ask for.
 
         Raises:
             NumericalError: not even trim is inside, for the draws that are kept.
@@ -196,7 +196,7 @@ class Climb:
             constraints.append(
                 {"type": "ineq", "fun": lambda x: -self._worst(x), "jac": lambda x: -self._worst_slope(x)}
             )
-        found = minimize(
+        result = minimize(
             lambda x: -gain(x),
             x,
             jac=lambda x: -slope(x),
@@ -206,7 +206,7 @@ class Climb:
             callback=count,
             options={"maxiter": steps, "ftol": SETTLED},
         )
-        return self.pulled_in(found.x), done[0], bool(found.success)
+        return self.pulled_in(result.x), done[0], bool(result.success)
 
     def rounded(self, x: Float[np.ndarray, " m"]) -> tuple[Float[np.ndarray, " m"], float]:
         """Exchange levels for bounds, all at once and then the best one at a time, while that raises the utility; and the utility."""
@@ -237,27 +237,27 @@ class Climb:
         return Course(*in_blocks(lambda lanes: courses(self.setup, self.watched, lanes, self.problem.block), x))
 
     def _beyond(self, course: Course) -> np.ndarray:
-        """Shares by which bounds of motion, block by block, and cost are exceeded, the last axis over all of them."""
-        found = [room.shortfall(course) for room in self.rooms]
+        """Return the shares by which bounds of motion, block by block, and cost are exceeded, the last axis over all of them."""
+        results = [room.shortfall(course) for room in self.rooms]
         if self.problem.cost is not None:
-            found.append(np.asarray(course.spent)[..., None] / self.problem.budget - 1.0)
-        return np.concatenate(found, -1)
+            results.append(np.asarray(course.spent)[..., None] / self.problem.budget - 1.0)
+        return np.concatenate(results, -1)
 
     def _worst(self, x: np.ndarray) -> np.ndarray:
-        """The same of the worst draw that is kept."""
-        found = worst_course(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
-        return self._beyond(Course(*map(np.asarray, found)))
+        """Return the same of the worst draw that is kept."""
+        result = worst_course(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
+        return self._beyond(Course(*map(np.asarray, result)))
 
     def _worst_slope(self, x: np.ndarray) -> np.ndarray:
         """Its Jacobian."""
         slope = worst_course_slope(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
-        found = [
+        results = [
             room.side * np.asarray(slope.highest if room.side > 0 else slope.lowest)[:, room.index] / room.scale
             for room in self.rooms
         ]
         if self.problem.cost is not None:
-            found.append(np.asarray(slope.spent)[None] / self.problem.budget)
-        return np.concatenate(found)
+            results.append(np.asarray(slope.spent)[None] / self.problem.budget)
+        return np.concatenate(results)
 
 
 def _finite(gain: np.ndarray) -> np.ndarray:

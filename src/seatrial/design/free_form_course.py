@@ -73,19 +73,19 @@ class Course(NamedTuple):
 
 @partial(jax.jit, static_argnames="block")
 def utility(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, ""]:
-    """Utility, nats, of one input: x are the levels' changes from trim over the span."""
+    """Return the utility, nats, of one input: x are the levels' changes from trim over the span."""
     return _utility(setup, x, block)
 
 
 @partial(jax.jit, static_argnames="block")
 def utility_slope(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, " m"]:
-    """Gradient of the utility in x."""
+    """Return the gradient of the utility in x."""
     return jax.grad(lambda x: _utility(setup, x, block))(x)
 
 
 @partial(jax.jit, static_argnames="block")
 def utilities(setup: Setup, x: Float[Array, "lanes m"], block: int) -> tuple[Float[Array, " lanes"]]:
-    """Utilities of several inputs, nats."""
+    """Return the utilities of several inputs, nats."""
     return (jax.vmap(lambda x: _utility(setup, x, block))(x),)
 
 
@@ -156,8 +156,8 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
         return jnp.stack([value for limit in watched.motion for value in limit.quantities(now)] or [jnp.zeros(())])
 
     def widened(extremes: tuple, joint: tuple, held: tuple) -> tuple:
-        found = quantities(joint, held)
-        return jnp.maximum(extremes[0], found), jnp.minimum(extremes[1], found)
+        result = quantities(joint, held)
+        return jnp.maximum(extremes[0], result), jnp.minimum(extremes[1], result)
 
     def look(joint: tuple, extremes: tuple, held: tuple, _: None) -> tuple[tuple, None]:
         return widened(extremes, joint, held), None
@@ -167,8 +167,8 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
     def over_block(joint: tuple, samples: tuple) -> tuple[tuple, tuple]:
         columns, step, _ = samples
         first, last = (tuple(column[i] for column in columns) for i in (0, -1))
-        found = quantities(joint, first)
-        (joint, extremes), _ = time_loop(move, joint, columns, step, look, (found, found))
+        result = quantities(joint, first)
+        (joint, extremes), _ = time_loop(move, joint, columns, step, look, (result, result))
         return joint, widened(extremes, joint, last)
 
     joint, (highest, lowest) = jax.lax.scan(over_block, joint_start(plan, integrals), _blocks(plan, control, block))
@@ -176,7 +176,7 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
 
 
 def _blocks(plan: TrialPlan, control: Array, block: int) -> tuple:
-    """Controls, steps and weights in blocks; the last is filled with samples of no duration that nobody measures."""
+    """Return the controls, steps and weights in blocks; the last is filled with samples of no duration that nobody measures."""
     n = control.shape[0]
     missing = -n % block
 

@@ -82,7 +82,7 @@ class FreeFormProblem:
         return floor(self.risk * self.safe_for.shape[0] + 1e-9)
 
     def setup(self) -> Setup:
-        """Numbers of the search."""
+        """Return the numbers of the search."""
         names = self.plan.model.controls
         trim = np.array([self.form.trim if name == self.form.control else self.held[name] for name in names])
         span = np.array([self.span if name == self.form.control else 0.0 for name in names])
@@ -96,11 +96,11 @@ class FreeFormProblem:
         )
 
     def watched(self) -> Watched:
-        """What the search looks at on the way."""
+        """Return what the search looks at on the way."""
         return Watched(self.motion, self.cost, jnp.asarray(self.safe_for))
 
     def linear(self) -> tuple[Float[np.ndarray, "r m"], Float[np.ndarray, " r"]]:
-        """Rows A and bounds b of the limits of value and rate, A x <= b; plain bounds of the levels are left out."""
+        """Return the rows A and bounds b of the limits of value and rate, A x <= b; plain bounds of the levels are left out."""
         low, high = self.box
         rows, most = [np.zeros((0, self.form.size))], [np.zeros(0)]
         values = self.form.values()
@@ -132,11 +132,11 @@ class Room(NamedTuple):
     scale: float
 
     def reached(self, course: Course) -> np.ndarray:
-        """Extremes on the side of the bound; the axis of quantities is dropped."""
+        """Return the extremes on the side of the bound; the axis of quantities is dropped."""
         return np.asarray(course.highest if self.side > 0 else course.lowest)[..., self.index]
 
     def shortfall(self, course: Course) -> np.ndarray:
-        """How far the extremes are beyond the bound, as a share of its distance from trim; negative inside."""
+        """Return how far the extremes are beyond the bound, as a share of its distance from trim; negative inside."""
         return self.side * (self.reached(course) - self.bound) / self.scale
 
 
@@ -189,7 +189,7 @@ def _check_fit(problem: FreeFormProblem) -> None:
     missing = [name for name in plan.model.controls if name != form.control and name not in problem.held]
     duration = float(np.sum(plan.step))
     positive = fits and np.all(np.linalg.eigvalsh(np.asarray(problem.prior_cov, float)) > 0)
-    for holds, what, found, expected in (
+    for holds, what, result, expected in (
         (form.control in plan.model.controls, "control", form.control, "one of " + ", ".join(plan.model.controls)),
         (not missing, "held", "nothing for " + ", ".join(missing), "the trim value of every other control"),
         (
@@ -209,7 +209,9 @@ def _check_fit(problem: FreeFormProblem) -> None:
         ),
     ):
         if not holds:
-            raise InputError(f"free-form design, {what}", found=found, expected=expected, remedy="correct this setting")
+            raise InputError(
+                f"free-form design, {what}", found=result, expected=expected, remedy="correct this setting"
+            )
 
 
 def _check_control(problem: FreeFormProblem) -> None:

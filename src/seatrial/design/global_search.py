@@ -83,17 +83,17 @@ def search_globally(
             search = _fresh(rng.random(lower.size), rng, population)
             peaks.append(-np.inf)
         points = np.array([search.ask() for _ in range(population)])
-        found = np.asarray(utility(lower + points * (upper - lower)), float)
-        fine = np.isfinite(found)
+        result = np.asarray(utility(lower + points * (upper - lower)), float)
+        fine = np.isfinite(result)
         allowed += int(fine.sum())
         if fine.any():
-            worst = min(worst, float(found[fine].min()))
-            top = int(np.nanargmax(np.where(fine, found, -np.inf)))
-            peaks[-1] = max(peaks[-1], float(found[top]))
-            if found[top] > best:
-                best, settings = float(found[top]), lower + points[top] * (upper - lower)
+            worst = min(worst, float(result[fine].min()))
+            top = int(np.nanargmax(np.where(fine, result, -np.inf)))
+            peaks[-1] = max(peaks[-1], float(result[top]))
+            if result[top] > best:
+                best, settings = float(result[top]), lower + points[top] * (upper - lower)
         # A design that is not allowed ranks below all that are; by how much does not matter to ranks.
-        cost = np.where(fine, -found, 1.0 - min(worst, 0.0))
+        cost = np.where(fine, -result, 1.0 - min(worst, 0.0))
         search.tell(list(zip(points, cost.tolist(), strict=True)))
         progress(done + population, total)
     if best == -np.inf:
@@ -118,7 +118,7 @@ def _check(lower: np.ndarray, upper: np.ndarray, budget: int, population: int) -
     finite = shapes and bool(np.isfinite([lower, upper]).all())
     crossed = np.flatnonzero(~(lower < upper)) if finite else np.array([], int)
     first = int(crossed[0]) if crossed.size else 0
-    for holds, what, found, expected in (
+    for holds, what, result, expected in (
         (shapes, "box", f"shapes {lower.shape} and {upper.shape}", "two vectors of one length, 2 or more"),
         (finite, "box", "ends that are not finite", "finite numbers"),
         (
@@ -134,4 +134,4 @@ def _check(lower: np.ndarray, upper: np.ndarray, budget: int, population: int) -
         (budget >= population, "budget", f"{budget} designs", f"at least one population, {population}"),
     ):
         if not holds:
-            raise InputError(f"global search, {what}", found=found, expected=expected, remedy="correct this setting")
+            raise InputError(f"global search, {what}", found=result, expected=expected, remedy="correct this setting")

@@ -25,16 +25,16 @@ def check_some_allowed(safety: Safety) -> None:
         return
     count, kept = len(safety.allowed), safety.held.sum(1) >= safety.needed
     lost = safety.diverged > safety.draws - safety.needed
-    found = [
+    results = [
         f"no design of {count}: each would have to hold in {safety.needed} of {safety.draws} draws",
         *(f"{limit.words} excludes {count - alone}" for limit, alone in zip(safety.limits, kept.sum(0), strict=True)),
     ]
     if safety.diverged.any():
-        found.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
+        results.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
     told, remedy = _misses(safety, kept)
     raise InputError(
         "safety limits",
-        found="; ".join([*found, *told]),
+        found="; ".join([*results, *told]),
         expected=f"at least one design that keeps all limits with probability {safety.probability:g} "
         f"(confidence {safety.confidence:g})",
         remedy="narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
@@ -44,7 +44,7 @@ def check_some_allowed(safety: Safety) -> None:
 
 
 def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:
-    """Pairs of limits of which each alone leaves designs, together none; those that leave most alone first."""
+    """Return the pairs of limits of which each alone leaves designs, together none; those that leave most alone first."""
     held = safety.held
     alone = (held.sum(1) >= safety.needed).sum(0)
     pairs = [
@@ -56,7 +56,7 @@ def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:
 
 
 def least_miss(safety: Safety, limit: int, beside: tuple[int, ...] = ()) -> tuple[float, int]:
-    """How much wider a bound would have to be for one design to keep it, and others beside it, and which design that is.
+    """Return how much wider a bound would have to be for one design to keep it, and others beside it, and which design that is.
 
     Args:
         safety: what was judged.

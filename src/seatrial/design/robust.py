@@ -41,7 +41,7 @@ class UtilityTable:
         return self.values.std(1, ddof=1) / np.sqrt(draws) if draws > 1 else np.full(len(self.values), np.nan)
 
     def worst(self, quantile: float = 0.0) -> Float[np.ndarray, " D"]:
-        """Utility that all but a share `quantile` of the draws exceed; 0 for the minimum.
+        """Return the utility that all but a share `quantile` of the draws exceed; 0 for the minimum.
 
         Raises:
             InputError: a share outside [0, 1), or one of which fewer than one draw remains.
@@ -63,7 +63,7 @@ def utility_table(
     draws: Float[np.ndarray, "S k"],
     criterion: Criterion,
 ) -> UtilityTable:
-    """Utility of every design at every draw.
+    """Return the utility of every design at every draw.
 
     Args:
         plan: vehicle, start and sensors.
@@ -109,7 +109,14 @@ def information_table(
 def local_utility(
     plan: TrialPlan, controls: Float[np.ndarray, "D n c"], values: Float[np.ndarray, " k"], criterion: Criterion
 ) -> Float[np.ndarray, " D"]:
-    """Utility of every design were the coefficients `values`, SI; errors as `utility_table`."""
+    """Return the utility of every design were the coefficients `values`, SI; errors as `utility_table`.
+
+    Args:
+        plan: vehicle, start and sensors.
+        controls: designs, held from each sample to the next, SI, shape (D, n, c).
+        values: coefficients, SI, shape (k,).
+        criterion: number of an information matrix.
+    """
     return utility_table(plan, controls, np.asarray(values, float)[None], criterion).values[:, 0]
 
 

@@ -69,7 +69,7 @@ def sensor_worth(
     slopes = in_blocks(lambda values: (_slopes(plan, held, values),), np.asarray(draws, float))[0]
     if not np.isfinite(slopes).all():
         raise NumericalError("the motion diverges at a draw of the coefficients: narrow the priors")
-    found = []
+    results = []
     for choice in choices:
         information = sum(
             np.einsum("snk,snl->skl", part, part) / factor**2
@@ -80,8 +80,8 @@ def sensor_worth(
         information = np.zeros((len(draws), *cov.shape)) + information
         after = np.linalg.inv(information + np.linalg.inv(cov))
         sd = np.sqrt(np.diagonal(after, axis1=1, axis2=2).mean(0))
-        found.append(SensorWorth(float(np.mean(np.asarray(criterion(information)))), sd))
-    return found
+        results.append(SensorWorth(float(np.mean(np.asarray(criterion(information)))), sd))
+    return results
 
 
 @jax.jit

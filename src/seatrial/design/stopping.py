@@ -82,8 +82,8 @@ def best_stops(
     at = jnp.asarray(np.unique(np.linspace(1, n, min(ends, n)).round().astype(int)))
     design, draw = (index.ravel() for index in np.indices(shape))
     held = jnp.asarray(controls)
-    found = in_blocks(lambda which, values: (_until(plan, held, at, which, values),), design, draws[draw])[0]
-    by_end = np.moveaxis(found.reshape(*shape, at.size, k, k), 2, 1)
+    result = in_blocks(lambda which, values: (_until(plan, held, at, which, values),), design, draws[draw])[0]
+    by_end = np.moveaxis(result.reshape(*shape, at.size, k, k), 2, 1)
     finite = np.isfinite(by_end).all(axis=(2, 3, 4))
     if not finite.any(1).all():
         raise NumericalError("a motion diverges at a draw of the coefficients: narrow the priors, or excite less")

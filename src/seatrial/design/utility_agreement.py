@@ -94,7 +94,7 @@ def compare_utilities(
 
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Correlation of the ranks in every row, ties sharing their mean rank; NaN where a row has no spread."""
+    """Return the correlation of the ranks in every row, ties sharing their mean rank; NaN where a row has no spread."""
     a, b = (rankdata(values, axis=1) for values in (x, y))
     a, b = a - a.mean(1, keepdims=True), b - b.mean(1, keepdims=True)
     scale = np.sqrt((a * a).sum(1) * (b * b).sum(1))

@@ -121,8 +121,8 @@ def smooth(
     scale = float(np.sqrt(np.mean(z[told] ** 2))) if sigma is None else sigma
     innovations = z[told] / scale
     sd = unit * scale * np.sqrt(var)
-    found = time_scale is None
-    hidden, still = found and noise is None and tau < 1.1 * ends[0], found and tau > 0.9 * ends[1]
+    result = time_scale is None
+    hidden, still = result and noise is None and tau < 1.1 * ends[0], result and tau > 0.9 * ends[1]
     return Smoothed(
         line + unit * mean[0],
         sd[0],
@@ -147,24 +147,24 @@ def _filled(time: np.ndarray, values: np.ndarray, there: np.ndarray) -> tuple[np
 def _most_likely(
     data: tuple[np.ndarray, np.ndarray, np.ndarray], usual: float, sigma: float | None, shortest: float, longest: float
 ) -> float:
-    """Tau of the greatest likelihood, s: the best of a grid, then between its neighbours."""
+    """Return tau of the greatest likelihood, s: the best of a grid, then between its neighbours."""
     given = 0.0 if sigma is None else sigma
     tried = np.linspace(np.log(shortest), np.log(longest), TRIED)
     losses = np.asarray(_losses(data, usual, np.exp(tried), given))
     best = int(np.argmin(losses))
     around = tried[[max(best - 1, 0), min(best + 1, TRIED - 1)]]
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda tau: float(_losses(data, usual, np.exp([tau]), given)[0]),
         bounds=tuple(around),
         method="bounded",
         options={"xatol": 0.01},
     )
-    return float(np.exp(found.x if found.fun < losses[best] else tried[best]))
+    return float(np.exp(result.x if result.fun < losses[best] else tried[best]))
 
 
 @jax.jit
 def _losses(data: tuple, usual: float, taus: Float[Array, " k"], sigma: float) -> Float[Array, " k"]:
-    """Minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
+    """Return minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
 
     def loss(tau: Array) -> Array:
         _, _, mean, var, told = _pass(data, usual, tau)
@@ -233,14 +233,14 @@ def _pass(data: tuple, usual: float, tau: Array | float) -> tuple[tuple, tuple, 
 
 
 def _innovation_complaints(z: np.ndarray) -> list[str]:
-    """Whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
+    """Return whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
     said, centred = [], z - z.mean()
     lags = np.arange(1, min(LAGS, z.size // 4) + 1)
-    found = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)
-    worst = int(np.argmax(np.abs(found)))
-    if abs(found[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
+    result = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)
+    worst = int(np.argmax(np.abs(result)))
+    if abs(result[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
         said.append(
-            f"the innovations are not white (correlation {found[worst]:+.2f} at lag {lags[worst]}): noise or motion has a memory "
+            f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion has a memory "
             "that the model has not, and the standard deviations cannot be believed"
         )
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)

@@ -37,22 +37,22 @@ class Calibration:
     ranks: Int[np.ndarray, "r k"]
 
     def counts(self) -> Int[np.ndarray, "k bins"]:
-        """Histogram of each quantity's ranks."""
+        """Return the histogram of each quantity's ranks."""
         return np.array([np.bincount(column * BINS // (DRAWS + 1), minlength=BINS) for column in self.ranks.T])
 
     def count_band(self) -> tuple[int, int]:
-        """Counts between which all bins of all quantities lie with probability 0.99 if ranks are uniform."""
+        """Return the counts between which all bins of all quantities lie with probability 0.99 if ranks are uniform."""
         tail = 0.5 * FALSE_ALARMS / (BINS * len(self.names))
         low, high = stats.binom(len(self.ranks), 1 / BINS).ppf([tail, 1 - tail])
         return int(low), int(high)
 
     def p_values(self) -> Float[np.ndarray, " k"]:
-        """Probability that of all quantities any has ranks so far from even, if all are uniform; an upper bound."""
+        """Return the probability that of all quantities any has ranks so far from even, if all are uniform; an upper bound."""
         single = np.array([1.0 - stays_within(len(self.ranks), away) for away in self._farthest() * (1 - 1e-9)])
         return np.minimum(1.0, len(self.names) * np.maximum(single, 0.0))
 
     def distance(self) -> Float[np.ndarray, "k ranks"]:
-        """Distribution of each quantity's ranks less the uniform one, at 1/100, 2/100, ..., 99/100."""
+        """Return the distribution of each quantity's ranks less the uniform one, at 1/100, 2/100, ..., 99/100."""
         at = np.arange(1, DRAWS + 1)
         return (self.ranks.T[:, None, :] < at[:, None]).mean(2) - AT
 
@@ -66,12 +66,12 @@ class Calibration:
         return ((self.ranks >= tail) & (self.ranks < DRAWS + 1 - tail)).mean(0)
 
     def outside(self) -> tuple[str, ...]:
-        """Quantities whose ranks leave the band."""
+        """Return the quantities whose ranks leave the band."""
         left = self._farthest() > _widest(len(self.ranks), FALSE_ALARMS / len(self.names))
         return tuple(name for name, bad in zip(self.names, left, strict=True) if bad)
 
     def lines(self) -> list[str]:
-        """What the ranks say, in words."""
+        """Return what the ranks say, in words."""
         r, k, tail = len(self.ranks), len(self.names), 0.5 * FALSE_ALARMS / len(self.names)
         low, high = stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
         said = [
@@ -84,7 +84,7 @@ class Calibration:
         return said + [f"{name}: {_shape(self.ranks[:, self.names.index(name)])}" for name in self.outside()]
 
     def _farthest(self) -> Float[np.ndarray, " k"]:
-        """Largest distance of each quantity in standard deviations."""
+        """Return the largest distance of each quantity in standard deviations."""
         return (np.abs(self.distance()) / _sd(len(self.ranks))).max(1)
 
 
@@ -99,7 +99,7 @@ def spread_evenly(draws: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "ranks k
 
 
 def stays_within(replicates: int, width: float) -> float:
-    """Probability that uniform ranks stay within so many standard deviations of the diagonal, all along.
+    """Return the probability that uniform ranks stay within so many standard deviations of the diagonal, all along.
 
     Exact: counts up to one rank after another are sums of Poisson numbers, given that all of them add up to `replicates`.
     """
@@ -118,7 +118,7 @@ def stays_within(replicates: int, width: float) -> float:
 
 @lru_cache(maxsize=64)
 def _widest(replicates: int, allowed: float) -> float:
-    """Standard deviations that uniform ranks exceed anywhere with this probability at most."""
+    """Return the standard deviations that uniform ranks exceed anywhere with this probability at most."""
     low, high = 0.0, 40.0
     while high - low > 1e-3:
         middle = 0.5 * (low + high)
@@ -127,12 +127,12 @@ def _widest(replicates: int, allowed: float) -> float:
 
 
 def _sd(replicates: int) -> Float[np.ndarray, " ranks"]:
-    """Standard deviation of the distribution of uniform ranks."""
+    """Return the standard deviation of the distribution of uniform ranks."""
     return np.sqrt(AT * (1 - AT) / replicates)
 
 
 def _shape(ranks: Int[np.ndarray, " r"]) -> str:
-    """What a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
+    """Return what a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
     scores = stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
     even = stats.norm.ppf((np.arange(DRAWS + 1) + 0.5) / (DRAWS + 1)).std()
     shift, width = float(scores.mean()), float(scores.std() / even)

@@ -98,7 +98,7 @@ def _remedy(parameter: Parameter, bound: float) -> str:
 
 
 def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
-    """Priors without bounds that the data pull far from their middle; z is standard normal under them."""
+    """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
     return [
         f"prior and data contradict each other about {parameter.name}: the data pull it to {value:.4g} {parameter.unit}, where its "
         "prior has less than one chance in 10 000; the result is a truce: widen the prior, or check units and signs"
@@ -108,7 +108,7 @@ def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
 
 
 def _lost_region(posterior: Posterior) -> list[str]:
-    """Where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
+    """Return where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
     z = np.asarray(posterior.sample_prior(jax.random.key(0), AT_ONCE))
     lost = ~np.isfinite(evaluate(posterior, z))
     if not SOME < lost.mean() < 1.0:
@@ -122,7 +122,7 @@ def _lost_region(posterior: Posterior) -> list[str]:
 
 
 def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np.ndarray, " n"]) -> str:
-    """The parameter that best sets apart what is lost, if one does: its chance to be the larger in a pair, one lost, one not."""
+    """Return the parameter that best sets apart what is lost, if one does: its chance to be the larger in a pair, one lost, one not."""
     ranks = rankdata(values, axis=0)
     apart = (ranks[lost].mean(0) - ranks[~lost].mean(0)) / lost.size
     worst = int(np.argmax(np.abs(apart)))
@@ -161,7 +161,7 @@ def _leaning(parameter: Parameter, draws: Float[np.ndarray, " n"]) -> list[tuple
 
 
 def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: int, beyond: float) -> float:
-    """Gain in log-likelihood of moving one parameter, the others following where the likelihood is quadratic."""
+    """Return the gain in log-likelihood of moving one parameter, the others following where the likelihood is quadratic."""
     move = np.zeros(values.size)
     move[index] = beyond - values[index]
     others = np.arange(values.size) != index

@@ -44,7 +44,7 @@ class Unknown(NamedTuple):
     relative: np.ndarray
 
     def pick(self, chosen: Sequence[int]) -> "Unknown":
-        """Some of them."""
+        """Return some of them."""
         at = list(chosen)
         names, units = tuple(self.names[i] for i in at), tuple(self.units[i] for i in at)
         return Unknown(names, units, self.values[at], self.scale[at], self.relative[at])
@@ -112,7 +112,7 @@ class Combination(NamedTuple):
 
 
 def null_combinations(information: Float[np.ndarray, "d d"], unknown: Unknown) -> tuple[Invisible, ...]:
-    """Combinations without information, each with as few parameters as elimination leaves.
+    """Return the combinations without information, each with as few parameters as elimination leaves.
 
     The rank is judged with every diagonal entry scaled to one, so that it depends on no unit, value or prior.
 
@@ -122,40 +122,40 @@ def null_combinations(information: Float[np.ndarray, "d d"], unknown: Unknown) -
     """
     size = np.sqrt(np.abs(np.diag(information)))
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
-    found = []
+    results = []
     for effect in _eliminated(vectors[:, eigenvalues < INVISIBLE * eigenvalues[-1]].T):
         named = np.flatnonzero(np.abs(effect) > SHOWN * np.abs(effect).max())
         part = unknown.pick(named)
         steps = effect[named] / (size[named] * part.scale)
         steps = steps / np.abs(steps).min() * np.sign(steps[0])
-        found.append(Invisible(part.names, tuple(map(float, steps)), tuple(map(bool, part.relative))))
-    return tuple(found)
+        results.append(Invisible(part.names, tuple(map(float, steps)), tuple(map(bool, part.relative))))
+    return tuple(results)
 
 
 def known_combinations(
     unknown: Unknown, cov: Float[np.ndarray, "d d"], at: Mapping[str, float]
 ) -> tuple[Combination, ...]:
-    """Sums of a group that are known better than its parameters: those with a meaning first, the best of all last.
+    """Return the sums of a group that are known better than its parameters: those with a meaning first, the best of all last.
 
     Args:
         unknown: parameters that are correlated.
         cov: their covariance.
         at: operating point, signal name to SI value.
     """
-    found = []
+    results = []
     for meant in _meant(unknown, at):
         weights = np.array(meant.weights)
         sd = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
-        found.append(meant._replace(value=float(weights @ unknown.values), sd=sd))
-    found += _ratio_of_two(unknown, cov)
+        results.append(meant._replace(value=float(weights @ unknown.values), sd=sd))
+    results += _ratio_of_two(unknown, cov)
     single = float(np.min(np.sqrt(np.diag(cov)) / np.maximum(np.abs(unknown.values), 1e-300)))
-    better = sorted((item for item in found if item.relative_sd < WORTH * single), key=lambda item: item.relative_sd)
+    better = sorted((item for item in results if item.relative_sd < WORTH * single), key=lambda item: item.relative_sd)
     return (*better, _best(unknown, cov, WORTH * single))
 
 
 def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list[int]]:
-    """Parameters tied by correlations beyond a threshold, each group in order."""
-    left, found = set(range(len(correlation))), []
+    """Return the parameters tied by correlations beyond a threshold, each group in order."""
+    left, results = set(range(len(correlation))), []
     while left:
         group, border = set(), {min(left)}
         while border:
@@ -163,12 +163,12 @@ def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list
             border = {j for i in border for j in left - group if abs(correlation[i, j]) > threshold}
         left -= group
         if len(group) > 1:
-            found.append(sorted(group))
-    return found
+            results.append(sorted(group))
+    return results
 
 
 def _eliminated(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, "r d"]:
-    """The same space by rows of which each has a one where the others have zeros: Gauss and Jordan, largest pivots."""
+    """Return the same space by rows of which each has a one where the others have zeros: Gauss and Jordan, largest pivots."""
     rows, free = rows.copy(), list(range(len(rows)))
     while free:
         which, column = np.unravel_index(np.argmax(np.abs(rows[free])), rows[free].shape)
@@ -181,7 +181,7 @@ def _eliminated(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, "r d"]:
 
 
 def _meant(unknown: Unknown, at: Mapping[str, float]) -> list[Combination]:
-    """Sums of force coefficients of one axis in one signal that mean something, without their standard deviations."""
+    """Return the sums of force coefficients of one axis in one signal that mean something, without their standard deviations."""
     if not all(map(is_coefficient, unknown.names)):
         return []
     terms = [CoefficientName.parse(name) for name in unknown.names]
@@ -215,7 +215,7 @@ def _meant(unknown: Unknown, at: Mapping[str, float]) -> list[Combination]:
 
 
 def _ratio_of_two(unknown: Unknown, cov: Float[np.ndarray, "d d"]) -> list[Combination]:
-    """Ratio of two parameters that grow together and are away from zero, its variance that of the difference of logarithms."""
+    """Return the ratio of two parameters that grow together and are away from zero, its variance that of the difference of logarithms."""
     relative = np.sqrt(np.diag(cov)) / np.maximum(np.abs(unknown.values), 1e-300)
     if len(unknown.names) != 2 or relative.max() > 0.3:
         return []
@@ -229,7 +229,7 @@ def _ratio_of_two(unknown: Unknown, cov: Float[np.ndarray, "d d"]) -> list[Combi
 
 
 def _unit_at(term: CoefficientName, signal: str, power: int, unit: str) -> str:
-    """Unit of a force over the signal; as the coefficient's unit, it may be per unit of mass."""
+    """Return the unit of a force over the signal; as the coefficient's unit, it may be per unit of mass."""
     base = SIGNALS[signal].dimension
     for dimension in (term.dimension, term.dimension._replace(kg=term.dimension.kg - 1)):
         if unit == str(dimension):
@@ -253,7 +253,7 @@ def _sum(weights: Sequence[float], factors: Sequence[str], names: Sequence[str])
 
 
 def _best(unknown: Unknown, cov: Float[np.ndarray, "d d"], enough: float) -> Combination:
-    """The sum of least relative standard deviation, of as few of the parameters as come within 5 % of it.
+    """Return the sum of least relative standard deviation, of as few of the parameters as come within 5 % of it.
 
     Where that is not below `enough`, as of two parameters whose difference is known and small, the sum of least variance in units
     of the standard deviations.
@@ -286,7 +286,7 @@ def _best(unknown: Unknown, cov: Float[np.ndarray, "d d"], enough: float) -> Com
 
 
 def _weights(correlation: np.ndarray, size: np.ndarray, members: list[int]) -> np.ndarray:
-    """Weights of the best sum in units of the standard deviations."""
+    """Return the weights of the best sum in units of the standard deviations."""
     eigenvalues, vectors = np.linalg.eigh(correlation[np.ix_(members, members)])
     return vectors @ ((vectors.T @ size[members]) / np.maximum(eigenvalues, 1e-12))
 
@@ -297,7 +297,7 @@ def _precision(correlation: np.ndarray, size: np.ndarray, members: list[int]) ->
 
 
 def _ratio(weight: float, part: Unknown, i: int) -> str:
-    """Factor of one member with its unit, that of the first member over its own; nothing where it is one."""
+    """Return the factor of one member with its unit, that of the first member over its own; nothing where it is one."""
     unit = _unit_ratio(part, i)
     if unit == "1":
         return "" if abs(abs(weight) - 1) < 5e-4 else f"{abs(weight):.3g}"
@@ -305,7 +305,7 @@ def _ratio(weight: float, part: Unknown, i: int) -> str:
 
 
 def _unit_ratio(unknown: Unknown, i: int) -> str:
-    """Unit of the first parameter over that of another."""
+    """Return the unit of the first parameter over that of another."""
     if unknown.units[i] == unknown.units[0]:
         return "1"
     if is_coefficient(unknown.names[0]) and is_coefficient(unknown.names[i]):

@@ -85,7 +85,7 @@ class Accelerations:
 
 
 def measured_accelerations(model: VehicleModel, record: Record) -> Accelerations:
-    """Speed and acceleration as the sensors gave them, udot among them.
+    """Return the speed and acceleration as the sensors gave them, udot among them.
 
     Raises:
         InputError: a channel that the record lacks.
@@ -95,7 +95,7 @@ def measured_accelerations(model: VehicleModel, record: Record) -> Accelerations
 
 
 def smoothed_accelerations(model: VehicleModel, record: Record, window: float) -> Accelerations:
-    """Speed and its rate from a cubic through the speeds of a sliding window (Savitzky and Golay 1964).
+    """Return the speed and its rate from a cubic through the speeds of a sliding window (Savitzky and Golay 1964).
 
     Args:
         model: vehicle.
@@ -129,7 +129,7 @@ def smoothed_accelerations(model: VehicleModel, record: Record, window: float) -
 
 
 def fit_equation_error(model: VehicleModel, trials: Sequence[Accelerations], refine: bool = True) -> Regression:
-    """Least squares for the coefficients of a surge model.
+    """Fit the coefficients of a surge model by least squares.
 
     Args:
         model: vehicle of one state, u, linear in its coefficients.
@@ -167,7 +167,7 @@ def fit_equation_error(model: VehicleModel, trials: Sequence[Accelerations], ref
 def _regress(
     model: VehicleModel, trials: Sequence[Accelerations], instruments: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Estimates, covariance and residual standard deviation; instruments are the regressors at the speeds given."""
+    """Return the estimates, covariance and residual standard deviation; instruments are the regressors at the speeds given."""
     kept: list[tuple[np.ndarray, ...]] = []
     for trial, speed in zip(trials, instruments, strict=True):
         control = jnp.asarray(trial.control)
@@ -202,7 +202,7 @@ def _regress(
 
 
 def _long_run(scores: Float[np.ndarray, "n k"], memory: int) -> Float[np.ndarray, "k k"]:
-    """Covariance of the sum of correlated scores, lags weighted by Bartlett's triangle."""
+    """Return the covariance of the sum of correlated scores, lags weighted by Bartlett's triangle."""
     total = scores.T @ scores
     for lag in range(1, memory + 1):
         cross = scores[lag:].T @ scores[:-lag]
@@ -226,7 +226,7 @@ def _regressors(model: VehicleModel):
 
 
 def _motion(model: VehicleModel, names: tuple[str, ...], values: np.ndarray, trial: Accelerations) -> np.ndarray:
-    """Speeds of the fitted vehicle from the trial's first speed."""
+    """Return the speeds of the fitted vehicle from the trial's first speed."""
     start = jnp.array([trial.speed[np.flatnonzero(np.isfinite(trial.speed))[0]]])
     params = dict(zip(names, map(float, values), strict=True))
     speed = np.asarray(simulate(model, params, jnp.asarray(trial.control), jnp.asarray(trial.step), start))[:, 0]
@@ -239,7 +239,7 @@ def _motion(model: VehicleModel, names: tuple[str, ...], values: np.ndarray, tri
 
 
 def _complaint(names: tuple[str, ...], plain: np.ndarray, plain_sd: np.ndarray, refined: np.ndarray) -> str:
-    """What noise in the regressors did to the plain fit."""
+    """Return what noise in the regressors did to the plain fit."""
     moved = np.abs(plain - refined) / plain_sd
     worst = int(np.argmax(moved))
     if not moved[worst] > MOVED:

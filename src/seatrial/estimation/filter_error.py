@@ -64,7 +64,7 @@ class FilterError:
         return self.output.labels
 
     def __call__(self, values: dict[str, Any], data: TrialData) -> Any:
-        """Log-likelihood of all trials; -inf where the filter diverges."""
+        """Return the log-likelihood of all trials; -inf where the filter diverges."""
 
         def add(total: Array, trial: tuple) -> tuple[Array, None]:
             return total + self._trial({**values, **trial[0]}, *trial[1:]), None
@@ -83,7 +83,7 @@ class FilterError:
         return jnp.where(result.failures > 0, -jnp.inf, result.log_likelihood)
 
     def _space(self, values: Mapping[str, Any], start: Array) -> StateSpace:
-        """The vehicle as a state space under these parameters; only its states are estimated by the filter."""
+        """Return the vehicle as a state space under these parameters; only its states are estimated by the filter."""
         model, simulator = self.model, self.output.simulator
         none = (None,) * len(simulator.sensors)
 
@@ -106,7 +106,7 @@ class FilterError:
 
 
 def process_name(state: str) -> str:
-    """Parameter name of a state's process noise: the standard deviation it gains in one second."""
+    """Return the parameter name of a state's process noise: the standard deviation it gains in one second."""
     return f"process_{state}"
 
 
@@ -124,7 +124,7 @@ def filter_error(
     varying: Sequence[str] = (),
     starts_over_ground: bool = False,
 ) -> tuple[FilterError, TrialData]:
-    """Likelihood of several trials fitted jointly, and its data; arguments as `output_error` but for these.
+    """Return the likelihood of several trials fitted jointly, and its data; arguments as `output_error` but for these.
 
     Args:
         model: vehicle.

@@ -31,7 +31,7 @@ _INDEPENDENT = 0.1
 def first_guess(
     model: VehicleModel, records: Sequence[Record], starts: Sequence[Sequence[float]], priors: Mapping[str, Prior]
 ) -> dict[str, float]:
-    """Coefficients that explain the measured velocities of several trials, drawn to the means of their priors.
+    """Return the coefficients that explain the measured velocities of several trials, drawn to the means of their priors.
 
     Args:
         model: vehicle.
@@ -71,7 +71,7 @@ def _measured_by_all(state: str, records: Sequence[Record]) -> bool:
 
 
 def _inside(value: float, prior: Prior) -> float:
-    """A value a hair inside the support."""
+    """Return a value a hair inside the support."""
     lower, upper = prior.bounds
     hair = 1e-3 * min(float(prior.sd), upper - lower)
     return min(max(value, lower + hair), upper - hair)
@@ -121,8 +121,8 @@ def _linearised(model: VehicleModel, rates: tuple[int, ...]):
 
     def rate(values: Array, state: Array, control: Array) -> Array:
         known = dict(zip(names, values, strict=True))
-        found = model.derivative(known, tuple(state), tuple(control))
-        return jnp.stack([jnp.asarray(found[i]) for i in rates])
+        result = model.derivative(known, tuple(state), tuple(control))
+        return jnp.stack([jnp.asarray(result[i]) for i in rates])
 
     @jax.jit
     def along(values: Array, state: Array, control: Array) -> tuple[Array, Array]:

@@ -133,7 +133,7 @@ class Identifiability:
         return said + self.cautions()
 
     def cautions(self) -> list[str]:
-        """What a reader must know or do; empty where each parameter is known by itself."""
+        """Return what a reader must know or do; empty where each parameter is known by itself."""
         together = [self._together(group) for group in self.groups]
         if np.isfinite(self.eigenvalues).all():
             return [*self._structural(), *self._practical(), *together]
@@ -222,16 +222,16 @@ def identify(
     cov = _expected_cov(information, prior_sd) if cov is None else np.asarray(cov, float)
     sd = np.sqrt(np.diag(cov))
     correlation = cov / np.maximum(np.outer(sd, sd), 1e-300)
-    found = []
+    results = []
     for members in groups(correlation, TOGETHER):
         part = unknown.pick(members)
         if any(item.is_scale and set(part.names) <= set(item.names) for item in invisible):
             continue
         pairs = [correlation[i, j] for i, j in combinations(members, 2)]
         known = known_combinations(part, cov[np.ix_(members, members)], at or {})
-        found.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
+        results.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
     return Identifiability(
-        stage, names, units, values, sd, prior_sd, correlation, eigenvalues, tuple(untouched), invisible, tuple(found)
+        stage, names, units, values, sd, prior_sd, correlation, eigenvalues, tuple(untouched), invisible, tuple(results)
     )
 
 
@@ -334,6 +334,6 @@ def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:
 
 
 def _expected_cov(information: np.ndarray, prior_sd: np.ndarray) -> np.ndarray:
-    """Inverse of the data's information and the prior's together."""
+    """Return the inverse of the data's information and the prior's together."""
     eigenvalues, vectors = np.linalg.eigh(information * np.outer(prior_sd, prior_sd))
     return (vectors / (1.0 + np.maximum(eigenvalues, 0.0))) @ vectors.T * np.outer(prior_sd, prior_sd)

@@ -33,7 +33,7 @@ class Expansion(NamedTuple):
 
 
 def expand_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) -> Expansion:
-    """Log-likelihood with its first and second derivatives at points that need not lie inside the prior.
+    """Return the log-likelihood with its first and second derivatives at points that need not lie inside the prior.
 
     Memory does not grow with the number of time steps, and one compiled program serves any number of points.
     """
@@ -44,7 +44,7 @@ def expand_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) ->
 
 
 def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]) -> Float[np.ndarray, "d d"]:
-    """Information of the data at parameter values in their own units; not finite where the model diverges.
+    """Return the information of the data at parameter values in their own units; not finite where the model diverges.
 
     For output error it is the expected information about the motion and the observed one about the noise; the tails of
     heavy-tailed residuals make it up to twice too large, its rank stays. For other likelihoods it is the observed information.
@@ -67,7 +67,7 @@ def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:
 
 
 def is_noise(posterior: Posterior) -> np.ndarray:
-    """Which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
+    """Return which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
     kinds = (noise_name, correlation_name, dof_name)
     names = {kind(channel) for channel in posterior.likelihood.channels for kind in kinds}
     return np.array([name in names for name in posterior.names])
@@ -82,7 +82,7 @@ def coefficient_information(
     start: Float[Array, " n_states"],
     weight: Float[Array, "n m"],
 ) -> Float[Array, "k k"]:
-    """Expected information of one planned trial about the model's coefficients, SI and in its order; may be batched.
+    """Return the expected information of one planned trial about the model's coefficients, SI and in its order; may be batched.
 
     The sensitivities travel with the state and are summed at once, so that memory does not grow with the number of samples.
 
@@ -156,7 +156,7 @@ def _expand(posterior: Posterior, values: Array) -> tuple[Array, Array, Array]:
 
 @jax.jit
 def _with_simulated_data(posterior: Posterior, values: Array) -> Posterior:
-    """The same posterior had every sensor shown what the simulation at these values does."""
+    """Return the same posterior had every sensor shown what the simulation at these values does."""
     likelihood, data = posterior.likelihood, posterior.data
     named = dict(zip(posterior.names, values, strict=True))
 

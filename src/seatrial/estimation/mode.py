@@ -83,17 +83,17 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512,
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
             f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    found: list[tuple[np.ndarray, float]] = []
+    results: list[tuple[np.ndarray, float]] = []
     lost = None
     for start in followed:
-        if not any(rises(posterior, start, z) for z, _ in found):
+        if not any(rises(posterior, start, z) for z, _ in results):
             try:
-                found.append(_climb(posterior, start))
+                results.append(_climb(posterior, start))
             except NumericalError as error:
                 lost = error
-    if lost is not None and not found:
+    if lost is not None and not results:
         raise lost
-    z, log_density = max(found, key=lambda pair: pair[1])
+    z, log_density = max(results, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
     return _about(posterior, z, log_density)
@@ -109,7 +109,13 @@ def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
 
 
 def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.ndarray, " d"]) -> bool:
-    """Return whether the density never falls on the straight way, looked at in as many places as are computed at once."""
+    """Return whether the density never falls on the straight way, looked at in as many places as are computed at once.
+
+    Args:
+        posterior: whose density is followed.
+        start: where the way begins, z, shape (d,).
+        end: where it ends, z, shape (d,).
+    """
     way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
     height = evaluate(posterior, start + way * (end - start))
     return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())
@@ -142,7 +148,7 @@ def _best(densities: np.ndarray) -> np.ndarray:
 
 
 def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
-    """The best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
+    """Return the best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
     if posterior.guess is None or np.isnan(posterior.guess).all():
         return candidates[:0]
     known = ~np.isnan(posterior.guess)
@@ -161,7 +167,7 @@ class _Expansion(NamedTuple):
 
 @jax.jit
 def _expand(posterior: Posterior, z: Array) -> _Expansion:
-    """All three at once: one program to compile instead of three, and compiling is most of the time."""
+    """Return all three at once: one program to compile instead of three, and compiling is most of the time."""
 
     def value_twice(z: Array) -> tuple[Array, Array]:
         value = posterior.log_density(z)
@@ -177,7 +183,7 @@ def _expand(posterior: Posterior, z: Array) -> _Expansion:
 
 @jax.jit
 def _slope(posterior: Posterior, z: Array) -> Array:
-    """Derivative of each parameter's value with respect to its own z."""
+    """Return the derivative of each parameter's value with respect to its own z."""
     return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))[1]
 
 
@@ -208,7 +214,7 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _point(posterior: Posterior, z: np.ndarray) -> str:
-    """Values of the parameters there, in words."""
+    """Return the values of the parameters there, in words."""
     values = np.asarray(posterior.constrain(jnp.asarray(z)))
     return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.names, values, strict=True))
 

@@ -65,7 +65,7 @@ class Uncoupled:
 
     @jax.jit
     def coupled(self, x: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """The posterior's own z."""
+        """Return the posterior's own z."""
         mean, shrink = self._of_common(x)
         z = x.at[..., self.common].set(mean + shrink * x[..., self.common])
         mean, shrink = self._of_deviations(z)
@@ -80,24 +80,24 @@ class Uncoupled:
         return x.at[..., self.common].set((z[..., self.common] - mean) / shrink)
 
     def log_volume(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch"]:
-        """Log of the volume of z for that of x."""
+        """Return the log of the volume of z for that of x."""
         return jnp.log(self._of_common(z)[1]).sum(-1) + jnp.log(self._of_deviations(z)[1]).sum(-1)
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log prior density at a position in these coordinates."""
+        """Return the log prior density at a position in these coordinates."""
         there = self.coupled(z)
         return self.posterior.log_prior(there) + self.log_volume(there)
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log-likelihood of the data there."""
+        """Return the log-likelihood of the data there."""
         return self.posterior.log_likelihood(self.coupled(z))
 
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
-        """Draws from the prior."""
+        """Return the draws from the prior."""
         return self.uncoupled(self.posterior.sample_prior(key, n))
 
     def _of_common(self, z: Array) -> tuple[Float[Array, "*batch m"], Float[Array, "*batch m"]]:
-        """Mean and standard deviation of z_mu given tau and the rest."""
+        """Return the mean and standard deviation of z_mu given tau and the rest."""
         tau = self._values(z, self.spread)[..., None]
         weight = self.scale[:, None] ** 2 * self.information / (1 + self.information * tau**2)
         known = (self._at(z) - self.origin[:, None]) / self.scale[:, None]
@@ -105,7 +105,7 @@ class Uncoupled:
         return (weight * known).sum(-1) / total, 1 / jnp.sqrt(total)
 
     def _of_deviations(self, z: Array) -> tuple[Float[Array, "*batch mn"], Float[Array, "*batch mn"]]:
-        """Mean and standard deviation of every d given mu, tau and the rest."""
+        """Return the mean and standard deviation of every d given mu, tau and the rest."""
         mu, tau = self._values(z, self.common)[..., None], self._values(z, self.spread)[..., None]
         tight = 1 + self.information * tau**2
         mean = self.information * tau * (self._at(z) - mu) / tight
@@ -120,7 +120,7 @@ class Uncoupled:
 
 
 def uncouple(posterior: Posterior, mode: Mode) -> tuple[Target, Mode]:
-    """Coordinates to sample in, and the mode and its curvature there; the posterior itself where no value varies between trials.
+    """Return the coordinates to sample in, and the mode and its curvature there; the posterior itself where no value varies between trials.
 
     What each trial knows is read off the curvature at the mode: it serves the sampler only, and need not be exact.
     """
@@ -148,7 +148,7 @@ def uncouple(posterior: Posterior, mode: Mode) -> tuple[Target, Mode]:
 
 
 def uncoupled_mode(target: Target, mode: Mode) -> Mode:
-    """A mode of the posterior, and its curvature, in the coordinates of a target of `uncouple`."""
+    """Return a mode of the posterior, and its curvature, in the coordinates of a target of `uncouple`."""
     if not isinstance(target, Uncoupled):
         return mode
     z = jnp.asarray(mode.z)
@@ -159,12 +159,12 @@ def uncoupled_mode(target: Target, mode: Mode) -> Mode:
 
 
 def coupled(target: Target, x: Any) -> Any:
-    """The posterior's own z for what was drawn from a target of `uncouple`, shape (..., d)."""
+    """Return the posterior's own z for what was drawn from a target of `uncouple`, shape (..., d)."""
     return target.coupled(jnp.asarray(x)) if isinstance(target, Uncoupled) else x
 
 
 def in_posterior(target: Target, draws: Draws) -> Draws:
-    """Draws from a target of `uncouple` as of the posterior itself: by its names, in its units."""
+    """Return the draws from a target of `uncouple` as of the posterior itself: by its names, in its units."""
     if isinstance(target, Posterior):
         return named_draws(target, draws)
     assert isinstance(target, Uncoupled)  # `uncouple` gives no third

@@ -53,7 +53,7 @@ def score_effects(
         signatures: change of the prediction with each effect, over the noise, 0 where missing.
         worth: share of the samples that the residuals are worth where they are correlated.
     """
-    found = []
+    results = []
     for name, signature in signatures.items():
         absorbed = cov @ (jacobian.T @ signature)
         information = float(signature @ signature - (jacobian.T @ signature) @ absorbed)
@@ -61,5 +61,5 @@ def score_effects(
             continue
         size = float(signature @ residual - absorbed @ (jacobian.T @ residual)) / information
         sd = 1.0 / np.sqrt(information * worth)
-        found.append(Omitted(name, size, float(sd), float(chi2.sf((size / sd) ** 2, 1)), -absorbed * size))
-    return found
+        results.append(Omitted(name, size, float(sd), float(chi2.sf((size / sd) ** 2, 1)), -absorbed * size))
+    return results

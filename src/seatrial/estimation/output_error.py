@@ -70,7 +70,7 @@ class OutputError:
         return all(sensor.noise != "coloured" for sensor in self.simulator.sensors)
 
     def __call__(self, values: dict[str, Any], data: TrialData) -> Any:
-        """Log-likelihood of all trials; -inf where the simulation diverges."""
+        """Return the log-likelihood of all trials; -inf where the simulation diverges."""
 
         def add(total: Array, trial: tuple) -> tuple[Array, None]:
             return total + self._trial({**values, **trial[0]}, *trial[1:]), None
@@ -83,7 +83,7 @@ class OutputError:
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
     def apart(self, values: Mapping[str, Any]) -> dict[str, Float[Array, " trials"]]:
-        """Values that differ between trials, by name."""
+        """Return the values that differ between trials, by name."""
         own = {name: jnp.stack([values[own_name(name, label)] for label in self.labels]) for name in self.own}
         return own | {
             name: values.get(name, 0.0)
@@ -115,7 +115,7 @@ class OutputError:
         return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
-        """One time loop that simulates and sums what is new in each residual, and keeps nothing else."""
+        """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""
         noises = [
             self.noise(values, sensor, data)
             for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
@@ -137,32 +137,32 @@ class OutputError:
 
 
 def initial_name(state: str, label: str) -> str:
-    """Parameter name of a trial's initial state."""
+    """Return the parameter name of a trial's initial state."""
     return f"{state}_0[{label}]"
 
 
 def own_name(name: str, label: str) -> str:
-    """Parameter name of what is a trial's own."""
+    """Return the parameter name of what is a trial's own."""
     return f"{name}[{label}]"
 
 
 def spread_name(name: str) -> str:
-    """Parameter name of the standard deviation by which a value varies between trials."""
+    """Return the parameter name of the standard deviation by which a value varies between trials."""
     return f"spread_{name}"
 
 
 def deviation_name(name: str, label: str) -> str:
-    """Parameter name of a trial's deviation, in units of that spread."""
+    """Return the parameter name of a trial's deviation, in units of that spread."""
     return f"dev_{name}[{label}]"
 
 
 def is_deviation(name: str) -> bool:
-    """Whether a parameter is a trial's deviation."""
+    """Return whether a parameter is a trial's deviation."""
     return name.startswith("dev_")
 
 
 def of_deviation(name: str) -> tuple[str, str]:
-    """Name and trial of a deviation."""
+    """Return the name and trial of a deviation."""
     varying, _, label = name.removeprefix("dev_").removesuffix("]").partition("[")
     return varying, label
 
@@ -180,7 +180,7 @@ def output_error(
     varying: Sequence[str] = (),
     starts_over_ground: bool = False,
 ) -> tuple[OutputError, TrialData]:
-    """Likelihood of several trials fitted jointly, and its data.
+    """Return the likelihood of several trials fitted jointly, and its data.
 
     Args:
         model: vehicle.

@@ -21,7 +21,7 @@ MAX_ENTRIES = 60_000_000
 
 
 def thin_draws(draws: Float[np.ndarray, "chains draws d"], most: int = 2000) -> Float[np.ndarray, "chains kept d"]:
-    """Every so-many-th draw of each chain, at most `most` over all chains."""
+    """Return every so-many-th draw of each chain, at most `most` over all chains."""
     chains, n, _ = draws.shape
     every = -(-n // max(1, most // chains))
     return draws[:, every - 1 :: every]
@@ -30,7 +30,7 @@ def thin_draws(draws: Float[np.ndarray, "chains draws d"], most: int = 2000) -> 
 def pointwise_log_likelihood(
     posterior: Posterior, draws: Float[np.ndarray, "chains draws d"]
 ) -> Float[np.ndarray, "chains draws n"]:
-    """Log density of each measurement, n in all, ordered by trial, then channel, then time; their sum is the log-likelihood.
+    """Return the log density of each measurement, n in all, ordered by trial, then channel, then time; their sum is the log-likelihood.
 
     Args:
         posterior: posterior with an output-error likelihood of white residuals.
@@ -73,7 +73,7 @@ def pointwise_log_likelihood(
 
 @partial(jax.jit, static_argnums=0)
 def _densities(likelihood: OutputError, values: dict[str, Array], data: TrialData) -> Float[Array, "draws trials m n"]:
-    """Log density of every sample, measured or not, under several draws."""
+    """Return the log density of every sample, measured or not, under several draws."""
     return jax.vmap(lambda one: _of_one_draw(likelihood, one, data))(values)
 
 

@@ -68,32 +68,32 @@ def judge(score: Score, channel: str, held_back: bool, coloured: bool) -> Verdic
 
 
 def worst(verdicts: Sequence[Verdict]) -> Verdict:
-    """The gravest verdict of a trial's channels, the first of them where several are as grave."""
+    """Return the gravest verdict of a trial's channels, the first of them where several are as grave."""
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
 def _sizes(score: Score, channel: str, held_back: bool) -> Verdict | None:
-    """Errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
+    """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
     short = score.coverage < 0.9 and betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
     large = chi2.sf(n * score.variance, n) < RARE
     small = chi2.cdf(n * score.variance, n) < RARE
-    found = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
+    result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
     if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
         do = (
             "look at this trial for a sensor fault or another condition (current, load, trim), then add a term or fit it too"
             if held_back
             else "look at its residuals for outliers, a wrong unit or a missing term"
         )
-        return Verdict("fail", "errors beyond what is stated", f"{found}: do not rely on its stated uncertainty; {do}")
+        return Verdict("fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty; {do}")
     if (short and score.coverage < NARROW) or (large and score.variance > SPREAD):
         do = "fit more trials like it, or add a term" if held_back else "look for outliers or a missing term"
-        return Verdict("caution", "band too narrow", f"{found}: the stated uncertainty is too small; {do}")
+        return Verdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small; {do}")
     if small and not score.missing and score.variance < TAME and score.coverage > WIDE:
         return Verdict(
             "caution",
             "band too wide",
-            f"{found}: this trial was quieter than the stated noise; the band promises less than the model can do, "
+            f"{result}: this trial was quieter than the stated noise; the band promises less than the model can do, "
             "check whether the trials have the same sensors",
         )
     return None
@@ -110,58 +110,58 @@ def _motion(score: Score, channel: str, held_back: bool) -> Verdict | None:
         )
     if score.explained >= POOR:
         return None
-    found = f"{score.explained:.0%} of the variance of {channel} is explained"
+    result = f"{score.explained:.0%} of the variance of {channel} is explained"
     if score.noise_share > POOR:
         return Verdict(
             "caution",
             "noise hides the motion",
-            f"{found}, the rest is as large as the noise of the fit: this trial tests little; use one that moves more, or "
+            f"{result}, the rest is as large as the noise of the fit: this trial tests little; use one that moves more, or "
             "add a term if the sensor is better than that",
         )
     if held_back:
         return Verdict(
             "caution",
             "predicted poorly",
-            f"{found}, though within the stated uncertainty: the coefficients are not known well enough to predict it; "
+            f"{result}, though within the stated uncertainty: the coefficients are not known well enough to predict it; "
             "run the next trial that is proposed",
         )
     return Verdict(
         "caution",
         "fitted poorly",
-        f"{found}: the model misses most of what moved; add a term, a delay or an estimated initial state",
+        f"{result}: the model misses most of what moved; add a term, a delay or an estimated initial state",
     )
 
 
 def _colour(score: Score, channel: str, coloured: bool) -> Verdict | None:
-    """Residuals that remember, by more than chance and by enough to matter."""
+    """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
-    found = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
+    result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
     if coloured:
         return Verdict(
             "caution",
             "correlated beyond the model",
-            f"{found} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
+            f"{result} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
             "deviations are rough; look for a missing term",
         )
     if score.correlation < 0:
         return Verdict(
             "caution",
             "correlated residuals",
-            f"{found}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
+            f"{result}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
             "too large; check whether the sensor or the import filtered or differenced the channel",
         )
     rho = min(score.correlation, 0.999)
     return Verdict(
         "caution",
         "correlated residuals",
-        f"{found}, which white noise is not: stated standard deviations are too small, by a factor of about "
+        f"{result}, which white noise is not: stated standard deviations are too small, by a factor of about "
         f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured"',
     )
 
 
 def _shape(score: Score, channel: str) -> Verdict | None:
-    """Errors of the right size that are not normal, or lie to one side."""
+    """Return the errors of the right size that are not normal, or lie to one side."""
     if score.pit_distance <= max(MISSHAPEN, KS_CHANCE / np.sqrt(max(score.effective, 1.0))):
         return None
     below = sum(score.pit[: len(score.pit) // 2])

@@ -48,7 +48,7 @@ class Maxima(NamedTuple):
 
 
 def bounded_slope(posterior: Posterior, mode: Mode) -> Slope:
-    """A posterior's likelihood to climb inside its prior's bounds."""
+    """Return a posterior's likelihood to climb inside its prior's bounds."""
     ends = []
     for parameter in posterior.parameters:
         low, high = (float(bound) for bound in parameter.prior.bounds)
@@ -230,8 +230,8 @@ def _follow(problem: Slope, best: Maxima, chosen: Sequence[int]) -> list[_Path]:
         if not walking:
             return paths
         starts = np.array([_next_start(problem, path) for path in walking])
-        found = climb(problem, starts, [path.index for path in walking])
-        for path, values, height in zip(walking, found.values, found.height, strict=True):
+        result = climb(problem, starts, [path.index for path in walking])
+        for path, values, height in zip(walking, result.values, result.height, strict=True):
             root = float(np.sqrt(2 * max(peak.height - height, 0.0)))
             path.points.append(_Point(values, float(height), root))
             path.points.sort(key=lambda point: path.sign * point.values[path.index])
@@ -240,7 +240,7 @@ def _follow(problem: Slope, best: Maxima, chosen: Sequence[int]) -> list[_Path]:
 
 
 def _bracket(path: _Path) -> tuple[_Point, _Point | None]:
-    """The last point before the crossing and the first beyond it, None where there is none yet."""
+    """Return the last point before the crossing and the first beyond it, None where there is none yet."""
     beyond = next((k for k, point in enumerate(path.points) if point.root > CROSSING), None)
     return (path.points[-1], None) if beyond is None else (path.points[beyond - 1], path.points[beyond])
 
@@ -256,7 +256,7 @@ def _is_done(problem: Slope, path: _Path) -> bool:
 
 
 def _next_start(problem: Slope, path: _Path) -> np.ndarray:
-    """Where to go next: outwards by a step in r, or between the two points that hold the crossing; the others on a line."""
+    """Return where to go next: outwards by a step in r, or between the two points that hold the crossing; the others on a line."""
     i = path.index
     inside, outside = _bracket(path)
     if outside is not None:

@@ -96,7 +96,7 @@ def check_motion(
         remedy = "the motion is hardly that of the commands: check the channel map, the clocks and the priors"
         usual = f"{RELATED:g} or more is usual"
         return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy)]
-    found = [
+    results = [
         RecordFinding(name, "direction", "pass", f"correlation {correlation:+.2f} with the motion expected", against)
     ]
     there = np.isfinite(measured)
@@ -104,12 +104,12 @@ def check_motion(
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
     fits = 1 / SIZE <= ratio <= SIZE
     value, remedy = f"{ratio:.3g} times the motion expected", "" if fits else _unit_guess(ratio)
-    found.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
-    return [*found, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
+    results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
+    return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
 
 
 def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:
-    """Whether the priors say which way a channel goes: vehicles drawn from them nearly all go the way of the one at their means.
+    """Return whether the priors say which way a channel goes: vehicles drawn from them nearly all go the way of the one at their means.
 
     Those that run away say nothing. Where none moves by more than the noise, the priors say that the channel stays still.
 
@@ -127,14 +127,14 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
 
 
 def not_judged(names: Sequence[str]) -> RecordFinding:
-    """The note about channels of which the priors do not say which way they go."""
+    """Return the note about channels of which the priors do not say which way they go."""
     value = "not judged, nor size and delay; vehicles drawn from the priors go either way or run away"
     remedy = "priors of known sign, such as half-normal ones, would say"
     return RecordFinding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
 
 
 def _delay(name: str, late: float, shifted: float, direct: float) -> list[RecordFinding]:
-    """A shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
+    """Return a shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
     limit = f"under {LATE:g} s, where a shift explains most of the rest"
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
@@ -146,7 +146,7 @@ def _delay(name: str, late: float, shifted: float, direct: float) -> list[Record
 
 
 def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[RecordFinding]:
-    """Samples that stand out from both of their sides, alone or up to three together.
+    """Return the samples that stand out from both of their sides, alone or up to three together.
 
     Args:
         name: channel.
@@ -165,23 +165,23 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
 
 
 def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """How far each sample lies beyond both sides, and beyond where the straight lines of both sides lead.
+    """Return how far each sample lies beyond both sides, and beyond where the straight lines of both sides lead.
 
     A slope or a step leads away on one side only, and a turn no further than its neighbours bend. For each way to count up to two
     neighbours to the same spike, the sides are the two samples before it and the two after.
     """
     reach = TOGETHER + 1
-    padded, here, found = np.pad(x, reach, mode="edge"), np.arange(x.size) + reach, np.zeros(x.size)
+    padded, here, result = np.pad(x, reach, mode="edge"), np.arange(x.size) + reach, np.zeros(x.size)
     for before, after in ((i, j) for i in range(1, reach) for j in range(1, reach + 1 - i)):
         sides = [(padded[here - before], padded[here - before - 1], before)]
         sides += [(padded[here + after], padded[here + after + 1], after)]
         beyond = np.stack([x - led for near, far, steps in sides for led in (near, near + steps * (near - far))])
-        found = np.maximum(found, np.maximum(beyond.min(0), -beyond.max(0)))
-    return found
+        result = np.maximum(result, np.maximum(beyond.min(0), -beyond.max(0)))
+    return result
 
 
 def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Standard deviation of white noise that bends as the samples around each do: by a quartile, which spikes leave alone."""
+    """Return the standard deviation of white noise that bends as the samples around each do: by a quartile, which spikes leave alone."""
     bend = np.abs(np.diff(x, 2)) / np.sqrt(6.0)
     around = min(AROUND, bend.size // 2)
     near = np.lib.stride_tricks.sliding_window_view(np.pad(bend, around + 1, mode="reflect"), 2 * around + 1)
@@ -191,7 +191,7 @@ def _scatter(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 def check_excitation(
     names: Sequence[str], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"], about: str = ""
 ) -> list[RecordFinding]:
-    """What the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
+    """Return what the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
 
     Args:
         names: coefficients.
@@ -199,29 +199,29 @@ def check_excitation(
         after: of what would be left, SI.
         about: where that was linearised, in words; empty for the prior means.
     """
-    found = []
+    results = []
     check = f"excitation ({about})" if about else "excitation"
     for name, prior, left in zip(names, before, after, strict=True):
         share = float(left / prior)
         value, limit = f"{share:.0%} of the prior's sd would be left", "below 70 % it is excited"
         if share < 0.7:
-            found.append(RecordFinding(name, check, "pass", value, limit))
+            results.append(RecordFinding(name, check, "pass", value, limit))
         else:
             remedy = "this record cannot tell it: move what it depends on further, fix it, or design a trial (`seatrial design`)"
-            found.append(RecordFinding(name, check, "caution", value, limit, remedy))
-    return found
+            results.append(RecordFinding(name, check, "caution", value, limit, remedy))
+    return results
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:
-    """Steps by which the measured is behind the expected, and the correlation there, that of largest size; 0 on a tie."""
+    """Return the steps by which the measured is behind the expected, and the correlation there, that of largest size; 0 on a tie."""
     n = measured.size
     most = min(most, n // 4)
-    found = {
+    results = {
         lag: _correlation(measured[max(lag, 0) : n + min(lag, 0)], expected[max(-lag, 0) : n - max(lag, 0)])
         for lag in range(-most, most + 1)
     }
-    lag = max(found, key=lambda key: (abs(found[key]), -abs(key)))
-    return lag, found[lag]
+    lag = max(results, key=lambda key: (abs(results[key]), -abs(key)))
+    return lag, results[lag]
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:

@@ -108,7 +108,7 @@ def regressor_noise_bias(rows: WhitenedRows, key: Array, pairs: int = 16, forces
 
 
 def _extrapolation() -> Float[np.ndarray, " levels"]:
-    """Weights on the changes at each level that give the change at -1 of the quadratic through no change at 0."""
+    """Return the weights on the changes at each level that give the change at -1 of the quadratic through no change at 0."""
     level = np.array(LEVELS)
     return np.array([-1.0, 1.0]) @ np.linalg.pinv(np.column_stack([level, level**2]))
 
@@ -116,7 +116,7 @@ def _extrapolation() -> Float[np.ndarray, " levels"]:
 def _noisy(
     trial: TrialRows, noise: Mapping[str, float], driven: Mapping[str, np.ndarray], random: np.random.Generator
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Each measured signal with its responses to the force and fresh noise of its sensor."""
+    """Return each measured signal with its responses to the force and fresh noise of its sensor."""
     for name, column in trial.signals.items():
         if name not in trial.held:
             yield name, driven.get(name, NO_RESPONSE), noise[name] * random.normal(size=column.size)
@@ -125,7 +125,7 @@ def _noisy(
 def _driven(
     rows: WhitenedRows, trial: TrialRows, values: Mapping[str, float], pairs: int, random: np.random.Generator
 ) -> dict[str, Float[np.ndarray, "pairs n"]]:
-    """Responses of the velocities to white forces of the density that the rows show; none where they show none."""
+    """Return the responses of the velocities to white forces of the density that the rows show; none where they show none."""
     if not rows.force_sd.any():
         return {}
     velocities = [equation.rate for equation in rows.equations]
@@ -150,7 +150,7 @@ def _driven(
 def _at(
     rows: WhitenedRows, drawn: list[dict[str, np.ndarray]], times: float, scale: np.ndarray
 ) -> Float[np.ndarray, "k k1"]:
-    """Moments with so many times the drawn noise added."""
+    """Return the moments with so many times the drawn noise added."""
     trials = [
         replace(
             trial, signals={**trial.signals, **{name: trial.signals[name] + times * e for name, e in noise.items()}}
@@ -167,7 +167,7 @@ def _moments(design: np.ndarray, target: np.ndarray) -> Float[np.ndarray, "k k1"
 
 
 def _solved(each: Float[np.ndarray, "pairs k k1"], scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients from the mean moments, and their standard error by the jackknife."""
+    """Return the coefficients from the mean moments, and their standard error by the jackknife."""
     pairs, total = len(each), each.sum(0)
     mean = total / pairs
     nothing = np.full(scale.size, np.nan)

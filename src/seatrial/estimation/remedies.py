@@ -36,7 +36,7 @@ def what_separates(names: Sequence[str]) -> str:
 
 
 def is_coefficient(name: str) -> bool:
-    """Whether a parameter is a coefficient of the equations of motion, by its name."""
+    """Return whether a parameter is a coefficient of the equations of motion, by its name."""
     try:
         CoefficientName.parse(name)
     except InputError:
@@ -45,17 +45,23 @@ def is_coefficient(name: str) -> bool:
 
 
 def percent(share: float) -> str:
-    """A share in percent, two digits."""
+    """Return a share in percent, two digits."""
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names as a sentence has them: `a`, `a and b`, `a, b and c`."""
+    """Return the names as a sentence has them: `a`, `a and b`, `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def measured(value: float, sd: float, unit: str) -> str:
-    """A value to two digits of its standard deviation, as in `-5.70 +- 0.04 kg/s`."""
+    """Return a value to two digits of its standard deviation, as in `-5.70 +- 0.04 kg/s`.
+
+    Args:
+        value: in `unit`.
+        sd: its standard deviation, in `unit`.
+        unit: as it is printed.
+    """
     decimals = 1 - floor(log10(sd)) if sd > 0 else 4
     number = (
         f"{value:.{max(decimals, 0)}f} +- {sd:.{max(decimals, 0)}f}" if decimals < 5 else f"{value:.4g} +- {sd:.2g}"

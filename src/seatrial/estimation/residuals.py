@@ -16,7 +16,7 @@ class White(NamedTuple):
     counts: Float[Array, " k"]
 
     def empty(self) -> Any:
-        """Sum before the first sample."""
+        """Return the sum before the first sample."""
         return jnp.zeros(())
 
     def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
@@ -24,7 +24,7 @@ class White(NamedTuple):
         return total + (e * e if complete else present * (e * e))
 
     def log_likelihood(self, total: Any) -> Any:
-        """Log density of all residuals."""
+        """Return the log density of all residuals."""
         return -jnp.sum(self.counts) * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * total / (self.sd * self.sd)
 
 
@@ -39,7 +39,7 @@ class Heavy(NamedTuple):
     counts: Float[Array, " k"]
 
     def empty(self) -> Any:
-        """Sum before the first sample."""
+        """Return the sum before the first sample."""
         return jnp.zeros(())
 
     def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
@@ -48,7 +48,7 @@ class Heavy(NamedTuple):
         return total + (loss if complete else present * loss)
 
     def log_likelihood(self, total: Any) -> Any:
-        """Log density of all residuals."""
+        """Return the log density of all residuals."""
         half = 0.5 * self.dof
         each = gammaln(half + 0.5) - gammaln(half) - 0.5 * jnp.log(self.dof * jnp.pi) - jnp.log(self.sd)
         return jnp.sum(self.counts) * each - (half + 0.5) * total
@@ -70,7 +70,7 @@ class Coloured(NamedTuple):
     weight: Float[Array, " k"]
 
     def empty(self) -> Any:
-        """Sum before the first sample."""
+        """Return the sum before the first sample."""
         return (jnp.zeros(()), jnp.zeros(()))
 
     def absorb(self, carry: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
@@ -83,6 +83,6 @@ class Coloured(NamedTuple):
         return before + present * (e - before), total + present * gain
 
     def log_likelihood(self, carry: Any) -> Any:
-        """Log density of all residuals."""
+        """Return the log density of all residuals."""
         spread = jnp.log(self.sd) + 0.5 * LOG_2PI - 0.5 * jnp.log(self.weight)
         return -jnp.sum(self.counts * spread) - 0.5 * carry[1] / (self.sd * self.sd)

@@ -81,7 +81,7 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
 def independent_rows(
     equations: Sequence[AxisEquation], records: Sequence[Record], noise: Mapping[str, float], narrowest: float
 ) -> tuple[WhitenedRows, RowFit]:
-    """Rows and fit at the first width, of `narrowest` s and its doubles, at which neighbouring residuals no longer correlate.
+    """Return the rows and fit at the first width, of `narrowest` s and its doubles, at which neighbouring residuals no longer correlate.
 
     The widest that leaves two rows for each term is taken where none does, and the fit's status then says what is wrong.
 
@@ -89,25 +89,25 @@ def independent_rows(
         InputError: as `weak_trials` and `whitened_rows` at the narrowest width.
     """
     needed = 2 * max(len(equation.terms) for equation in equations)
-    width, found = narrowest, None
-    while found is None or found[1].status:
+    width, result = narrowest, None
+    while result is None or result[1].status:
         trials = weak_trials(records, equations, width)
-        if found is not None and sum(trial.windows.centre.size for trial in trials) < needed:
+        if result is not None and sum(trial.windows.centre.size for trial in trials) < needed:
             break
         rows = whitened_rows(equations, trials, noise)
-        found, width = (rows, fit_rows(rows)), 2 * width
+        result, width = (rows, fit_rows(rows)), 2 * width
         if width > min(record.time[-1] - record.time[0] for record in records):
             break
-    return found
+    return result
 
 
 def _correlations(residual: np.ndarray, trial: np.ndarray, index: np.ndarray) -> Float[np.ndarray, " lags"]:
-    """Correlation over 1, 2, … windows of one trial; 0 where no two rows are that far apart."""
+    """Return the correlation over 1, 2, … windows of one trial; 0 where no two rows are that far apart."""
     power = np.mean(residual**2)
     place = trial * (index.max() + FARTHEST + 1) + index
-    found = []
+    results = []
     for lag in range(1, FARTHEST + 1):
         earlier = np.isin(place, place - lag)
         later = np.isin(place, place + lag)
-        found.append(float(np.sum(residual[earlier] * residual[later]) / power / place.size))
-    return np.array(found)
+        results.append(float(np.sum(residual[earlier] * residual[later]) / power / place.size))
+    return np.array(results)

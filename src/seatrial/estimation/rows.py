@@ -93,11 +93,11 @@ def sensor_noise(records: Sequence[Record], channels: Sequence[str]) -> dict[str
     Raises:
         InputError: too few samples, or a sensor whose steps are coarser than its noise.
     """
-    found = {}
+    results = {}
     for name in channels:
         sds = [noise_from_high_pass(record.time, record.channel(name)).sd for record in records]
-        found[name] = float(np.sqrt(np.mean(np.square(sds))))
-    return found
+        results[name] = float(np.sqrt(np.mean(np.square(sds))))
+    return results
 
 
 def check_noise(equations: Sequence[AxisEquation], trial: TrialRows, noise: Mapping[str, float]) -> None:
@@ -120,7 +120,7 @@ def check_noise(equations: Sequence[AxisEquation], trial: TrialRows, noise: Mapp
 def row_covariances(
     equations: Sequence[AxisEquation], trial: TrialRows, values: Mapping[str, float], noise: Mapping[str, float]
 ) -> tuple[RowCovariance, ...]:
-    """Covariance of the rows of one trial, for each equation.
+    """Return the covariance of the rows of one trial, for each equation.
 
     Args:
         equations: all of them.
@@ -138,7 +138,7 @@ def row_covariances(
 
 
 def row_factor(covariance: RowCovariance, process: float) -> Float[np.ndarray, "b m"]:
-    """Cholesky factor of the covariance with a white force of spectral density `process`, in lower banded storage.
+    """Return the Cholesky factor of the covariance with a white force of spectral density `process`, in lower banded storage.
 
     Raises:
         NumericalError: windows of which one is a combination of others.
@@ -152,7 +152,7 @@ def row_factor(covariance: RowCovariance, process: float) -> Float[np.ndarray, "
 
 
 def whiten(raw: RawRows, factors: Sequence[Float[np.ndarray, "b m"]]) -> RawRows:
-    """Rows multiplied by the inverse of each equation's factor."""
+    """Return the rows multiplied by the inverse of each equation's factor."""
     table = np.concatenate([raw.design, raw.target[:, :, None]], axis=2)
     free = np.stack([solve_banded((len(f) - 1, 0), f, part) for f, part in zip(factors, table, strict=True)])
     return RawRows(free[:, :, :-1], free[:, :, -1])
@@ -165,7 +165,7 @@ def force_slope(
     name: str,
     sd: float,
 ) -> Float[np.ndarray, " n"]:
-    """Derivative of the force with respect to one signal, over a step of the size of its noise, as moduli ask for."""
+    """Return the derivative of the force with respect to one signal, over a step of the size of its noise, as moduli ask for."""
     above, below = ({**signals, name: signals[name] + shift} for shift in (sd, -sd))
     slope = np.zeros(signals[name].size)
     for term, value in forces:
@@ -176,7 +176,7 @@ def force_slope(
 def whitened_rows(
     equations: Sequence[AxisEquation], trials: Sequence[TrialRows], noise: Mapping[str, float]
 ) -> WhitenedRows:
-    """Rows of all trials, independent and of unit residual variance as far as the fit with every term can tell.
+    """Return the rows of all trials, independent and of unit residual variance as far as the fit with every term can tell.
 
     Args:
         equations: of one or several axes, with every candidate term.
@@ -246,7 +246,7 @@ def rewhitened(
 def solve(
     design: Float[np.ndarray, "n k"], target: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
-    """Least squares: estimates, and their covariance for residuals of unit variance."""
+    """Solve by least squares: return estimates, and their covariance for residuals of unit variance."""
     scale = np.linalg.norm(design, axis=0)
     _, factor = np.linalg.qr(np.column_stack([design / scale, target]))
     inverse = np.linalg.inv(factor[:-1, :-1])
@@ -254,13 +254,13 @@ def solve(
 
 
 def mix(rows: RawRows, mixing: Float[np.ndarray, "e e"]) -> RawRows:
-    """Rows of each window multiplied across the equations by the inverse of a lower triangle."""
+    """Return the rows of each window multiplied across the equations by the inverse of a lower triangle."""
     inverse = np.linalg.inv(mixing)
     return RawRows(np.einsum("ef,fmk->emk", inverse, rows.design), inverse @ rows.target)
 
 
 def flat(rows: RawRows) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, " n"]]:
-    """Rows of all equations, one equation after the other."""
+    """Return the rows of all equations, one equation after the other."""
     return rows.design.reshape(-1, rows.design.shape[2]), rows.target.ravel()
 
 
@@ -317,13 +317,13 @@ def _sensors(
 
 
 def _depth(matrix: sparse.csr_array) -> int:
-    """Number of diagonals from the main one to the farthest that is not zero."""
+    """Return the number of diagonals from the main one to the farthest that is not zero."""
     row, column = map(np.asarray, matrix.nonzero())
     return int((row - column).max(initial=0)) + 1
 
 
 def _band(matrix: sparse.csr_array, depth: int) -> Float[np.ndarray, "b m"]:
-    """Lower band of a symmetric matrix."""
+    """Return the lower band of a symmetric matrix."""
     diagonals = [matrix.diagonal(-offset) for offset in range(depth)]
     return np.array([np.pad(one, (0, offset)) for offset, one in enumerate(diagonals)])
 
@@ -336,13 +336,13 @@ def _check_collinear(phi: Float[np.ndarray, "m j"], names: Sequence[str], place:
     cosine = np.triu(phi.T @ phi, 1)
     i, j = divmod(int(np.argmax(np.abs(cosine))), len(names))
     if 1 - abs(cosine[i, j]) < COLLINEAR * len(names):
-        found = f"regressors of {names[i]} and {names[j]} with correlation {cosine[i, j]:+.10f}"
+        result = f"regressors of {names[i]} and {names[j]} with correlation {cosine[i, j]:+.10f}"
     else:
         involved = [name for name, weight in zip(names, right[-1], strict=True) if abs(weight) > 0.1]
-        found = f"regressors of {', '.join(involved)} of which one is a combination of the others"
+        result = f"regressors of {', '.join(involved)} of which one is a combination of the others"
     raise InputError(
         place,
-        found=found,
+        found=result,
         expected="terms that the motion tells apart",
         remedy="drop one of them, or give a trial over more speeds or with other controls",
     )

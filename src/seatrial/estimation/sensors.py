@@ -45,7 +45,7 @@ class Sensor:
         return tuple(names)
 
     def show(self, values: Mapping[str, Any], x: Any, memory: "Memory | None", lag: "Lag | None") -> tuple:
-        """What it shows without noise where the channel is `x`, and what it remembers."""
+        """Return what it shows without noise where the channel is `x`, and what it remembers."""
         if memory is not None and lag is not None:
             y = lag.a * memory.shown + lag.b * memory.true + lag.c * x
             memory, x = Memory(y, x), y
@@ -68,7 +68,7 @@ class Lag(NamedTuple):
 
 
 def lags_before(step: Float[Array, " n"], tau: Any) -> Lag:
-    """Coefficients for the step that leads to each sample; at the first the sensor has settled."""
+    """Return the coefficients for the step that leads to each sample; at the first the sensor has settled."""
     r = step[:-1] / tau
     small = r < 1e-4
     safe = jnp.where(small, 1.0, r)
@@ -80,25 +80,25 @@ def lags_before(step: Float[Array, " n"], tau: Any) -> Lag:
 
 
 def noise_name(channel: str) -> str:
-    """Parameter name of a channel's noise standard deviation; where heavy-tailed, of the scale of Student's t."""
+    """Return the parameter name of a channel's noise standard deviation; where heavy-tailed, of the scale of Student's t."""
     return f"sigma_{channel}"
 
 
 def correlation_name(channel: str) -> str:
-    """Parameter name of the correlation time of a channel's residuals, s."""
+    """Return the parameter name of the correlation time of a channel's residuals, s."""
     return f"tau_{channel}"
 
 
 def dof_name(channel: str) -> str:
-    """Parameter name of the degrees of freedom of a channel's heavy-tailed residuals."""
+    """Return the parameter name of the degrees of freedom of a channel's heavy-tailed residuals."""
     return f"dof_{channel}"
 
 
 def bias_name(channel: str) -> str:
-    """Parameter name of a channel's constant error."""
+    """Return the parameter name of a channel's constant error."""
     return f"bias_{channel}"
 
 
 def lag_name(channel: str) -> str:
-    """Parameter name of the time constant of a channel's sensor, s."""
+    """Return the parameter name of the time constant of a channel's sensor, s."""
     return f"lag_{channel}"

@@ -52,7 +52,13 @@ class TrialData(NamedTuple):
 def stack_trials(
     records: Sequence[Record], model: VehicleModel, channels: Sequence[str], initial: Sequence[Sequence[float]]
 ) -> TrialData:
-    """Arrays of several trials, so that compiled code does not grow with their number.
+    """Return the arrays of several trials, so that compiled code does not grow with their number.
+
+    Args:
+        records: trials, of any lengths.
+        model: vehicle whose controls the records have.
+        channels: measured channels, in order.
+        initial: state at the start of each trial, shape (trials, states).
 
     Raises:
         InputError: a control or channel a record does not have.

@@ -107,7 +107,13 @@ def nrmse_fit(measured: Float[np.ndarray, " n"], predicted: Float[np.ndarray, " 
 def crps_normal(
     measured: Float[np.ndarray, " n"], mean: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Continuous ranked probability score of normal predictions, in the unit of the measurement; lower is better."""
+    """Continuous ranked probability score of normal predictions, in the unit of the measurement; lower is better.
+
+    Args:
+        measured: measurements, shape (n,).
+        mean: predicted means, shape (n,).
+        sd: predicted standard deviations, noise included, shape (n,).
+    """
     z = (measured - mean) / sd
     return sd * (z * (2 * ndtr(z) - 1) + 2 * stats.norm.pdf(z) - 1 / np.sqrt(np.pi))
 
@@ -118,17 +124,17 @@ def coverage(z: Float[np.ndarray, " n"], level: float) -> float:
 
 
 def pit_shares(z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " bins"]:
-    """Histogram of the probability integral transform, shares that would all be 1 / 10."""
+    """Return the histogram of the probability integral transform, shares that would all be 1 / 10."""
     return np.histogram(ndtr(z), BINS, (0.0, 1.0))[0] / z.size
 
 
 def pit_distance(z: Float[np.ndarray, " n"]) -> float:
-    """Largest distance of the distribution of the probability integral transform from uniform (Kolmogorov and Smirnov)."""
+    """Return the largest distance of the distribution of the probability integral transform from uniform (Kolmogorov and Smirnov)."""
     return float(stats.kstest(ndtr(z), "uniform").statistic)
 
 
 def whiteness(time: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"], lags: int = 20) -> Whiteness:
-    """Autocorrelation and portmanteau test of the residuals that were measured; pairs across a gap count at their own lag.
+    """Return the autocorrelation and portmanteau test of the residuals that were measured; pairs across a gap count at their own lag.
 
     Args:
         time: s, strictly increasing.
@@ -214,30 +220,30 @@ def score_channel(
 
 
 def unscored(samples: int, why: str) -> Score:
-    """A score without numbers."""
+    """Return a score without numbers."""
     return Score(samples, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, why)
 
 
 def _grid(time: np.ndarray) -> np.ndarray:
-    """Which multiple of the median interval each sample falls on, counted from sample to sample so that jitter does not add up."""
+    """Return which multiple of the median interval each sample falls on, counted from sample to sample so that jitter does not add up."""
     step = np.diff(time)
     return np.concatenate([[0], np.cumsum(np.maximum(1, np.round(step / np.median(step))).astype(int))])
 
 
 def _lagged(values: np.ndarray, at: np.ndarray, lag: int) -> tuple[float, int]:
-    """Sum of products of samples that are `lag` places apart, and the number of such pairs."""
+    """Return the sum of products of samples that are `lag` places apart, and the number of such pairs."""
     later = np.searchsorted(at, at + lag)
-    found = later < at.size
-    found[found] = at[later[found]] == at[found] + lag
-    return float(values[found] @ values[later[found]]), int(found.sum())
+    result = later < at.size
+    result[result] = at[later[result]] == at[result] + lag
+    return float(values[result] @ values[later[result]]), int(result.sum())
 
 
 def _moves(values: np.ndarray) -> bool:
-    """Whether values differ by more than rounding."""
+    """Return whether values differ by more than rounding."""
     return bool(np.ptp(values) > 1e-12 * np.abs(values).max()) if values.size else False
 
 
 def _innovations(time: np.ndarray, z: np.ndarray, correlation_time: float) -> np.ndarray:
-    """What is new in each residual of an Ornstein-Uhlenbeck process given the one before, of unit variance."""
+    """Return what is new in each residual of an Ornstein-Uhlenbeck process given the one before, of unit variance."""
     memory = np.exp(-np.diff(time) / correlation_time)
     return np.concatenate([z[:1], (z[1:] - memory * z[:-1]) / np.sqrt(1 - memory**2)])

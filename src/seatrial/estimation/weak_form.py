@@ -89,7 +89,7 @@ class RawRows(NamedTuple):
 def bump_windows(
     time: Float[np.ndarray, " n"], present: Bool[np.ndarray, " n"], width: float, overlap: bool, label: str
 ) -> Windows:
-    """Windows of a given width, each beginning where the one before is at its middle, or at its end without overlap.
+    """Return the windows of a given width, each beginning where the one before is at its middle, or at its end without overlap.
 
     Args:
         time: s, shape (n,).
@@ -142,7 +142,7 @@ def bump_windows(
 
 
 def samples(time: Float[np.ndarray, " n"], present: Bool[np.ndarray, " n"], label: str) -> Windows:
-    """Each sample a row of its own, for accelerations that were measured.
+    """Return each sample a row of its own, for accelerations that were measured.
 
     Raises:
         InputError: no sample at which every signal was measured.
@@ -163,7 +163,7 @@ def samples(time: Float[np.ndarray, " n"], present: Bool[np.ndarray, " n"], labe
 def weak_trials(
     records: Sequence[Record], equations: Sequence[AxisEquation], width: float, overlap: bool = True
 ) -> tuple[TrialRows, ...]:
-    """Trials in weak form. Windows that touch a gap in any signal of any equation are dropped.
+    """Return the trials in weak form. Windows that touch a gap in any signal of any equation are dropped.
 
     Args:
         records: trials with the velocities that the equations name, as measured or smoothed.
@@ -182,7 +182,7 @@ def weak_trials(
 
 
 def where_measured(record: Record, channels: Sequence[str]) -> Record:
-    """The record at the samples where all of these channels were measured, controls averaged from each to the next.
+    """Return the record at the samples where all of these channels were measured, controls averaged from each to the next.
 
     For sensors slower than the record. A gap becomes one long step, which no window spans.
 
@@ -205,7 +205,7 @@ def where_measured(record: Record, channels: Sequence[str]) -> Record:
 
 
 def pointwise_trials(records: Sequence[Record], equations: Sequence[AxisEquation]) -> tuple[TrialRows, ...]:
-    """Trials with a row at each sample where the accelerations (udot, …) and all signals were measured.
+    """Return the trials with a row at each sample where the accelerations (udot, …) and all signals were measured.
 
     Raises:
         InputError: a signal or acceleration that was not measured, or never together with the others.
@@ -214,12 +214,12 @@ def pointwise_trials(records: Sequence[Record], equations: Sequence[AxisEquation
 
 
 def coefficient_names(equations: Sequence[AxisEquation]) -> tuple[str, ...]:
-    """Names of all coefficients, the columns of the design."""
+    """Return the names of all coefficients, the columns of the design."""
     return tuple(term.text for equation in equations for term in equation.terms)
 
 
 def raw_rows(equations: Sequence[AxisEquation], trial: TrialRows) -> RawRows:
-    """Rows of one trial, in the units of force or acceleration times seconds; each equation has its own block of columns."""
+    """Return the rows of one trial, in the units of force or acceleration times seconds; each equation has its own block of columns."""
     windows, (beginning, ending) = trial.windows, trial.ends()
 
     def row(equation: AxisEquation, term) -> Float[np.ndarray, " m"]:

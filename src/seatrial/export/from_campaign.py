@@ -44,7 +44,7 @@ from seatrial.vehicles.model import VehicleModel
 def of_campaign(
     folder: Path | str, structure: str | None = None, rest: str | None = None
 ) -> tuple[ExportedVehicle, ExportProvenance]:
-    """The vehicle that a campaign's data support.
+    """Return the vehicle that a campaign's data support.
 
     Args:
         folder: of the campaign.
@@ -89,7 +89,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:
-    """What the campaign itself knows."""
+    """Return what the campaign itself knows."""
     hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure
     if hull.mass is None:
         raise InputError(
@@ -105,7 +105,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     if isinstance(vehicle, WholeVehicle):
         model = vehicle.model(structure)
         moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
-        found = ExportedVehicle(
+        result = ExportedVehicle(
             hull.name,
             replace(vehicle.hull, fixed={}),
             moves=moves,
@@ -124,16 +124,16 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             thrust_deduction=hull.thrust_deduction,
             trim=hull.trim,
         )
-        found = ExportedVehicle(
+        result = ExportedVehicle(
             hull.name, body, moves=("u",), actuators=_actuators(campaign.family.control, campaign.limits), **common
         )
         moved = "u"
     source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
-    absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves]
-    absent += found.unknown_drives
-    return found, ExportProvenance(
+    absent = [f"everything about {rate}" for rate in RATES if rate not in result.moves]
+    absent += result.unknown_drives
+    return result, ExportProvenance(
         estimate.key,
         campaign.name,
         f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
@@ -141,8 +141,8 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         tuple(term for term in campaign.full.terms if term not in structure.terms),
         tuple([", ".join(absent)] if absent else []),
         (
-            f"{'body' if found.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
-            *_limit_words(campaign.family.control, campaign.limits, found),
+            f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
+            *_limit_words(campaign.family.control, campaign.limits, result),
         ),
         tuple(estimate.alarms),
         _current(estimate),
@@ -152,7 +152,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
 def _with_rest(
     campaign: Campaign, alone: ExportedVehicle, provenance: ExportProvenance, rest: str
 ) -> tuple[ExportedVehicle, ExportProvenance]:
-    """The published vehicle, in which all that acts in the campaign's motion is the campaign's."""
+    """Return the published vehicle, in which all that acts in the campaign's motion is the campaign's."""
     published = of_published(rest, load_vehicle(rest))
     own, other = alone.hull.mass, published.hull.mass
     if not same_mass(alone.hull, published.hull):
@@ -182,7 +182,7 @@ def _with_rest(
         thrust_deduction=alone.hull.thrust_deduction,
         trim={**published.hull.trim, **alone.hull.trim},
     )
-    found = replace(
+    result = replace(
         published,
         name=alone.name,
         hull=replace(hull, name=alone.name),
@@ -190,25 +190,25 @@ def _with_rest(
         actuators={**published.actuators, **alone.actuators},
         estimated=alone.estimated,
     )
-    return found, replace(
+    return result, replace(
         provenance,
         sources=(
             *provenance.sources,
             f"{REST} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
             *([f"of {rest} left out, since they act in the campaign's own motion: {' '.join(gone)}"] if gone else []),
         ),
-        absent=(", ".join(found.unknown_drives),) if found.unknown_drives else (),
+        absent=(", ".join(result.unknown_drives),) if result.unknown_drives else (),
     )
 
 
 def _actuators(control: str, limits: Limits, model: VehicleModel | None = None) -> dict[str, Actuator]:
     """Lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
-    found: dict[str, dict[str, float]] = {}
+    results: dict[str, dict[str, float]] = {}
     for key, value in () if model is None else model.constants:
         if key.startswith("actuator "):
             _, name, part = key.split(" ")
-            found.setdefault(name, {})[part] = value
-    actuators = {name: Actuator(**parts) for name, parts in found.items()}
+            results.setdefault(name, {})[part] = value
+    actuators = {name: Actuator(**parts) for name, parts in results.items()}
     lower, upper, rate = (getattr(limits, key) for key in ("lower", "upper", "rate"))
     if control not in actuators and not (lower is None and upper is None and rate is None):
         actuators[control] = Actuator(
@@ -230,7 +230,7 @@ def _estimated(estimate: Estimate, structure: Structure) -> CoefficientEstimates
 
 
 def _current(estimate: Estimate) -> float:
-    """Largest current of its trials by its mean, m/s; 0 where none was estimated."""
+    """Return the largest current of its trials by its mean, m/s; 0 where none was estimated."""
     names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
     return float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0
 

@@ -49,7 +49,7 @@ class Plan(NamedTuple):
 
 
 def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
-    """The standard manoeuvre of a vehicle, with those controls that it has."""
+    """Return the standard manoeuvre of a vehicle, with those controls that it has."""
     names = vehicle.model().controls
     if vehicle.thrusters and names[-1].startswith("f_"):
         return _frame_plan(vehicle, names)
@@ -65,10 +65,10 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
 
     def controls(t: float) -> dict[str, float]:
         share = _doublet(t)
-        found = {name: steady * (1.0 + _DOUBLET * share) if name in drives else 0.0 for name in names}
+        results = {name: steady * (1.0 + _DOUBLET * share) if name in drives else 0.0 for name in names}
         for name, size, at, _ in steps:
-            found[name] = size if at <= t < at + 6.0 else 0.0
-        return found
+            results[name] = size if at <= t < at + 6.0 else 0.0
+        return results
 
     return Plan(speed, controls, ", ".join(parts))
 
@@ -76,7 +76,7 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
 def run_manoeuvre(
     motion: Motion, actuators: Mapping[str, Actuator], plan: Plan, current: Current = STILL
 ) -> Float[np.ndarray, "n 6"]:
-    """Velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away."""
+    """Return the velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away."""
     start = np.zeros(8)
     start[0] = plan.speed
     return simulate(motion, actuators, plan.controls, start, DURATION, STEP, current)[:, :6]
@@ -91,7 +91,7 @@ def simulate(
     step: float,
     current: Current = STILL,
 ) -> Float[np.ndarray, "n 8"]:
-    """Velocities through the water, roll and pitch at each step, by RK4; NaN from where the motion runs away.
+    """Return the velocities through the water, roll and pitch at each step, by RK4; NaN from where the motion runs away.
 
     Actuators begin at rest in the first commands; controls without one act at once. Commands are held over a step.
 
@@ -108,8 +108,8 @@ def simulate(
     lagging = [name for name, actuator in actuators.items() if actuator.time_constant > 0]
     first = _within(controls(0.0), actuators)
     state = np.concatenate([start, [0.0], [first[name] for name in lagging]])
-    found = np.full((count + 1, 8), np.nan)
-    found[0] = start
+    result = np.full((count + 1, 8), np.nan)
+    result[0] = start
 
     def rate(x: np.ndarray, wanted: dict[str, float]) -> np.ndarray:
         actual = dict(zip(lagging, x[9:], strict=True))
@@ -127,12 +127,12 @@ def simulate(
             state = state + step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
             if not np.abs(state[:8]).max() < _ABSURD:
                 break
-            found[i + 1] = state[:8]
-    return found
+            result[i + 1] = state[:8]
+    return result
 
 
 def growth_rate(motion: Motion, plan: Plan) -> float:
-    """Largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
+    """Return the largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
     start = np.zeros(9)
     start[0] = plan.speed
     held = dict(plan.controls(0.0))
@@ -145,14 +145,14 @@ def growth_rate(motion: Motion, plan: Plan) -> float:
 def changes(
     vehicle: ExportedVehicle, own: Float[np.ndarray, "n 6"], other: Float[np.ndarray, "n 6"]
 ) -> tuple[Change, ...]:
-    """Largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own."""
-    found = []
+    """Return the largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own."""
+    results = []
     for i, rate in enumerate(RATES):
         if rate in vehicle.moves or np.nanmax(np.abs(other[:, i])) > 0:
             gone = np.isnan(other[:, i]) & ~np.isnan(own[:, i])
             largest = np.inf if gone.any() else float(np.nanmax(np.abs(own[:, i] - other[:, i])))
-            found.append(Change(rate, signal_unit(rate), largest, float(np.nanmax(own[:, i]) - np.nanmin(own[:, i]))))
-    return tuple(found)
+            results.append(Change(rate, signal_unit(rate), largest, float(np.nanmax(own[:, i]) - np.nanmin(own[:, i]))))
+    return tuple(results)
 
 
 def motion_senses(
@@ -174,12 +174,12 @@ def motion_senses(
         pushed = {**held, control: held[control] + push}
         return simulate(motion, {}, lambda t: pushed, start, PUSH_DURATION, PUSH_STEP)[-1]
 
-    found = {}
+    results = {}
     for control in vehicle.controls if controls is None else controls:
         push = push_of(control)
         answer = end(control, push) - end(control, -push)
-        found[control] = sense_of(control, dict(zip(RATES, answer.tolist(), strict=False)))
-    return found
+        results[control] = sense_of(control, dict(zip(RATES, answer.tolist(), strict=False)))
+    return results
 
 
 def contrary_to(vehicle: ExportedVehicle, convention: Mapping[str, Sense]) -> tuple[str, ...]:
@@ -207,7 +207,7 @@ def command_line(vehicle: ExportedVehicle, carried: Carried, plan: Plan) -> str:
 
 
 def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float]) -> Float[np.ndarray, " 9"]:
-    """Rates of the velocities, roll, pitch and heading."""
+    """Return the rates of the velocities, roll, pitch and heading."""
     phi, theta = float(x[6]), float(x[7])
     p, q, r = (float(part) for part in x[3:6])
     turn = q * np.sin(phi) + r * np.cos(phi)
@@ -216,9 +216,9 @@ def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float
 
 
 def _in_body(current: Current, angles: Float[np.ndarray, " 3"]) -> dict[str, float]:
-    """The current in body axes, by name."""
-    found = Rotation.from_euler("ZYX", angles[::-1]).inv().apply(np.array(current))
-    return dict(zip(CURRENT_IN_BODY, map(float, found), strict=True))
+    """Return the current in body axes, by name."""
+    result = Rotation.from_euler("ZYX", angles[::-1]).inv().apply(np.array(current))
+    return dict(zip(CURRENT_IN_BODY, map(float, result), strict=True))
 
 
 def _within(wanted: Mapping[str, float], actuators: Mapping[str, Actuator]) -> dict[str, float]:
@@ -230,7 +230,7 @@ def _within(wanted: Mapping[str, float], actuators: Mapping[str, Actuator]) -> d
 
 
 def _follow(actuator: Actuator, wanted: float, actual: float) -> float:
-    """Speed at which an actuator follows its command."""
+    """Return the speed at which an actuator follows its command."""
     return min(max((wanted - actual) / actuator.time_constant, -actuator.rate), actuator.rate)
 
 

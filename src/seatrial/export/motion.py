@@ -25,20 +25,20 @@ CURRENT_IN_BODY = ("current_u", "current_v", "current_w")
 
 
 def motion_of(vehicle: ExportedVehicle) -> Motion:
-    """Accelerations of the vehicle; those of velocities that do not move are zero."""
+    """Return the accelerations of the vehicle; those of velocities that do not move are zero."""
     return motion_with(vehicle, force_of(vehicle))
 
 
 def motion_with(vehicle: ExportedVehicle, *forces: Motion) -> Motion:
-    """Accelerations of the vehicle's mass under forces."""
+    """Return the accelerations of the vehicle's mass under forces."""
     moving = [RATES.index(rate) for rate in vehicle.moves]
     inverse = np.linalg.inv((vehicle.rigid_mass + vehicle.added_mass)[np.ix_(moving, moving)])
 
     def accelerate(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         total = np.sum([force(nu, phi, theta, controls) for force in forces], axis=0)
-        found = np.zeros_like(np.asarray(nu, float))
-        found[moving] = np.tensordot(inverse, total[moving], 1)
-        return found
+        result = np.zeros_like(np.asarray(nu, float))
+        result[moving] = np.tensordot(inverse, total[moving], 1)
+        return result
 
     return accelerate
 
@@ -58,26 +58,26 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         nu = np.asarray(nu, float)
         known = {**dict(zip(RATES, nu, strict=True)), "phi": phi, "theta": theta, "psi": 0.0, **controls}
-        found = -coriolis_force(coriolis, nu) + restoring_force(hull.weight - hull.buoyancy, righting, phi, theta)
+        result = -coriolis_force(coriolis, nu) + restoring_force(hull.weight - hull.buoyancy, righting, phi, theta)
         for axis, name, value in acting:
-            found[axis] += value * name.regressor(known, hull.trim)
+            result[axis] += value * name.regressor(known, hull.trim)
         if not vehicle.thrusters and thrust:
             local = {**known, "u": inflow * known["u"]}
-            found[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
+            result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
         for number, thruster in enumerate(vehicle.thrusters, 1):
             if thrust:
                 local = {**known, "n": controls[f"n_{number}"], "u": inflow * thruster.inflow(tuple(nu))}
                 push = sum(value * name.regressor(local, hull.trim) for name, value in thrust)
             else:
                 push = controls[f"f_{number}"]
-            found += share * np.multiply.outer(np.array(thruster.column), push)
-        return found
+            result += share * np.multiply.outer(np.array(thruster.column), push)
+        return result
 
     return force
 
 
 def current_in(controls: Mapping[str, Any]) -> Float[np.ndarray, " 3"]:
-    """The water's velocity among the controls of a motion, m/s; still water where there is none."""
+    """Return the water's velocity among the controls of a motion, m/s; still water where there is none."""
     return np.array([controls.get(name, 0.0) for name in CURRENT_IN_BODY], float)
 
 
@@ -89,7 +89,14 @@ def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:
 
 
 def restoring_force(net: float, righting: Float[np.ndarray, " 3"], phi: Any, theta: Any) -> Velocity:
-    """Force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B."""
+    """Return the force and moment of weight and buoyancy; `net` is W - B and `righting` is r_g W - r_b B.
+
+    Args:
+        net: W - B, N.
+        righting: r_g W - r_b B, N m, shape (3,).
+        phi: roll, rad.
+        theta: pitch, rad.
+    """
     down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
     return np.concatenate([net * down, _cross(righting, down)])
 

@@ -35,9 +35,9 @@ def read_exported(path: Path | str) -> tuple[ExportedVehicle, ExportProvenance]:
         raise _refusal(path, f"a place that cannot be read ({cause.strerror})") from cause
     except (ValueError, RecursionError) as cause:
         raise _refusal(path, f"no JSON ({cause})") from cause
-    found = content.get("format") if isinstance(content, dict) else None
-    if found != FORMAT or isinstance(found, bool):
-        raise _refusal(path, "no format number" if found is None else f"format {found}")
+    result = content.get("format") if isinstance(content, dict) else None
+    if result != FORMAT or isinstance(result, bool):
+        raise _refusal(path, "no format number" if result is None else f"format {result}")
     try:
         with located(str(path)):
             vehicle = _vehicle(content)
@@ -117,21 +117,21 @@ def _check_numbers(vehicle: ExportedVehicle) -> None:
             )
 
 
-def _check_agreement(found: Any, expected: Any, key: str) -> None:
+def _check_agreement(result: Any, expected: Any, key: str) -> None:
     """Refuse a file whose parts say different things: every part is compared with what the vehicle that was read would have there."""
-    if isinstance(expected, dict) and isinstance(found, dict):
+    if isinstance(expected, dict) and isinstance(result, dict):
         for name, value in expected.items():
-            if name not in found:
+            if name not in result:
                 raise _contradiction(f"{key}{name}", "nothing", repr(value))
-            _check_agreement(found[name], value, f"{key}{name}.")
-    elif isinstance(expected, list) and isinstance(found, list) and len(found) == len(expected):
-        for number, (one, other) in enumerate(zip(found, expected, strict=True)):
+            _check_agreement(result[name], value, f"{key}{name}.")
+    elif isinstance(expected, list) and isinstance(result, list) and len(result) == len(expected):
+        for number, (one, other) in enumerate(zip(result, expected, strict=True)):
             _check_agreement(one, other, f"{key}{number}.")
-    elif isinstance(expected, float) and isinstance(found, int | float):
-        if not np.isclose(found, expected, rtol=_ROUNDING, atol=_ROUNDING):
-            raise _contradiction(key.rstrip("."), found, repr(expected))
-    elif found != expected:
-        raise _contradiction(key.rstrip("."), found, repr(expected))
+    elif isinstance(expected, float) and isinstance(result, int | float):
+        if not np.isclose(result, expected, rtol=_ROUNDING, atol=_ROUNDING):
+            raise _contradiction(key.rstrip("."), result, repr(expected))
+    elif result != expected:
+        raise _contradiction(key.rstrip("."), result, repr(expected))
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -140,10 +140,10 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _contradiction(key: str, found: Any, expected: str) -> InputError:
+def _contradiction(key: str, result: Any, expected: str) -> InputError:
     return InputError(
         f"key {key}",
-        found=str(found),
+        found=str(result),
         expected=expected,
         remedy="export the vehicle again, or make the parts of the file agree",
     )

@@ -96,12 +96,12 @@ class Fin(NamedTuple):
 
 
 def flip(matrix: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
-    """A mass or damping matrix in the other axes."""
+    """Return a mass or damping matrix in the other axes."""
     return matrix * np.outer(SIGN, SIGN)
 
 
 def body_of(rigid_mass: Float[np.ndarray, "6 6"]) -> Body:
-    """The body of a rigid mass matrix about the origin, in the axes of the matrix."""
+    """Return the body of a rigid mass matrix about the origin, in the axes of the matrix."""
     mass = float(rigid_mass[0, 0])
     centre = np.array([rigid_mass[1, 5], rigid_mass[2, 3], rigid_mass[0, 4]]) / mass
     steiner = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
@@ -109,7 +109,13 @@ def body_of(rigid_mass: Float[np.ndarray, "6 6"]) -> Body:
 
 
 def point_mass(mass: float, inertia: float, place: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
-    """Rigid mass matrix of a small part of equal moments of inertia, about the origin."""
+    """Rigid mass matrix of a small part of equal moments of inertia, about the origin.
+
+    Args:
+        mass: kg.
+        inertia: moment about each axis through its centre, kg m^2.
+        place: of its centre, m, shape (3,).
+    """
     steiner = mass * (place @ place * np.eye(3) - np.outer(place, place))
     moments = inertia * np.eye(3) + steiner
     products = (-moments[0, 1], -moments[0, 2], -moments[1, 2])
@@ -119,7 +125,7 @@ def point_mass(mass: float, inertia: float, place: Float[np.ndarray, " 3"]) -> F
 
 
 def gravity_of(vehicle: ExportedVehicle) -> float:
-    """The gravity by which weight and mass agree, m/s^2."""
+    """Return the gravity by which weight and mass agree, m/s^2."""
     return vehicle.hull.weight / vehicle.hull.mass if vehicle.hull.mass else GRAVITY
 
 
@@ -129,23 +135,23 @@ def volume_of(vehicle: ExportedVehicle, density: float) -> float:
 
 
 def flu(place: tuple[float, float, float] | Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """A position in the other axes."""
+    """Return a position in the other axes."""
     return np.asarray(place, float) * SIGN[:3]
 
 
 def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, ...]]:
-    """Thrusters, and the terms of thrust that are not n|n|."""
+    """Return the thrusters, and the terms of thrust that are not n|n|."""
     share = 1.0 - vehicle.hull.thrust_deduction
     thrust = {name: value for name, value in vehicle.forces.items() if CoefficientName.parse(name).axis == "T"}
     square = next((value for name, value in thrust.items() if CoefficientName.parse(name).key == _SQUARE.key), None)
     others = tuple(name for name in thrust if CoefficientName.parse(name).key != _SQUARE.key)
     if not vehicle.thrusters and square is None:
         return (), others
-    found = []
+    results = []
     for number, thruster in enumerate(vehicle.thrusters or (PROPELLER,), 1):
         control = ("f" if square is None else "n") + (f"_{number}" if vehicle.thrusters else "")
         actuator = vehicle.actuators.get(control)
-        found.append(
+        results.append(
             Drive(
                 control,
                 np.array(thruster.place, float),
@@ -156,7 +162,7 @@ def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, .
                 np.inf if actuator is None else actuator.upper,
             )
         )
-    return tuple(found), others
+    return tuple(results), others
 
 
 def drive_name(drive: Drive) -> str:
@@ -165,39 +171,39 @@ def drive_name(drive: Drive) -> str:
 
 
 def fins_of(terms: Sorted) -> tuple[tuple[Fin, ...], tuple[str, ...]]:
-    """Fins made of the terms u^2 delta, and the names of such terms that are no force and moment of one fin."""
-    found, used = [], set()
+    """Return the fins made of the terms u^2 delta, and the names of such terms that are no force and moment of one fin."""
+    results, used = [], set()
     for control, (axis, moment, sign) in _PAIRS.items():
         lift = terms.fin.get((axis, control), 0.0)
         if lift:
-            found.append(Fin(control, axis, lift, sign * terms.fin.get((moment, control), 0.0) / lift))
+            results.append(Fin(control, axis, lift, sign * terms.fin.get((moment, control), 0.0) / lift))
             used |= {(axis, control), (moment, control)}
-    return tuple(found), tuple(
+    return tuple(results), tuple(
         f"{AXES[axis]}_uu{control}" for axis, control in terms.fin if (axis, control) not in used
     )
 
 
 def fin_force(fins: tuple[Fin, ...]) -> Motion:
-    """Forces of the fins, in our axes; they feel the velocity over ground, since LiftDrag knows no current."""
+    """Return the forces of the fins, in our axes; they feel the velocity over ground, since LiftDrag knows no current."""
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
         u, v, w = (one + water for one, water in zip(nu[:3], current_in(controls), strict=True))
         q, r = nu[4:]
-        found = np.zeros_like(np.asarray(nu, float))
+        result = np.zeros_like(np.asarray(nu, float))
         for fin in fins:
             across = v + r * fin.place if fin.axis == 1 else w - q * fin.place
             push = np.where(u > 0, fin.lift * np.hypot(u, across), 0.0) * controls.get(fin.control, 0.0)
             sign = 1.0 if fin.axis == 1 else -1.0
-            found[0] -= push * across
-            found[fin.axis] += push * u
-            found[6 - fin.axis] += sign * fin.place * push * u
-        return found
+            result[0] -= push * across
+            result[fin.axis] += push * u
+            result[6 - fin.axis] += sign * fin.place * push * u
+        return result
 
     return force
 
 
 def fin_words(fins: tuple[Fin, ...]) -> str:
-    """How fins are carried, in words."""
+    """Return how fins are carried, in words."""
     names = " and ".join(f"{AXES[fin.axis]}_uu{fin.control} at x = {fin.place:.3f} m" for fin in fins)
     return (
         f"{names}: lift across the local flow at the fin, the same as u^2 delta where the flow is head on; it slows the vehicle besides, "

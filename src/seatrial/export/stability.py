@@ -98,14 +98,14 @@ def _diagonal_drag(vehicle: ExportedVehicle) -> list[tuple[str, float]]:
 
 
 def _motions(vehicle: ExportedVehicle) -> list[dict[str, float]]:
-    """Ranges in which damping is tried: each velocity alone, those that couple, and all together."""
+    """Return the ranges in which damping is tried: each velocity alone, those that couple, and all together."""
     singles = [{rate: _RANGE[rate]} for rate in vehicle.moves]
     pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED if a in vehicle.moves and b in vehicle.moves]
     return [*singles, *pairs, {rate: _RANGE[rate] for rate in vehicle.moves}]
 
 
 def _culprit(vehicle: ExportedVehicle, speeds: dict[str, float]) -> str | None:
-    """The one coefficient without which damping would take energy in these motions."""
+    """Return the one coefficient without which damping would take energy in these motions."""
     for name in vehicle.forces:
         others = {other: value for other, value in vehicle.forces.items() if other != name}
         if not dissipation_findings(others, speeds, _SAMPLES):

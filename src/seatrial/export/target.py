@@ -86,9 +86,9 @@ class Exporter(Protocol):
         ...
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """What the target keeps of the vehicle."""
+        """Return what the target keeps of the vehicle."""
         ...
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
-        """Texts by file name; each repeats the statement."""
+        """Return the texts by file name; each repeats the statement."""
         ...

@@ -41,29 +41,29 @@ class Sorted:
 
 def sorted_terms(forces: Mapping[str, float]) -> Sorted:
     """Sort coefficients that are no added masses."""
-    found = Sorted()
+    result = Sorted()
     for text, value in forces.items():
         name = CoefficientName.parse(text)
         if name.axis == "T":
-            found.thrust[text] = value
+            result.thrust[text] = value
             continue
         axis = AXES.index(name.axis) if name.axis in AXES else -1
         plain, moduli, fins = _parts(name)
         if axis < 0 or plain is None:
-            found.other[text] = value
+            result.other[text] = value
         elif len(fins) == 1 and plain == [0, 0] and not moduli:
-            found.fin[axis, fins[0]] = value
+            result.fin[axis, fins[0]] = value
         elif fins:
-            found.other[text] = value
+            result.other[text] = value
         elif len(plain) == 1 and len(moduli) == 1:
-            found.modulus[axis, plain[0], moduli[0]] = value
+            result.modulus[axis, plain[0], moduli[0]] = value
         elif len(plain) == 2 and not moduli:
-            found.product[axis, plain[0], plain[1]] = value
+            result.product[axis, plain[0], plain[1]] = value
         elif len(plain) == 1 and not moduli:
-            found.linear[axis, plain[0]] = value
+            result.linear[axis, plain[0]] = value
         else:
-            found.other[text] = value
-    return found
+            result.other[text] = value
+    return result
 
 
 def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
@@ -73,60 +73,60 @@ def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
 
 def mass_products(matrix: Float[np.ndarray, "6 6"]) -> dict[Pair, float]:
     """Coriolis forces of a mass matrix, as products."""
-    found = {}
+    results = {}
     for product in matrix_products(matrix):
         plain, _, _ = _parts(product.name)
         assert plain is not None
-        found[AXES.index(product.name.axis), plain[0], plain[1]] = product.factor
-    return found
+        results[AXES.index(product.name.axis), plain[0], plain[1]] = product.factor
+    return results
 
 
 def all_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
-    """Every product of two velocities but those of the rigid body: named ones, and automatic ones where the vehicle has them."""
-    found = dict(sorted_terms(vehicle.forces).product)
+    """Return every product of two velocities but those of the rigid body: named ones, and automatic ones where the vehicle has them."""
+    results = dict(sorted_terms(vehicle.forces).product)
     if vehicle.added_coriolis == "automatic":
         for key, value in automatic_products(vehicle).items():
-            found[key] = found.get(key, 0.0) + value
-    return found
+            results[key] = results.get(key, 0.0) + value
+    return results
 
 
 def product_name(key: Pair) -> str:
-    """Name of a product, for example `X_wq` or `X_q2`."""
+    """Return the name of a product, for example `X_wq` or `X_q2`."""
     axis, first, second = key
     return f"{AXES[axis]}_{RATES[first]}{'2' if first == second else RATES[second]}"
 
 
 def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
-    """The vehicle without some terms."""
+    """Return the vehicle without some terms."""
     gone = set(names)
     return replace(vehicle, coefficients={name: x for name, x in vehicle.coefficients.items() if name not in gone})
 
 
 def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], where: str) -> tuple[str, ...]:
-    """One sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
-    found = []
+    """Return one sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
+    results = []
     for key in sorted({*own, *products}):
         here, there = own.get(key, 0.0), products.get(key, 0.0)
         if abs(here - there) > _ROUNDING * max(abs(here), abs(there)):
-            found.append(f"{product_name(key)} = {here:.4g} as {there:.4g}")
-    return (f"products of velocities {where} that the target sets itself: " + ", ".join(found),) if found else ()
+            results.append(f"{product_name(key)} = {here:.4g} as {there:.4g}")
+    return (f"products of velocities {where} that the target sets itself: " + ", ".join(results),) if results else ()
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:
-    """One sentence about terms that are left out; none where there are none."""
+    """Return one sentence about terms that are left out; none where there are none."""
     shown = [f"{name} = {vehicle.coefficients[name]:.5g} {CoefficientName.parse(name).unit}" for name in names]
     return (", ".join(shown) + why,) if shown else ()
 
 
 def added_mass_losses(vehicle: ExportedVehicle, kept: Iterable[str] = ()) -> tuple[str, ...]:
-    """One sentence about the added masses but those that are kept."""
+    """Return one sentence about the added masses but those that are kept."""
     names = [name for name in vehicle.coefficients if name not in vehicle.forces and name not in set(kept)]
     return tuple("added mass: " + line for line in term_losses(vehicle, names))
 
 
 def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> tuple[str, ...]:
     """Lags, rates and limits that the target's actuators do not have, in words."""
-    found = []
+    results = []
     for name, own in vehicle.actuators.items():
         there = kept.get(name, Actuator(0.0))
         parts = [f"lag {own.time_constant:g} s"] if there.time_constant != own.time_constant else []
@@ -135,18 +135,18 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
         if (there.lower, there.upper) != (own.lower, own.upper):
             parts.append(f"limits {own.lower * factor:.4g} to {own.upper * factor:.4g} {unit}")
         if parts:
-            found.append(f"{' and '.join(parts)} of {name}")
-    return tuple(found)
+            results.append(f"{' and '.join(parts)} of {name}")
+    return tuple(results)
 
 
 def is_asymmetric(vehicle: ExportedVehicle) -> bool:
-    """Whether the added mass differs from its transpose."""
+    """Return whether the added mass differs from its transpose."""
     matrix = vehicle.added_mass
     return bool(np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max())
 
 
 def _parts(name: CoefficientName) -> tuple[list[int] | None, list[int], list[str]]:
-    """Velocities without and with bars, and fins; None where something else is in it."""
+    """Return the velocities without and with bars, and fins; None where something else is in it."""
     plain: list[int] = []
     moduli: list[int] = []
     fins: list[str] = []

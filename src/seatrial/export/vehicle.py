@@ -127,7 +127,7 @@ class ExportedVehicle:
         return self.model().controls
 
     def model(self) -> VehicleModel:
-        """The same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
+        """Return the same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
         added = {name: value for name, value in self.coefficients.items() if name not in self.forces}
         return whole_vehicle(
             replace(self.hull, fixed=added),
@@ -139,12 +139,12 @@ class ExportedVehicle:
         )
 
     def unit(self, name: str) -> str:
-        """SI unit of a coefficient."""
+        """Return the SI unit of a coefficient."""
         return CoefficientName.parse(name).unit
 
 
 def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:
-    """A vehicle of the catalogue.
+    """Return a vehicle of the catalogue.
 
     Raises:
         InputError: its forces are no sum of named terms.
@@ -197,7 +197,7 @@ def rest_for(vehicle: ExportedVehicle) -> str | None:
     It is whole, of the same mass, and has all of the vehicle's controls; of several, the nearest in mass, and then the one that shares
     most coefficients.
     """
-    found = []
+    results = []
     for name in vehicle_names():
         published = load_vehicle(name)
         if published.written is not None or not same_mass(vehicle.hull, published.hull):
@@ -205,8 +205,8 @@ def rest_for(vehicle: ExportedVehicle) -> str | None:
         whole = of_published(name, published)
         if whole.is_whole and set(vehicle.controls) <= set(whole.controls):
             shared = len(set(vehicle.coefficients) & set(whole.coefficients))
-            found.append((abs((whole.hull.mass or 0.0) - (vehicle.hull.mass or 0.0)), -shared, name))
-    return min(found)[2] if found else None
+            results.append((abs((whole.hull.mass or 0.0) - (vehicle.hull.mass or 0.0)), -shared, name))
+    return min(results)[2] if results else None
 
 
 def same_mass(one: Hull, other: Hull) -> bool:

@@ -44,7 +44,13 @@ EXPORTERS: dict[str, Callable[..., Exporter]] = {
 
 
 def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance) -> Statement:
-    """Compare the vehicle with what the target keeps, and say it."""
+    """Compare the vehicle with what the target keeps, and say it.
+
+    Args:
+        exporter: of the target.
+        vehicle: to export.
+        provenance: where it comes from.
+    """
     carried, own = exporter.carries(vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
     before = run_manoeuvre(own, vehicle.actuators, plan)
@@ -52,12 +58,12 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
     loss = changes(vehicle, before, after)
     drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
-    found = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
-    return found._replace(lines=tuple(_lines(vehicle, found, command_line(vehicle, carried, plan))))
+    result = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
+    return result._replace(lines=tuple(_lines(vehicle, result, command_line(vehicle, carried, plan))))
 
 
 def loss_words(loss: Iterable[Change]) -> str:
-    """The loss in predicted motion in words."""
+    """Return the loss in predicted motion in words."""
     shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
     if not shown:
         return "none"
@@ -68,6 +74,12 @@ def export_vehicle(
     exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance, folder: Path
 ) -> tuple[Statement, list[Path]]:
     """Write a vehicle's files into a folder; returns what they say of themselves, and their paths.
+
+    Args:
+        exporter: of the target.
+        vehicle: to export.
+        provenance: where it comes from.
+        folder: to write into.
 
     Raises:
         InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
@@ -108,7 +120,7 @@ def make_exporter(name: str, **options: Any) -> Exporter:
 
 
 def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
-    """A published vehicle by name.
+    """Return a published vehicle by name.
 
     Raises:
         InputError: no such vehicle, which may have been meant as a folder.
@@ -135,7 +147,7 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
 def _loss_in_current(
     vehicle: ExportedVehicle, carried: Carried, plan: Plan, current: float
 ) -> tuple[Change, ...] | None:
-    """Changes of the velocities through the water, in a current to the east; None without one."""
+    """Return the changes of the velocities through the water, in a current to the east; None without one."""
     if current == 0:
         return None
     own = run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan, (0.0, current, 0.0))

@@ -9,22 +9,22 @@ HEAD = '<?xml version="1.0"?>\n'
 
 
 def number(value: float) -> str:
-    """A number that reads back to the same bits; -0 is 0."""
+    """Return a number that reads back to the same bits; -0 is 0."""
     return repr(float(value) + 0.0)
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers with blanks between."""
+    """Return the numbers with blanks between."""
     return " ".join(number(value) for value in values)
 
 
 def pose(place: Iterable[float], angles: Iterable[float] = (0.0, 0.0, 0.0)) -> str:
-    """Position and roll, pitch, yaw."""
+    """Return the position and roll, pitch, yaw."""
     return numbers([*place, *angles])
 
 
 def comment(lines: Iterable[str]) -> str:
-    """A comment; two hyphens in a row, which would end it, are set apart."""
+    """Return a comment; two hyphens in a row, which would end it, are set apart."""
     text = "\n".join(f"  {line}" for line in lines)
     while "--" in text:
         text = text.replace("--", "- -")
@@ -32,23 +32,23 @@ def comment(lines: Iterable[str]) -> str:
 
 
 def text(value: str) -> str:
-    """Text or an attribute's value, escaped."""
+    """Return text or an attribute's value, escaped."""
     return escape(value, {'"': "&quot;"})
 
 
 def matrix(values: np.ndarray) -> str:
-    """A matrix row by row."""
+    """Return a matrix row by row."""
     return numbers(np.asarray(values, float).ravel())
 
 
 def inertia_elements(inertia: np.ndarray) -> str:
-    """The six elements of an inertia tensor, as SDF and URDF name them."""
+    """Return the six elements of an inertia tensor, as SDF and URDF name them."""
     pairs = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
     return "".join(f"<{name}>{number(inertia[at])}</{name}>" for name, at in pairs.items())
 
 
 def identifier(name: str) -> str:
-    """A name of letters, digits and underscores that begins with a letter."""
+    """Return a name of letters, digits and underscores that begins with a letter."""
     kept = "".join(c if c.isascii() and c.isalnum() else "_" for c in name.lower())
     kept = "_".join(part for part in kept.split("_") if part)
     return kept if kept[:1].isalpha() else f"vehicle_{kept}".rstrip("_")

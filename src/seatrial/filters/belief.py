@@ -45,11 +45,11 @@ class Filter(Protocol):
     """How the belief is held, one of `seatrial.filters.forms`."""
 
     def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
-        """Belief one step later, and the number of sigma points clipped."""
+        """Return the belief one step later, and the number of sigma points clipped."""
         ...
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
-        """Belief after a measurement in which NaN marks a missing channel."""
+        """Return the belief after a measurement in which NaN marks a missing channel."""
         ...
 
 
@@ -78,7 +78,7 @@ def mask_missing(space: StateSpace, measurement: Vector, predicted: Sequence[Sca
 
 
 def gate(weight: Scalar, value: Scalar) -> Scalar:
-    """Product with a channel's weight that keeps structural zeros."""
+    """Return the product with a channel's weight that keeps structural zeros."""
     return value if is_zero(value) else weight * value
 
 

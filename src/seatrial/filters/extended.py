@@ -56,7 +56,7 @@ class ExtendedKalmanFilter:
 
 
 def _linearise(function: Callable[[Vector], Vector], point: Vector) -> tuple[Vector, list[Vector]]:
-    """Value and rows of the Jacobian. One derivative per state, the others held, so that no zero is differentiated."""
+    """Return the value and rows of the Jacobian. One derivative per state, the others held, so that no zero is differentiated."""
     columns = []
     value: Vector = ()
     for i, x in enumerate(point):

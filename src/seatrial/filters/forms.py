@@ -13,7 +13,7 @@ class Form(Protocol):
     """The two ends of a run, and what is asked of a belief on the way."""
 
     def begin(self, initial: Gaussian) -> Belief:
-        """Belief of a Gaussian."""
+        """Return the belief of a Gaussian."""
         ...
 
     def end(self, belief: Belief) -> Gaussian:
@@ -21,15 +21,15 @@ class Form(Protocol):
         ...
 
     def means(self, belief: Belief) -> tuple[Scalar, ...]:
-        """Mean of each state."""
+        """Return the mean of each state."""
         ...
 
     def sds(self, belief: Belief) -> tuple[Scalar, ...]:
-        """Standard deviation of each state."""
+        """Return the standard deviation of each state."""
         ...
 
     def positive(self, belief: Belief) -> Scalar:
-        """Whether every pivot of the factor, or every variance of the covariance, is positive and finite."""
+        """Return whether every pivot of the factor, or every variance of the covariance, is positive and finite."""
         ...
 
 

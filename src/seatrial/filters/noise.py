@@ -74,7 +74,7 @@ def _from_differences(values: np.ndarray, even: np.ndarray, order: int) -> tuple
 
 @lru_cache
 def _relative_error(order: int) -> float:
-    """Asymptotic standard error of a median absolute value over its expectation, times the square root of the sample size.
+    """Return the asymptotic standard error of a median absolute value over its expectation, times the square root of the sample size.
 
     Differences of white noise are correlated; indicators of |z| < m expand in Hermite polynomials, whose terms of even order k
     correlate as the k-th power of that correlation (Mehler's formula).

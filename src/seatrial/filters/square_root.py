@@ -113,7 +113,7 @@ class SquareRootUnscentedKalmanFilter:
         )
 
     def _rows(self, deviations: Sequence[Vector], steady: Triangle) -> tuple[list[Vector], list[Vector], Vector]:
-        """Rows whose sum of row^T row is the weighted covariance of the deviations and, behind them, steady components.
+        """Return the rows whose sum of row^T row is the weighted covariance of the deviations and, behind them, steady components.
 
         The rows of the two points of a pair are turned by 45 degrees into their difference and their sum. A component
         is steady if the points still lie where its factor put them: the differences are then the columns of that
@@ -177,7 +177,7 @@ class LargeUnscentedKalmanFilter:
         return belief.mean + jnp.concatenate([jnp.zeros_like(away[:1]), away, -away])
 
     def _about_mean(self, values: Float[Array, "p k"]) -> tuple[Float[Array, " k"], Float[Array, "p k"]]:
-        """Weighted mean, taken about the centre so that large weights do not cancel, and deviations from it."""
+        """Return the weighted mean, taken about the centre so that large weights do not cancel, and deviations from it."""
         *_, other = self.rule.weights(len(values) // 2)
         mean = values[0] + other * (values[1:] - values[0]).sum(0)
         return mean, values - mean
@@ -188,12 +188,12 @@ class LargeUnscentedKalmanFilter:
 
 
 def unscented_filter(n_states: int) -> Filter:
-    """The square-root unscented filter for so many states, in the form that suits them."""
+    """Return the square-root unscented filter for so many states, in the form that suits them."""
     return SquareRootUnscentedKalmanFilter() if n_states <= MOST_UNROLLED else LargeUnscentedKalmanFilter()
 
 
 def _factor(rows: Sequence[Vector], removed: Vector) -> tuple[Triangle, Scalar]:
-    """Lower factor of the rows less one that is removed, and whether that failed; short rows end in zeros."""
+    """Return the lower factor of the rows less one that is removed, and whether that failed; short rows end in zeros."""
     factor = triangular_factor(rows)
     return rank_one_downdate(factor, (*removed, *[0.0] * (len(factor) - len(removed)))) if removed else (factor, False)
 
@@ -211,5 +211,5 @@ def _transpose(factor: Triangle) -> list[Vector]:
 
 
 def _columns(values: Vector, points: int) -> Float[Array, "p k"]:
-    """Values at the points side by side; what does not depend on the point is the same at all."""
+    """Return the values at the points side by side; what does not depend on the point is the same at all."""
     return jnp.stack([jnp.broadcast_to(value, (points,)) for value in values], axis=1)

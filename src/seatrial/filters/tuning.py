@@ -118,7 +118,7 @@ def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray,
 
 
 def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[TuningFinding]:
-    """What to change, the most telling check of each matrix first.
+    """Return what to change, the most telling check of each matrix first.
 
     A P that holds the constants fast hides all else, unless innovations are small: then it is noise that moves them.
     """
@@ -173,8 +173,8 @@ def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[i
     dynamic = ", ".join(space.states[: space.n_dynamic])
 
     def sds(channels: list[int]) -> str:
-        found = np.sqrt(report.spread) * np.asarray(space.measurement_sd)
-        return ", ".join(f"{space.outputs[i]} to a standard deviation of {found[i]:.2g} or less" for i in channels)
+        result = np.sqrt(report.spread) * np.asarray(space.measurement_sd)
+        return ", ".join(f"{space.outputs[i]} to a standard deviation of {result[i]:.2g} or less" for i in channels)
 
     low = [i for i, count in enumerate(counts) if report.spread[i] < min(_band(count)[0], 1 - RELEVANT)]
     if low:
@@ -202,7 +202,7 @@ def _band(freedom: int) -> tuple[float, float]:
 
 
 def _ljung_box(e: np.ndarray) -> tuple[float, float]:
-    """Correlation with the sample before, and the p-value of whiteness (Ljung and Box, Biometrika 65, 1978)."""
+    """Return the correlation with the sample before, and the p-value of whiteness (Ljung and Box, Biometrika 65, 1978)."""
     n, e = e.size, e - e.mean()
     correlation = np.array([e[lag:] @ e[:-lag] for lag in range(1, LAGS + 1)]) / (e @ e)
     statistic = n * (n + 2) * np.sum(correlation**2 / (n - np.arange(1, LAGS + 1)))
@@ -210,7 +210,7 @@ def _ljung_box(e: np.ndarray) -> tuple[float, float]:
 
 
 def _moved(trace: FilterTrace, space: StateSpace) -> tuple[float, int]:
-    """Normalised distance squared of the constants for each degree of freedom, in the directions the data informed."""
+    """Return the normalised distance squared of the constants for each degree of freedom, in the directions the data informed."""
     c = space.n_dynamic
     factor = np.linalg.cholesky(np.asarray(space.initial.cov)[c:, c:])
     gained = np.asarray(space.initial.cov - trace.final.cov)[c:, c:]

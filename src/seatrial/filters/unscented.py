@@ -69,15 +69,20 @@ class UnscentedKalmanFilter:
 
 
 def at_points(function: Callable[[Vector], Vector], points: Sequence[Vector]) -> list[Vector]:
-    """Values of a function at the sigma points, of which the model is compiled once, and computed once."""
+    """Return the values of a function at the sigma points, of which the model is compiled once, and computed once."""
     values = map_in_step(function, tuple(jnp.stack(column) for column in zip(*points, strict=True)))
     return [tuple(column[p] for column in values) for p in range(len(points))]
 
 
 def weighted_mean(rule: UnscentedRule, n: int, points: Sequence[Vector]) -> Vector:
-    """Mean of transformed sigma points, the centre first.
+    """Return the mean of transformed sigma points, the centre first.
 
     Taken about the centre point, so that the large weights of a small alpha do not cancel.
+
+    Args:
+        rule: spread and weights of the points.
+        n: number of dimensions in which they lie.
+        points: the centre, then the pairs, a tuple of scalars each.
     """
     _, _, other = rule.weights(n)
     centre = points[0]

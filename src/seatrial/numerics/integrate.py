@@ -59,8 +59,8 @@ def rk4_looped(rate: Rate, state: State, step: Any) -> State:
         return (sums, _moved(start, rates, ahead * step)), None
 
     shares = jnp.array([1 / 6, 1 / 3, 1 / 3, 1 / 6], kind), jnp.array([0.5, 0.5, 1.0, 0.0], kind)
-    (found, _), _ = jax.lax.scan(stage, (start, start), shares)
-    return found
+    (result, _), _ = jax.lax.scan(stage, (start, start), shares)
+    return result
 
 
 def euler_step(rate: Rate, state: State, step: Any) -> State:
@@ -111,7 +111,7 @@ def time_loop(
 def held_mean(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], edges: Float[np.ndarray, " m1"]
 ) -> Float[np.ndarray, " m"]:
-    """Mean of a held signal over each interval between neighbouring edges: exact, and without aliases of what is faster.
+    """Return the mean of a held signal over each interval between neighbouring edges: exact, and without aliases of what is faster.
 
     Args:
         time: stamps, strictly increasing, s.

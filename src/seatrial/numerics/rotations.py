@@ -18,7 +18,7 @@ Rows = tuple[Vector, Vector, Vector]
 
 
 def times(a: Any, b: Any) -> Any:
-    """Product, in which a factor that is known to be 0 or 1 leaves no trace."""
+    """Return the product, in which a factor that is known to be 0 or 1 leaves no trace."""
     if _is(a, 0.0) or _is(b, 0.0):
         return 0.0
     if _is(a, 1.0):
@@ -31,7 +31,7 @@ def times(a: Any, b: Any) -> Any:
 
 
 def total(parts: Iterable[Any]) -> Any:
-    """Sum, in which parts that are known to be 0 leave no trace; from left to right."""
+    """Return the sum, in which parts that are known to be 0 leave no trace; from left to right."""
     result: Any = 0.0
     for part in parts:
         if not _is(part, 0.0):
@@ -40,12 +40,12 @@ def total(parts: Iterable[Any]) -> Any:
 
 
 def dot(a: Iterable[Any], b: Iterable[Any]) -> Any:
-    """Sum of products."""
+    """Return the sum of products."""
     return total(times(x, y) for x, y in zip(a, b, strict=True))
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Return the vector product."""
     return (
         total((times(a[1], b[2]), -times(a[2], b[1]))),
         total((times(a[2], b[0]), -times(a[0], b[2]))),
@@ -54,7 +54,13 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def matrix_of_angles(phi: Any, theta: Any, psi: Any) -> Rows:
-    """Rows of R; its last row holds the body components of the vertical."""
+    """Return the rows of R; its last row holds the body components of the vertical.
+
+    Args:
+        phi: roll, rad.
+        theta: pitch, rad.
+        psi: yaw, rad.
+    """
     (s1, c1), (s2, c2), (s3, c3) = (_sine_and_cosine(angle) for angle in (phi, theta, psi))
     s1s2, c1s2 = times(s1, s2), times(c1, s2)
     return (
@@ -65,7 +71,13 @@ def matrix_of_angles(phi: Any, theta: Any, psi: Any) -> Rows:
 
 
 def angle_rates(phi: Any, theta: Any, rotation: Vector) -> Vector:
-    """Rates of phi, theta and psi for the body rates (p, q, r); infinite at a pitch of 90 degrees."""
+    """Return the rates of phi, theta and psi for the body rates (p, q, r); infinite at a pitch of 90 degrees.
+
+    Args:
+        phi: roll, rad.
+        theta: pitch, rad.
+        rotation: p, q and r, rad/s.
+    """
     p, q, r = rotation
     (s1, c1), (s2, c2) = _sine_and_cosine(phi), _sine_and_cosine(theta)
     turn = total((times(q, s1), times(r, c1)))
@@ -74,7 +86,7 @@ def angle_rates(phi: Any, theta: Any, rotation: Vector) -> Vector:
 
 
 def matrix_of_quaternion(q: Quaternion) -> Rows:
-    """Rows of R for a unit quaternion; one of length a gives vectors near a^2 as long."""
+    """Return the rows of R for a unit quaternion; one of length a gives vectors near a^2 as long."""
     w, x, y, z = q
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -100,7 +112,13 @@ def quaternion_rate(q: Quaternion, rotation: Vector, pull: float) -> Quaternion:
 
 
 def quaternion_of_angles(phi: Any, theta: Any, psi: Any) -> Quaternion:
-    """Unit quaternion of Euler angles."""
+    """Return the unit quaternion of Euler angles.
+
+    Args:
+        phi: roll, rad.
+        theta: pitch, rad.
+        psi: yaw, rad.
+    """
     (s1, s2, s3), (c1, c2, c3) = (
         tuple(function(0.5 * angle) for angle in (phi, theta, psi)) for function in (jnp.sin, jnp.cos)
     )

@@ -22,18 +22,24 @@ class UnscentedRule:
     kappa: float = 0.0
 
     def spread(self, n: int) -> float:
-        """Distance of the points in standard deviations, sqrt(n + lambda) = alpha sqrt(n + kappa)."""
+        """Return the distance of the points in standard deviations, sqrt(n + lambda) = alpha sqrt(n + kappa)."""
         return self.alpha * sqrt(n + self.kappa)
 
     def weights(self, n: int) -> tuple[float, float, float]:
-        """Weight of the centre in means, of the centre in covariances, and of every other point."""
+        """Return the weight of the centre in means, of the centre in covariances, and of every other point."""
         scaled = self.alpha**2 * (n + self.kappa)
         centre = 1.0 - n / scaled
         return centre, centre + 1.0 - self.alpha**2 + self.beta, 0.5 / scaled
 
 
 def sigma_pairs(mean: Sequence[Scalar], chol_cov: Triangle, spread: float) -> tuple[list[Vector], list[Vector]]:
-    """Points on the positive and on the negative side of the mean, one pair for each column of the factor."""
+    """Return the points on the positive and on the negative side of the mean, one pair for each column of the factor.
+
+    Args:
+        mean: of the state, a tuple of n scalars.
+        chol_cov: lower factor of its covariance, rows of scalars.
+        spread: distance of the points, in standard deviations.
+    """
     n = len(mean)
     columns = [[chol_cov[i][j] if j <= i else 0.0 for i in range(n)] for j in range(n)]
     above = [tuple(plus(m, times(spread, c)) for m, c in zip(mean, column, strict=True)) for column in columns]

@@ -17,22 +17,22 @@ Triangle = tuple[Vector, ...]
 
 
 def is_zero(value: Scalar) -> bool:
-    """Whether the scalar is a structural zero."""
+    """Return whether the scalar is a structural zero."""
     return isinstance(value, int | float) and value == 0
 
 
 def times(a: Scalar, b: Scalar) -> Scalar:
-    """Product that keeps structural zeros."""
+    """Return the product that keeps structural zeros."""
     return 0.0 if is_zero(a) or is_zero(b) else a * b
 
 
 def plus(a: Scalar, b: Scalar) -> Scalar:
-    """Sum that keeps structural zeros."""
+    """Return the sum that keeps structural zeros."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
 def total(terms: Sequence[Scalar]) -> Scalar:
-    """Sum that keeps structural zeros."""
+    """Return the sum that keeps structural zeros."""
     result: Scalar = 0.0
     for term in terms:
         result = plus(result, term)
@@ -45,7 +45,7 @@ def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
 
 
 def cholesky(matrix: Sequence[Sequence[Scalar]]) -> Triangle:
-    """Lower factor L with L L^T = matrix; NaN where the matrix is not positive definite.
+    """Return the lower factor L with L L^T = matrix; NaN where the matrix is not positive definite.
 
     Args:
         matrix: rows of a symmetric matrix; only entries (i, j <= i) are read.
@@ -61,7 +61,7 @@ def cholesky(matrix: Sequence[Sequence[Scalar]]) -> Triangle:
 
 
 def triangular_factor(rows: Sequence[Sequence[Scalar]]) -> Triangle:
-    """Lower factor L with L L^T = sum of row^T row: the transposed R of a QR decomposition, by modified Gram-Schmidt.
+    """Return the lower factor L with L L^T = sum of row^T row: the transposed R of a QR decomposition, by modified Gram-Schmidt.
 
     The R of modified Gram-Schmidt is as accurate as Householder's (Björck, BIT 7, 1967). Rows with one entry in the same
     column are combined first, so that diagonal noise costs nothing. Divisions rather than products with 1 / norm: XLA
@@ -88,7 +88,7 @@ def triangular_factor(rows: Sequence[Sequence[Scalar]]) -> Triangle:
 
 
 def rank_one_downdate(factor: Triangle, vector: Sequence[Scalar]) -> tuple[Triangle, Scalar]:
-    """Lower factor of L L^T - v v^T and whether it exists (Golub and Van Loan, 4th ed., section 6.5.4).
+    """Return the lower factor of L L^T - v v^T and whether it exists (Golub and Van Loan, 4th ed., section 6.5.4).
 
     Where it does not exist the pivot is floored at 1e-12 of its size, and the flag is True: callers must not hide it.
 
@@ -123,12 +123,12 @@ def solve_lower(factor: Triangle, vector: Sequence[Scalar]) -> Vector:
 
 
 def log_diagonal(factor: Triangle) -> Scalar:
-    """Sum of the logarithms of the diagonal: half the log-determinant of L L^T."""
+    """Return the sum of the logarithms of the diagonal: half the log-determinant of L L^T."""
     return total([jnp.log(row[i]) for i, row in enumerate(factor)])
 
 
 def to_triangle(matrix: Any) -> Triangle:
-    """Rows of the lower triangle of an array of shape (n, n)."""
+    """Return the rows of the lower triangle of an array of shape (n, n)."""
     return tuple(tuple(matrix[i, j] for j in range(i + 1)) for i in range(matrix.shape[0]))
 
 

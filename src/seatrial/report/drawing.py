@@ -134,7 +134,7 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
 
 
 def labels_of(outcome: "Outcome") -> dict[str, str]:
-    """LaTeX label of every parameter of every structure."""
+    """Return the LaTeX label of every parameter of every structure."""
     pairs = {}
     for estimate in outcome.estimates:
         pairs |= dict(zip(estimate.names, map(str, estimate.data["label"].values), strict=True))
@@ -142,7 +142,7 @@ def labels_of(outcome: "Outcome") -> dict[str, str]:
 
 
 def units_of(outcome: "Outcome") -> dict[str, str]:
-    """SI unit of every parameter of every structure."""
+    """Return the SI unit of every parameter of every structure."""
     pairs = {}
     for estimate in outcome.estimates:
         pairs |= dict(zip(estimate.names, map(str, estimate.data["unit"].values), strict=True))
@@ -150,7 +150,7 @@ def units_of(outcome: "Outcome") -> dict[str, str]:
 
 
 def signal_symbol(name: str) -> str:
-    """A signal's symbol for a figure, within dollars; `udot` is the derivative of `u`."""
+    """Return a signal's symbol for a figure, within dollars; `udot` is the derivative of `u`."""
     if name in SIGNALS:
         return label_mathtext(SIGNALS[name].label)
     base = name.removesuffix("dot")
@@ -158,7 +158,7 @@ def signal_symbol(name: str) -> str:
 
 
 def signal_axis(name: str) -> str:
-    """Axis label of a signal in the unit in which it is shown."""
+    """Return the axis label of a signal in the unit in which it is shown."""
     return unit_label(signal_symbol(name), shown_unit(name)[1])
 
 

@@ -38,12 +38,12 @@ def write_accelerations_picture(folder: Path, record: Record, channels: Sequence
     path = folder / f"accelerations-{record.label}.svg"
     curves = []
     for channel in channels:
-        name, found, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
+        name, result, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
         curves += [
             SmoothedSignal(
-                signal_axis(name), factor * found.value, factor * found.value_sd, factor * record.channel(name)
+                signal_axis(name), factor * result.value, factor * result.value_sd, factor * record.channel(name)
             ),
-            SmoothedSignal(_rate_axis(name, unit), factor * found.rate, factor * found.rate_sd),
+            SmoothedSignal(_rate_axis(name, unit), factor * result.rate, factor * result.rate_sd),
         ]
     with own_settings():
         write_text(path, draw_svg(smoothed_record(record.time, curves), f"accelerations-{record.label}"))
@@ -51,7 +51,7 @@ def write_accelerations_picture(folder: Path, record: Record, channels: Sequence
 
 
 def _rate_axis(name: str, unit: str) -> str:
-    """Axis label of a rate in the unit of its signal over s."""
+    """Return the axis label of a rate in the unit of its signal over s."""
     return unit_label(
         signal_symbol(name + RATE), f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
     )
@@ -60,15 +60,15 @@ def _rate_axis(name: str, unit: str) -> str:
 # The picture of a calibration: a stand-alone SVG in the campaign's folder.
 
 
-def write_calibration_picture(folder: Path, name: str, found: Calibrated) -> Path:
+def write_calibration_picture(folder: Path, name: str, result: Calibrated) -> Path:
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
-    path = folder / f"calibration-{found.method}.svg"
+    path = folder / f"calibration-{result.method}.svg"
     words = (
-        f"{name}: {len(found.calibration.ranks)} truths from the priors, found again by {found.method}; "
-        f"pale bands hold all {len(found.calibration.names)} in 99 % of cases"
+        f"{name}: {len(result.calibration.ranks)} truths from the priors, result again by {result.method}; "
+        f"pale bands hold all {len(result.calibration.names)} in 99 % of cases"
     )
     with own_settings():
-        write_text(path, draw_svg(rank_figure(found.calibration, words), "calibration"))
+        write_text(path, draw_svg(rank_figure(result.calibration, words), "calibration"))
     return path
 
 
@@ -89,20 +89,20 @@ def write_check_picture(folder: Path, record: Record) -> Path:
 # The picture of a campaign's priors: a stand-alone SVG in its folder.
 
 
-def write_prior_picture(folder: Path, name: str, found: PriorPredictive) -> Path:
+def write_prior_picture(folder: Path, name: str, result: PriorPredictive) -> Path:
     """Write `prior.svg` in the campaign's folder, atomically, and return its path."""
     path = folder / "prior.svg"
-    controls = [Driven(signal_axis(one), values * shown_unit(one)[0]) for one, values in found.control.items()]
+    controls = [Driven(signal_axis(one), values * shown_unit(one)[0]) for one, values in result.control.items()]
     with own_settings():
         figure = prior_motions(
-            found.time,
-            found.bands,
-            found.single,
+            result.time,
+            result.bands,
+            result.single,
             controls,
-            measured=found.measured,
-            steady=found.steady,
-            settling=found.settling,
-            words=[f"{name}: what the priors expect", *map(typeset, prior_summary(found))],
+            measured=result.measured,
+            steady=result.steady,
+            settling=result.settling,
+            words=[f"{name}: what the priors expect", *map(typeset, prior_summary(result))],
         )
         write_text(path, draw_svg(figure, "prior"))
     return path
@@ -111,18 +111,18 @@ def write_prior_picture(folder: Path, name: str, found: PriorPredictive) -> Path
 # The picture of profile likelihoods: a stand-alone SVG in the campaign's folder.
 
 
-def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], found: Profiled) -> Path:
+def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], result: Profiled) -> Path:
     """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
     path = folder / "profile.svg"
     panels = [
         Panel(profile, label_mathtext(label), truth.get(profile.name))
-        for profile, label in zip(found.profiles, found.labels, strict=True)
+        for profile, label in zip(result.profiles, result.labels, strict=True)
     ]
     words = [
-        f"{name}: profile likelihoods of {found.structure.label}, the other parameters following",
+        f"{name}: profile likelihoods of {result.structure.label}, the other parameters following",
         "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"
         + "; dotted: true value" * bool(truth),
-        *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if found.open else []),
+        *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if result.open else []),
     ]
     with own_settings():
         write_text(path, draw_svg(profile_figure(panels, words), "profile"))
@@ -132,17 +132,17 @@ def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], f
 # The picture of a rehearsal: a stand-alone SVG in the campaign's folder.
 
 
-def write_rehearsal_picture(campaign: Campaign, found: Rehearsal) -> Path:
+def write_rehearsal_picture(campaign: Campaign, result: Rehearsal) -> Path:
     """Write `rehearsal.svg`, atomically, and return its path; coefficients that the goal does not name are not drawn."""
     path, goal, model = campaign.folder / "rehearsal.svg", campaign.goal, campaign.model(campaign.full)
     assert goal is not None
-    named = [i for i, name in enumerate(found.coefficients) if name in goal.shares or name in goal.sds]
-    terms = [CoefficientName.parse(found.coefficients[i]) for i in named]
+    named = [i for i, name in enumerate(result.coefficients) if name in goal.shares or name in goal.sds]
+    terms = [CoefficientName.parse(result.coefficients[i]) for i in named]
     strategies = [
-        Progressed(name, *found.share_met(name), found.median_sd(name)[:, named]) for name in found.strategies
+        Progressed(name, *result.share_met(name), result.median_sd(name)[:, named]) for name in result.strategies
     ]
     words = (
-        f"{campaign.name}: {found.vehicles} vehicles from the priors",
+        f"{campaign.name}: {result.vehicles} vehicles from the priors",
         "bars hold 90 %; below, what the goal names",
     )
     with own_settings():
@@ -154,15 +154,15 @@ def write_rehearsal_picture(campaign: Campaign, found: Rehearsal) -> Path:
 # The picture of a self-oscillating test: a stand-alone SVG in the campaign's folder.
 
 
-def write_relay_picture(campaign: Campaign, found: RelayTrial) -> Path:
+def write_relay_picture(campaign: Campaign, result: RelayTrial) -> Path:
     """Write `self_oscillation.svg`, atomically, and return its path: the test as it is expected at the prior means."""
     path, loop = campaign.folder / "self_oscillation.svg", relay_loop(campaign)
-    manoeuvre, output = loop.foreseen(found.amplitude, found.threshold)
+    manoeuvre, output = loop.foreseen(result.amplitude, result.threshold)
     time, control = manoeuvre.sample(campaign.family.sample_time)
-    of_output, of_control = shown_unit(found.output)[0], shown_unit(found.control)[0]
+    of_output, of_control = shown_unit(result.output)[0], shown_unit(result.control)[0]
     trim = loop.family.output_trim
-    thresholds = ((trim - found.threshold) * of_output, (trim + found.threshold) * of_output)
-    axes = signal_axis(found.output), signal_axis(found.control)
+    thresholds = ((trim - result.threshold) * of_output, (trim + result.threshold) * of_output)
+    axes = signal_axis(result.output), signal_axis(result.control)
     with own_settings():
         figure = relay_figure(time, output * of_output, control * of_control, thresholds, axes)
         write_text(path, draw_svg(figure, "self-oscillation"))
@@ -214,7 +214,7 @@ def compose(title: str, figures: list[TermFigure]) -> str:
 
 
 def _nested(text: str, x: float, y: float, height: float) -> str:
-    """A whole SVG file as an element at this place."""
+    """Return a whole SVG file as an element at this place."""
     body = _FIGURE_NAME.sub("", text[text.index("<svg") :])
     inside = body[body.index(">") + 1 :]
     return f'<svg x="{x:g}" y="{y:g}" width="{WIDE:g}" height="{height:g}" viewBox="0 0 {WIDE:g} {height:g}">{inside}'.rstrip()

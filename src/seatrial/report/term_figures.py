@@ -39,12 +39,12 @@ def term_figures(
     units: Mapping[str, str], selection: Selection, screened: Screened | None, contenders: Contenders | None
 ) -> list[TermFigure]:
     """Draw what there is; `units` are those of the coefficients, SI."""
-    found = _of_screening(units, selection, screened) if screened is not None else []
-    return found if contenders is None else [*found, _gap(contenders)]
+    result = _of_screening(units, selection, screened) if screened is not None else []
+    return result if contenders is None else [*result, _gap(contenders)]
 
 
 def symbol(term: str) -> str:
-    """A term for a figure."""
+    """Return a term for a figure."""
     return label_mathtext(CoefficientName.parse(term).label)
 
 

@@ -104,7 +104,7 @@ def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warm
 
 
 def _three_rows(key: Array, chains: int, rows: int) -> Array:
-    """Indices of three different rows for each chain, shape (3, chains)."""
+    """Return the indices of three different rows for each chain, shape (3, chains)."""
     keys = jax.random.split(key, 3)
     a, b, c = (jax.random.randint(k, (chains,), 0, rows - i) for i, k in enumerate(keys))
     b = b + (b >= a)

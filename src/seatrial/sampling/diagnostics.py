@@ -112,7 +112,7 @@ def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
 
 
 def variance_of_mean(x: np.ndarray) -> float:
-    """Variance of a mean of correlated draws: autoregression of order chosen by AIC, spectral density at zero over n."""
+    """Return the variance of a mean of correlated draws: autoregression of order chosen by AIC, spectral density at zero over n."""
     n = x.size
     centred = x - x.mean()
     if not centred.any():
@@ -135,7 +135,7 @@ def variance_of_mean(x: np.ndarray) -> float:
 def geweke_scores(
     chain: Float[np.ndarray, " n"], first: float = 0.1, last: float = 0.5, intervals: int = 20
 ) -> GewekeScores:
-    """Scores of early segments against the end of the chain, V being the variance of a mean from the spectral density at zero.
+    """Return the scores of early segments against the end of the chain, V being the variance of a mean from the spectral density at zero.
 
     Standard normal each where the chain is stationary, so that 95 % lie within 2; segments that overlap share their luck.
 
@@ -154,7 +154,7 @@ def geweke_scores(
 def printed_geweke_scores(
     chain: Float[np.ndarray, " n"], first: float = 0.1, last: float = 0.5, intervals: int = 20
 ) -> GewekeScores:
-    """Scores with V the plain variance of the draws, as the paper prints them; arguments as `geweke_scores`.
+    """Return the scores with V the plain variance of the draws, as the paper prints them; arguments as `geweke_scores`.
 
     They cannot fail. The variance of the draws does not shrink with their number, nor does it grow with their correlation, so
     the score only says by how many posterior standard deviations the means differ, over sqrt(2): a chain that drifts by
@@ -170,7 +170,7 @@ def _listed(names: tuple[str, ...], which: Bool[np.ndarray, " d"]) -> str:
 
 
 def _times(ratio: float) -> str:
-    """A factor in words, rounded up."""
+    """Return a factor in words, rounded up."""
     return "twice" if ratio <= 2 else f"{int(np.ceil(ratio))} times"
 
 

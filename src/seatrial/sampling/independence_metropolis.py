@@ -114,7 +114,7 @@ def _block(target: Target, state: IndependenceState, key: jax.Array, start: int,
 
 
 def _log_fresh(z: Float[Array, "chains d"], mean: Array, factor: Array) -> Float[Array, " chains"]:
-    """Log density of a fresh draw, up to a constant."""
+    """Return the log density of a fresh draw, up to a constant."""
     white = jax.scipy.linalg.solve_triangular(factor, (z - mean).T, lower=True)
     d = z.shape[1]
     return -0.5 * (FREEDOM + d) * jnp.log1p(jnp.sum(white**2, axis=0) / FREEDOM)

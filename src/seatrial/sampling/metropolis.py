@@ -73,7 +73,7 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         return _Place(z, log_density, at.acceptance.at[i].set(mean_acceptance(log_ratio))), accepted
 
     def move_two(pair: Array, at: _Place, step: Array, threshold: Array) -> _Place:
-        """The second component is tried after both outcomes of the first: three lanes a chain cost little more than one."""
+        """Move every chain; the second component is tried after both outcomes of the first: three lanes cost little more than one."""
         i, k = 2 * pair, 2 * pair + 1
         first = at.z.at[:, i].add(step[:, i])
         after = at.z.at[:, k].add(step[:, k]), first.at[:, k].add(step[:, k])

@@ -93,7 +93,7 @@ def sample_nested(
 
 
 def batch_of(live: int) -> int:
-    """Points that are replaced at once."""
+    """Return the points that are replaced at once."""
     return max(1, live // 8)
 
 
@@ -103,25 +103,25 @@ def moves_for(dim: int) -> int:
 
 
 def _living(target: Target, key: jax.Array, live: int) -> tuple[Array, float]:
-    """Draws of the prior with a finite likelihood, and their share."""
-    kept, drawn, found = [], 0, 0
-    while found < live:
+    """Return the draws of the prior with a finite likelihood, and their share."""
+    kept, drawn, result = [], 0, 0
+    while result < live:
         z = target.sample_prior(jax.random.fold_in(key, drawn), live)
         finite = np.isfinite(np.asarray(_log_likelihoods(target, z)))
         kept.append(np.asarray(z)[finite])
-        drawn, found = drawn + live, found + int(finite.sum())
+        drawn, result = drawn + live, result + int(finite.sum())
         if drawn >= ALIVE_DRAWS * live:
             raise NumericalError(
-                f"only {found} of {drawn} draws from the prior have a finite likelihood: under this prior the model diverges. "
+                f"only {result} of {drawn} draws from the prior have a finite likelihood: under this prior the model diverges. "
                 "Narrow the prior to damping that dissipates (negative coefficients), or check units."
             )
-    return jnp.asarray(np.concatenate(kept)[:live]), found / drawn
+    return jnp.asarray(np.concatenate(kept)[:live]), result / drawn
 
 
 def _integrate(
     dead: list[Float[np.ndarray, " k"]], last: Float[np.ndarray, " live"]
 ) -> tuple[float, float, Float[np.ndarray, " n"]]:
-    """Log evidence, information and share of each point, from the likelihoods of those removed, in order, and of those left.
+    """Return the log evidence, information and share of each point, from the likelihoods of those removed, in order, and of those left.
 
     Within a batch the points leave in turn without replacement, from n, n - 1, ... points.
     """

@@ -39,12 +39,12 @@ FORWARD_UP_TO = 20
 
 
 def forward_is_cheaper(dim: int) -> bool:
-    """Whether a gradient of `dim` parameters is taken forward."""
+    """Return whether a gradient of `dim` parameters is taken forward."""
     return dim <= FORWARD_UP_TO
 
 
 def log_density_for_gradients(target: Target) -> Callable[[Float[Array, " d"]], Float[Array, ""]]:
-    """Log density for callers of `jax.grad`, which get its gradient by the cheaper way.
+    """Return the log density for callers of `jax.grad`, which get its gradient by the cheaper way.
 
     NaN counts as zero density, and a derivative that is not finite as zero: a trajectory that comes there has diverged.
     """

@@ -32,7 +32,7 @@ class Sampler(Protocol):
         ...
 
     def finish(self, run: Run) -> Draws:
-        """Draws of a finished run."""
+        """Return the draws of a finished run."""
         ...
 
 
@@ -55,6 +55,15 @@ def sample(
     progress: Progress = no_progress,
 ) -> Draws:
     """Sample without checkpoints: start, then advance until all draws are made.
+
+    Args:
+        sampler: module of the family.
+        target: density to sample.
+        starts: of the chains, z, shape (chains, d).
+        cov: covariance to begin with, shape (d, d).
+        key: random key.
+        settings: size of the run.
+        progress: told how many iterations are done.
 
     Raises:
         NumericalError: a start of zero density.

@@ -23,7 +23,7 @@ class Target(Protocol):
         ...
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log prior density."""
+        """Return the log prior density."""
         ...
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
@@ -31,7 +31,7 @@ class Target(Protocol):
         ...
 
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
-        """Draws from the prior."""
+        """Return the draws from the prior."""
         ...
 
 
@@ -41,7 +41,7 @@ VECTOR = 8
 
 @jax.jit
 def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
-    """Log densities of several positions, computed side by side.
+    """Return the log densities of several positions, computed side by side.
 
     Fewer than a vector of them are filled up to one: the compiler leaves a part of a vector scalar, and 4 lanes then cost half
     as much again as 8.

@@ -35,7 +35,7 @@ def bridge_evidence(
     proposal: ProposalShape = "normal",
     evaluations: int = 10_000,
 ) -> Evidence:
-    """Evidence from draws of the posterior.
+    """Return the evidence from draws of the posterior.
 
     Args:
         posterior: density to integrate.
@@ -86,7 +86,7 @@ def bridge_evidence(
 
 
 def _fit(z: np.ndarray, shape: ProposalShape) -> Any:
-    """Multivariate normal or Student's t with the mean and covariance of the draws, as a frozen scipy distribution."""
+    """Return the multivariate normal or Student's t with the mean and covariance of the draws, as a frozen scipy distribution."""
     mean, cov = z.mean(0), np.atleast_2d(np.cov(z, rowvar=False))
     if not np.linalg.eigvalsh(cov).min() > 0:
         raise NumericalError("bridge sampling: the draws do not vary in every direction; the chains never moved")
@@ -119,7 +119,7 @@ def _iterate(from_posterior: np.ndarray, from_proposal: np.ndarray, share: float
 
 
 def _relative_error(chains: np.ndarray, from_proposal: np.ndarray, log_z: float, share: float) -> tuple[float, float]:
-    """Standard error of log Z, the root of the relative mean-squared error of Z, and the effective draws of the chains' part."""
+    """Return the standard error of log Z, the root of the relative mean-squared error of Z, and the effective draws of the chains' part."""
     shift = np.log(share) - np.log1p(-share)
     proposed = expit(from_proposal - log_z + shift)
     visited = expit(log_z - chains - shift)
@@ -130,7 +130,7 @@ def _relative_error(chains: np.ndarray, from_proposal: np.ndarray, log_z: float,
 
 
 def _ess(x: Float[np.ndarray, "chains n"]) -> float:
-    """Effective sample size for the mean of a quantity along the chains, at most their number of draws."""
+    """Return the effective sample size for the mean of a quantity along the chains, at most their number of draws."""
     from arviz_stats.base.array import array_stats
 
     if np.ptp(x) == 0:
@@ -143,7 +143,7 @@ def _log_expit(x: np.ndarray) -> np.ndarray:
 
 
 def _complaints(error: float, ess: float, iterations: int) -> list[str]:
-    """What is wrong, in words."""
+    """Return what is wrong, in words."""
     said = []
     if iterations == MAX_ITERATIONS:
         said.append("the bridge did not settle: proposal and posterior hardly overlap, use tempered SMC")

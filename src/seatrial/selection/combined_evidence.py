@@ -63,15 +63,15 @@ class Cooled:
         return self.target.dim
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log prior density."""
+        """Return the log prior density."""
         return self.target.log_prior(z)
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log-likelihood times the power."""
+        """Return the log-likelihood times the power."""
         return self.power * self.target.log_likelihood(z)
 
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
-        """Draws from the prior."""
+        """Return the draws from the prior."""
         return self.target.sample_prior(key, n)
 
 
@@ -112,18 +112,18 @@ def further_modes(
             if any(rises(posterior, start, mode.z) for mode in modes):
                 continue
             try:
-                found = climb(posterior, start)
+                result = climb(posterior, start)
             except NumericalError:
                 continue
-            if _is_new(modes, found.z[None], np.array([found.log_density]))[0]:
-                modes.append(found)
+            if _is_new(modes, result.z[None], np.array([result.log_density]))[0]:
+                modes.append(result)
     return tuple(modes[1:])
 
 
 def _is_new(
     modes: Sequence[Mode], z: Float[np.ndarray, "n d"], height: Float[np.ndarray, " n"]
 ) -> Bool[np.ndarray, " n"]:
-    """Whether points lie far from all modes, or higher than them."""
+    """Return whether points lie far from all modes, or higher than them."""
     away = np.min([distance(laplace_proposal(mode), z) for mode in modes], 0)
     return (away > stats.chi2.isf(FAR, z.shape[1])) | _is_higher_mode(modes, height)
 
@@ -178,7 +178,7 @@ def agreed_evidence(
     settings: EvidenceSettings = EvidenceSettings(),
     progress: Progress = no_progress,
 ) -> Evidence:
-    """Evidence by importance sampling, checked by tempered SMC; the other's value where the first complains.
+    """Return the evidence by importance sampling, checked by tempered SMC; the other's value where the first complains.
 
     Args:
         posterior: density to integrate.
@@ -246,12 +246,12 @@ class Gathering:
         following = iter(self._following, None)
         return [*asked, *following]
 
-    def add(self, found: EvidenceRun | Weighed) -> Piece | None:
+    def add(self, result: EvidenceRun | Weighed) -> Piece | None:
         """Keep what was found, and return what can be done now, if anything can."""
-        if isinstance(found, Weighed):
-            self.weighed = found
+        if isinstance(result, Weighed):
+            self.weighed = result
         else:
-            self.runs[found.repeat] = found
+            self.runs[result.repeat] = result
         return self._following()
 
     def evidence(self) -> Evidence:
@@ -277,7 +277,7 @@ class Gathering:
         return piece
 
     def _in_order(self) -> list[EvidenceRun]:
-        """The repeats up to the first that is not there, or the first at which they check sharply enough."""
+        """Return the repeats up to the first that is not there, or the first at which they check sharply enough."""
         there: list[EvidenceRun] = []
         while len(there) in self.runs and not (len(there) >= self.asked and _sharp(there)):
             there.append(self.runs[len(there)])
@@ -341,7 +341,7 @@ def _weigh(posterior: Posterior, piece: Piece, key: jax.Array) -> Weighed:
 
 
 def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:
-    """Whether cold particles met a peak higher than those known and than where the others are, in words."""
+    """Return whether cold particles met a peak higher than those known and than where the others are, in words."""
     if not cold.size:
         return ["the particles could not be cooled, so that no further peak was searched for"]
     normal = float(evaluate(posterior, warm).max()) + 0.5 * float(stats.chi2.ppf(1e-3, posterior.dim))

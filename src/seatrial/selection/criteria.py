@@ -156,7 +156,7 @@ def psis_loo(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveC
 
 
 def compare(one: PredictiveCriterion, other: PredictiveCriterion) -> Comparison:
-    """Difference of two models on the same measurements, its error from the pointwise differences.
+    """Return the difference of two models on the same measurements, its error from the pointwise differences.
 
     Raises:
         InputError: different criteria or different numbers of measurements.
@@ -187,7 +187,7 @@ def mean_error(series: Float[np.ndarray, "chains draws"]) -> float:
 
 
 def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
-    """Standard error of the sum of contributions, as if they were a sample of possible ones."""
+    """Return the standard error of the sum of contributions, as if they were a sample of possible ones."""
     return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
 
 
@@ -198,7 +198,7 @@ def deviances(posterior: Posterior, values: Float[Array, "n d"]) -> Float[Array,
 
 
 def _columns(log_likelihood: np.ndarray) -> Iterator[np.ndarray]:
-    """The table a few measurements at a time, these first and all draws last."""
+    """Return the table a few measurements at a time, these first and all draws last."""
     table = log_likelihood.reshape(-1, log_likelihood.shape[2])
     for start in range(0, table.shape[1], _AT_ONCE):
         yield np.ascontiguousarray(table[:, start : start + _AT_ONCE].T)
@@ -263,10 +263,10 @@ def maximise_likelihood(posterior: Posterior, mode: Mode) -> Maximum:
     start = fall(np.zeros(mode.z.size))[0]
     if start == _REFUSED:
         raise NumericalError("the likelihood is zero or has no derivative at the mode: it is not of this posterior")
-    found = minimize(fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200})
-    x = found.x if found.fun <= start else np.zeros(mode.z.size)
+    result = minimize(fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200})
+    x = result.x if result.fun <= start else np.zeros(mode.z.size)
     values = np.asarray(posterior.constrain(jnp.asarray(mode.z + scale @ x)))
-    return Maximum(values, -float(min(found.fun, start)))
+    return Maximum(values, -float(min(result.fun, start)))
 
 
 def aic(log_likelihood: Float[np.ndarray, " n"], parameters: int) -> PredictiveCriterion:

@@ -76,7 +76,7 @@ def importance_evidence(
     settings: ImportanceSettings = ImportanceSettings(),
     further: Sequence[Mode] = (),
 ) -> Evidence:
-    """Evidence by adaptive importance sampling; arguments and errors as `importance_sample`."""
+    """Return the evidence by adaptive importance sampling; arguments and errors as `importance_sample`."""
     return evidence_of(importance_sample(posterior, key, mode, settings, further))
 
 
@@ -87,7 +87,7 @@ def importance_sample(
     settings: ImportanceSettings = ImportanceSettings(),
     further: Sequence[Mode] = (),
 ) -> Weights:
-    """Weighted draws of the posterior.
+    """Return the weighted draws of the posterior.
 
     Args:
         posterior: density to integrate; another mode, far from those given, would be missed without a sign.
@@ -115,7 +115,7 @@ def importance_sample(
 
 
 def evidence_of(weights: Weights) -> Evidence:
-    """Evidence from weighted draws, its error by the delta method from the variance of the weights."""
+    """Return the evidence from weighted draws, its error by the delta method from the variance of the weights."""
     draws = weights.log_weight.size
     diagnostics = {
         "k_hat": weights.k_hat,
@@ -135,14 +135,14 @@ def evidence_of(weights: Weights) -> Evidence:
 
 
 def weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d"]:
-    """Posterior standard deviations of the parameters in their own units, shape (d,)."""
+    """Return the posterior standard deviations of the parameters in their own units, shape (d,)."""
     share = np.exp(weights.smoothed - _log_sum(weights.smoothed))
     values = np.asarray(posterior.constrain(jnp.asarray(weights.z)))
     return np.sqrt(share @ (values - share @ values) ** 2)
 
 
 def laplace_proposal(mode: Mode) -> ProposalComponent:
-    """Proposal at the mode, nowhere wider than the prior, which has unit variance in z.
+    """Return the proposal at the mode, nowhere wider than the prior, which has unit variance in z.
 
     A density that leans on the edge of its box has almost no curvature at the mode, and its Laplace covariance no meaning.
     """
@@ -151,12 +151,18 @@ def laplace_proposal(mode: Mode) -> ProposalComponent:
 
 
 def distance(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    """Squared distance from the centre, in standard deviations."""
+    """Return the squared distance from the centre, in standard deviations."""
     return np.sum(solve_triangular(proposal.factor, (z - proposal.centre).T, lower=True) ** 2, 0)
 
 
 def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Weights:
     """Draw from the proposals, each its share, and weigh the draws.
+
+    Args:
+        target: density.
+        proposals: components of the mixture.
+        key: random key.
+        n: number of draws.
 
     Raises:
         NumericalError: every draw has zero density.
@@ -179,20 +185,20 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
 
 
 def refit(proposals: Sequence[ProposalComponent], weights: Weights) -> list[ProposalComponent]:
-    """Proposals with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws.
+    """Return the proposals with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws.
 
     Of several, a draw belongs to each as far as each is likely to have made it, and half of the draws are shared by what was found.
     """
-    found = np.exp(weights.smoothed - _log_sum(weights.smoothed))
+    result = np.exp(weights.smoothed - _log_sum(weights.smoothed))
     log_shares = _log_shares(proposals, weights.z)
-    belongs = found * np.exp(log_shares - logsumexp(log_shares, 0))
+    belongs = result * np.exp(log_shares - logsumexp(log_shares, 0))
     return [_refitted(one, part, weights.z, len(proposals)) for one, part in zip(proposals, belongs, strict=True)]
 
 
 def _refitted(
     proposal: ProposalComponent, part: Float[np.ndarray, " n"], z: Float[np.ndarray, "n d"], count: int
 ) -> ProposalComponent:
-    """One of some proposals, fitted to its part of the weights, which sum to 1 over all of them."""
+    """Return one of some proposals, fitted to its part of the weights, which sum to 1 over all of them."""
     total = float(part.sum())
     if total == 0.0:
         return proposal._replace(share=0.5 / count)
@@ -206,7 +212,7 @@ def _refitted(
 
 
 def _complaints(weights: Weights) -> list[str]:
-    """What is wrong with the weights, in words."""
+    """Return what is wrong with the weights, in words."""
     said = []
     if not weights.k_hat <= MAX_K_HAT:
         said.append(
@@ -226,7 +232,7 @@ def _draw(proposal: ProposalComponent, random: np.random.Generator, n: int) -> F
 
 
 def _log_shares(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "modes n"]:
-    """Log density of each proposal, times its share."""
+    """Return the log density of each proposal, times its share."""
     return np.stack([np.log(one.share) + _log_proposal(one, z) for one in proposals])
 
 

@@ -66,7 +66,7 @@ def laplace_evidence(posterior: Posterior, key: jax.Array, mode: Mode | None = N
 
 
 def active_bounds(posterior: Posterior, mode: Mode) -> tuple[str, ...]:
-    """Parameters whose posterior runs into an end of its prior: two standard deviations take them nearly all the way."""
+    """Return the parameters whose posterior runs into an end of its prior: two standard deviations take them nearly all the way."""
     reach = 2.0 * np.sqrt(np.diag(mode.cov))
     low, high = (np.asarray(posterior.constrain(jnp.asarray(mode.z + sign * reach))) for sign in (-1.0, 1.0))
     named = []
@@ -83,12 +83,12 @@ def _check(posterior: Posterior, mode: Mode, key: jax.Array, draws: int) -> _Che
         weights: Weights = weigh(posterior, [laplace_proposal(mode)], key, draws)
     except NumericalError:
         return _Check(float("nan"), float("nan"), 0.0, float("nan"))
-    found = evidence_of(weights)
-    return _Check(float(found.log_value - mode.log_evidence), found.std_error, weights.ess, weights.k_hat)
+    result = evidence_of(weights)
+    return _Check(float(result.log_value - mode.log_evidence), result.std_error, weights.ess, weights.k_hat)
 
 
 def _complaints(mode: Mode, check: _Check, bounded: tuple[str, ...]) -> list[str]:
-    """What is wrong with the approximation, in words."""
+    """Return what is wrong with the approximation, in words."""
     said = []
     if mode.flat:
         said.append("the posterior has no curvature in some direction: the data say nothing there, use tempered SMC")

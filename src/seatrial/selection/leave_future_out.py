@@ -105,7 +105,7 @@ def leave_future_out(
 
 
 def compare_futures(one: LeaveFutureOut, other: LeaveFutureOut) -> Comparison:
-    """Difference of two models, first minus second, its error from the differences between blocks.
+    """Return the difference of two models, first minus second, its error from the differences between blocks.
 
     Raises:
         InputError: different blocks.
@@ -121,7 +121,7 @@ def compare_futures(one: LeaveFutureOut, other: LeaveFutureOut) -> Comparison:
 
 
 def block_edges(records: Sequence[Record], first: float, block: float) -> Float[np.ndarray, " b1"]:
-    """Edges of blocks of equal length, the last cut short by the end; blocks in which nothing was measured join the next.
+    """Return the edges of blocks of equal length, the last cut short by the end; blocks in which nothing was measured join the next.
 
     Args:
         records: trials; their clocks run side by side, each from its own first sample.
@@ -148,7 +148,7 @@ def block_edges(records: Sequence[Record], first: float, block: float) -> Float[
 
 
 def past_of(posterior_of: Callable[[Sequence[Record]], Posterior], records: Sequence[Record]) -> Past:
-    """Posteriors of records cut off at a time; compiled code is shared where the samples are evenly spaced.
+    """Return the posteriors of records cut off at a time; compiled code is shared where the samples are evenly spaced.
 
     Args:
         posterior_of: posterior of records, such as `partial(build_posterior, campaign, structure)`.
@@ -200,7 +200,7 @@ def _begin(known: Posterior, key: jax.Array, settings: ImportanceSettings) -> _S
 
 
 def _predict(stretch: _Stretch, later: Posterior, edge: float) -> tuple[float, _Stretch]:
-    """Log density of the block up to what `later` knows, and the draws knowing it; one that diverged never comes back."""
+    """Return the log density of the block up to what `later` knows, and the draws knowing it; one that diverged never comes back."""
     from arviz_stats.base.array import array_stats
 
     log_likelihood = _log_likelihood(later, stretch.values)
@@ -221,14 +221,14 @@ def _predict(stretch: _Stretch, later: Posterior, edge: float) -> tuple[float, _
 
 
 def _log_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    """Log-likelihood of draws in their own units, padded to a multiple of 512 so that one program serves all."""
+    """Return the log-likelihood of draws in their own units, padded to a multiple of 512 so that one program serves all."""
     n = values.shape[0]
     filled = values[np.minimum(np.arange(-(-n // 512) * 512), n - 1)]
     return -0.5 * np.asarray(deviances(posterior, jnp.asarray(filled)))[:n]
 
 
 def _before(record: Record, time: float) -> Record:
-    """The record without its measurements from a time after its first sample on; its controls are all kept."""
+    """Return the record without its measurements from a time after its first sample on; its controls are all kept."""
     known = record.time - record.time[0] < time
     return replace(record, measurement=np.where(known[:, None], record.measurement, np.nan))
 

@@ -62,7 +62,7 @@ class TermLibrary:
         return tuple(term.text for term in self.terms)
 
     def find(self, text: str, place: str) -> str:
-        """Name under which the library has a term, whatever the order of its factors.
+        """Return the name under which the library has a term, whatever the order of its factors.
 
         Raises:
             InputError: malformed, of a signal that was not measured, or not in the library.
@@ -79,7 +79,7 @@ class TermLibrary:
         return self.names[self.terms.index(term)]
 
     def __add__(self, other: "TermLibrary") -> "TermLibrary":
-        """Terms of both, for several axes at once."""
+        """Return the terms of both, for several axes at once."""
         return TermLibrary(
             tuple(dict.fromkeys(self.terms + other.terms)), tuple(dict.fromkeys(self.signals + other.signals))
         )
@@ -149,7 +149,7 @@ def term_library(
 
 
 def breaks_symmetry(term: CoefficientName) -> bool:
-    """Whether a vehicle that is its own mirror image in the plane of x and z cannot have this term."""
+    """Return whether a vehicle that is its own mirror image in the plane of x and z cannot have this term."""
     odd = sum(factor.power for factor in term.factors if factor.signal in LATERAL_SIGNALS and not factor.modulus) % 2
     return bool(odd) != (term.axis in LATERAL_AXES)
 
@@ -233,16 +233,16 @@ def _explain_empty(
     for term in allowed:
         check_measured(term, signals, f"{place}, family {family}")
     if allowed:
-        found = f"{allowed[0]}, a change of {', '.join(allowed[0].trim_signals)} from a trim that is not known"
+        result = f"{allowed[0]}, a change of {', '.join(allowed[0].trim_signals)} from a trim that is not known"
         remedy = "give the trim, or leave the family out"
     elif any_at_all:
-        found, remedy = (
+        result, remedy = (
             "only terms that port-starboard symmetry forbids",
             "leave the family out, or say symmetric = false",
         )
     else:
-        found, remedy = "no term", "leave the family out"
-    raise InputError(f"{place}, family {family}", found=found, expected="at least one term", remedy=remedy)
+        result, remedy = "no term", "leave the family out"
+    raise InputError(f"{place}, family {family}", found=result, expected="at least one term", remedy=remedy)
 
 
 def _check_extra(

@@ -26,7 +26,7 @@ def nested_evidence(
     moves: int | None = None,
     progress: Progress = no_progress,
 ) -> Evidence:
-    """Evidence by independent repeats of nested slice sampling, averaged in log Z.
+    """Return the evidence by independent repeats of nested slice sampling, averaged in log Z.
 
     The error is the larger of that expected, about sqrt(H / live / repeats), and that from the spread of the repeats.
 

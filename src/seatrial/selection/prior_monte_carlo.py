@@ -50,10 +50,15 @@ _NEVER = -1e100
 def log_likelihoods(
     posterior: Posterior, values: Float[Array, "n d"], *, early_stop: bool = True
 ) -> Float[np.ndarray, " n"]:
-    """Log-likelihood of each draw of the parameters' values, -inf for those that stopped early.
+    """Return the log-likelihood of each draw of the parameters' values, -inf for those that stopped early.
 
     Early stops need the output-error likelihood with white residuals and no unknowns beside coefficients and noise; any other
     is computed in full.
+
+    Args:
+        posterior: whose likelihood is evaluated.
+        values: draws of all parameters in their order, SI, shape (n, d).
+        early_stop: whether a draw may stop once it can no longer matter.
     """
     likelihood = posterior.likelihood
     if not (early_stop and isinstance(likelihood, OutputError) and likelihood.is_plain):
@@ -77,9 +82,9 @@ def log_likelihoods(
             best = max(best, float(np.max(_log_likelihoods(posterior, values[promising]))))
         kept = np.flatnonzero(bound >= best - MARGIN)
         draw, bound = draw[kept], bound[kept]
-    found = np.full(n, -np.inf)
-    found[draw] = np.where(bound > _NEVER, bound, -np.inf)
-    return found
+    result = np.full(n, -np.inf)
+    result[draw] = np.where(bound > _NEVER, bound, -np.inf)
+    return result
 
 
 @jax.jit
@@ -131,7 +136,7 @@ def _cut(data: TrialData) -> _Pieces:
 
 
 def _bound(posterior: Posterior, values: dict[str, Array], squares: tuple[Array, ...]) -> Array:
-    """Log-likelihood if every residual still to come were zero."""
+    """Return the log-likelihood if every residual still to come were zero."""
     noises = zip(posterior.likelihood.channels, posterior.data.channels, squares, strict=True)
     return sum(
         (White(values[noise_name(name)], channel.counts).log_likelihood(sse) for name, channel, sse in noises),
@@ -206,7 +211,7 @@ class ListingOne:
 def prior_evidence(
     posterior: Posterior, key: jax.Array, *, draws: int = 100_000, repeats: int = 1, early_stop: bool = True
 ) -> Evidence:
-    """Evidence of one model; see `listing_one`."""
+    """Return the evidence of one model; see `listing_one`."""
     return listing_one([posterior], key, draws=draws, repeats=repeats, early_stop=early_stop).evidences[0]
 
 
@@ -221,7 +226,7 @@ def listing_one(
     prior_probability: Sequence[float] | None = None,
     progress: Progress = no_progress,
 ) -> ListingOne:
-    """Posterior probabilities of several models from the same data, with their spread over repeats.
+    """Return the posterior probabilities of several models from the same data, with their spread over repeats.
 
     Args:
         posteriors: models.
@@ -267,14 +272,20 @@ def listing_one(
 
 @partial(jax.jit, static_argnums=2)
 def draw_by_name(posterior: Posterior, key: jax.Array, n: int) -> Float[Array, "n d"]:
-    """Prior draws of the parameters' values; a parameter's draws depend on the key and its name only, not on the other parameters."""
+    """Prior draws of the parameters' values; a parameter's draws depend on the key and its name only, not on the other parameters.
+
+    Args:
+        posterior: whose priors are drawn from.
+        key: random key.
+        n: number of draws.
+    """
     return jnp.stack(
         [p.prior.draw(jax.random.fold_in(key, crc32(p.name.encode())), (n,)) for p in posterior.parameters], -1
     )
 
 
 def _average(log_likelihood: Float[np.ndarray, " n"]) -> tuple[float, float]:
-    """Log of the mean likelihood, the largest taken out before exponentiating, and the effective sample size."""
+    """Return the log of the mean likelihood, the largest taken out before exponentiating, and the effective sample size."""
     top = log_likelihood.max()
     if not np.isfinite(top):
         raise NumericalError(
@@ -286,7 +297,7 @@ def _average(log_likelihood: Float[np.ndarray, " n"]) -> tuple[float, float]:
 
 
 def _pool(log_mean: Float[np.ndarray, " repeats"], ess: Float[np.ndarray, " repeats"], draws: int) -> Evidence:
-    """Evidence of one model: the mean of its repeats, and the larger of the errors from weights and from spread."""
+    """Return the evidence of one model: the mean of its repeats, and the larger of the errors from weights and from spread."""
     repeats = log_mean.size
     within = float(np.sqrt(np.mean(1.0 / ess - 1.0 / draws) / repeats))
     spread = float(log_mean.std(ddof=1)) if repeats > 1 else 0.0
@@ -301,7 +312,7 @@ def _pool(log_mean: Float[np.ndarray, " repeats"], ess: Float[np.ndarray, " repe
 
 
 def _refusal(ess: Float[np.ndarray, "..."], draws: int) -> str:
-    """Why no verdict is given; empty where it may be."""
+    """Return why no verdict is given; empty where it may be."""
     if ess.min() >= MIN_ESS:
         return ""
     return (

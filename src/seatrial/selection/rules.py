@@ -204,15 +204,15 @@ def compile_rules(library: TermLibrary, rules: Sequence[Rule]) -> CompiledRules:
 
 def _parse(words: list[str], library: TermLibrary) -> tuple[Rule, ...]:
     def terms(texts: list[str], fewest: int) -> tuple[str, ...]:
-        found = tuple(library.find(text, "term") for text in texts if text != "and")
-        if len(set(found)) < max(fewest, len(found)):
+        results = tuple(library.find(text, "term") for text in texts if text != "and")
+        if len(set(results)) < max(fewest, len(results)):
             raise InputError(
                 "terms",
-                found=", ".join(found) or "none",
+                found=", ".join(results) or "none",
                 expected=f"{'one' if fewest == 1 else 'at least two'}, each once",
                 remedy="correct the list of terms",
             )
-        return found
+        return results
 
     match words:
         case ["heredity"]:

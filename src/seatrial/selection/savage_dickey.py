@@ -124,7 +124,7 @@ def savage_dickey(
 
 
 def _kernel(z: np.ndarray, z0: float, width: float) -> tuple[float, float]:
-    """Log density and its error; the bias falls with the square of the width, so a smaller width tells of it."""
+    """Return the log density and its error; the bias falls with the square of the width, so a smaller width tells of it."""
     log_density, error = _jackknife(lambda x: _guided(x, z0, width), z)
     narrower = _guided(z.ravel(), z0, width / np.sqrt(2.0))
     bias = log_density - narrower if np.isfinite(narrower) else 0.0
@@ -188,7 +188,7 @@ def _ess(z: np.ndarray) -> float:
 
 
 def _tail(name: str, at: float, away: float, near: float) -> str:
-    """Whether too few draws lie about the value, in words."""
+    """Return whether too few draws lie about the value, in words."""
     if near >= MIN_NEAR:
         return ""
     return (

@@ -92,7 +92,7 @@ class Screening:
         return {term: float(p) for term, p in zip(self.rules.optional, self.posterior.inclusion, strict=False)}
 
     def shortlist(self, most: int = MOST, covered: float = COVERED) -> tuple[tuple[str, ...], ...]:
-        """Terms of the most probable structures, until they hold this probability together or are this many."""
+        """Return the terms of the most probable structures, until they hold this probability together or are this many."""
         enough = int(np.searchsorted(np.cumsum(self.posterior.probability), covered)) + 1
         return tuple(self.posterior.terms(rank) for rank in range(min(enough, most, self.posterior.structures.size)))
 
@@ -118,19 +118,19 @@ def sensitivity(
     options = {**options, "top": 2}
     base = subset_posterior(stats, prior, names, **options)
     pair = [base.numbers(rank) for rank in range(base.structures.size)]
-    found, factors = [], []
+    results, factors = [], []
     for scale in scales:
         scaled = prior.scaled(scale)
-        found.append(subset_posterior(stats, scaled, names, **options))
+        results.append(subset_posterior(stats, scaled, names, **options))
         logs = [evidence_of(stats, scaled, structure).log_evidence for structure in pair]
         factors += [logs[0] - logs[1]] if len(logs) == 2 else []
     return Sensitivity(
         base.names,
         np.asarray(scales, float),
-        np.array([one.inclusion for one in found]),
-        np.array([one.mean for one in found]),
-        np.array([one.structures[0] for one in found]),
-        np.array([one.probability[0] for one in found]),
+        np.array([one.inclusion for one in results]),
+        np.array([one.mean for one in results]),
+        np.array([one.structures[0] for one in results]),
+        np.array([one.probability[0] for one in results]),
         tuple(base.terms(rank) for rank in range(len(pair))),
         np.array(factors),
     )
@@ -183,7 +183,7 @@ def screen(
 
 
 def worth(stats: Gram, rows: float) -> Gram:
-    """Statistics that say as much as this many independent rows."""
+    """Return the statistics that say as much as this many independent rows."""
     share = min(rows / stats.n, 1.0)
     return Gram(share * stats.matrix, share * stats.moment, share * stats.square, max(round(share * stats.n), 1))
 

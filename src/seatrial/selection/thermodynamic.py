@@ -121,6 +121,12 @@ def sample_ladder(
 ) -> Ladder:
     """Run the tempered chains.
 
+    Args:
+        target: density, prior and likelihood kept apart.
+        key: random key.
+        settings: size of the run.
+        progress: told how many iterations are done.
+
     Raises:
         InputError: a ladder of an even number or fewer than 5 rungs, fewer than 4 copies, or iterations not in blocks of 250.
         NumericalError: no draw of the prior has a finite likelihood, or cold chains never left where it is zero.
@@ -168,19 +174,19 @@ def spread(ladder: Float[np.ndarray, " rungs"], refusal: Float[np.ndarray, " pai
 def stepping_stone_evidence(
     target: Target, key: jax.Array, settings: LadderSettings = _USUAL, progress: Progress = no_progress
 ) -> Evidence:
-    """Evidence by stepping-stone; arguments and errors as `sample_ladder`."""
+    """Return the evidence by stepping-stone; arguments and errors as `sample_ladder`."""
     return stepping_stone(sample_ladder(target, key, settings, progress))
 
 
 def thermodynamic_evidence(
     target: Target, key: jax.Array, settings: LadderSettings = _USUAL, progress: Progress = no_progress
 ) -> Evidence:
-    """Evidence by thermodynamic integration; arguments and errors as `sample_ladder`."""
+    """Return the evidence by thermodynamic integration; arguments and errors as `sample_ladder`."""
     return thermodynamic(sample_ladder(target, key, settings, progress))
 
 
 def stepping_stone(ladder: Ladder) -> Evidence:
-    """Evidence from the ratios of neighbouring rungs."""
+    """Return the evidence from the ratios of neighbouring rungs."""
     step = np.diff(ladder.temperatures)[:, None]
     values, weights = ladder.log_likelihood, step * ladder.log_likelihood[:, :-1]
     heaviest = np.exp(weights - weights.max((0, 2), keepdims=True))
@@ -200,7 +206,7 @@ def stepping_stone(ladder: Ladder) -> Evidence:
 
 
 def thermodynamic(ladder: Ladder) -> Evidence:
-    """Evidence from the integral of the mean log-likelihood, by the trapezoid with corrected ends of every step.
+    """Return the evidence from the integral of the mean log-likelihood, by the trapezoid with corrected ends of every step.
 
     The stated error adds, squared, the error of the integration: an eighth of what taking every second rung changes. The rule
     is of fourth order in a ladder that changes slowly, so that a sixteenth is to be expected.
@@ -233,7 +239,7 @@ def _check(settings: LadderSettings) -> None:
 
 
 def _densities(target: Target, z: Array) -> tuple[Array, Array]:
-    """Log prior and log-likelihood of chains of shape (rungs, copies, d)."""
+    """Return the log prior and log-likelihood of chains of shape (rungs, copies, d)."""
     prior, likelihood = map_lanes(
         lambda one: (target.log_prior(one), target.log_likelihood(one)), z.reshape(-1, z.shape[-1]), LANES
     )
@@ -328,7 +334,7 @@ def _integrals(b: Float[np.ndarray, " rungs"], values: Float[np.ndarray, "draws 
 
 
 def _leave_one_out(logs: Float[np.ndarray, "draws pairs copies"]) -> Float[np.ndarray, "rows pairs"]:
-    """Log mean of exponentials over draws and copies: of all copies first, then without each of them."""
+    """Return the log mean of exponentials over draws and copies: of all copies first, then without each of them."""
     draws, _, copies = logs.shape
     each = np.asarray(logsumexp(logs, 0))
     rows = [logsumexp(each, 1) - np.log(copies * draws)]
@@ -337,14 +343,14 @@ def _leave_one_out(logs: Float[np.ndarray, "draws pairs copies"]) -> Float[np.nd
 
 
 def _judged(estimate: Callable[[slice], np.ndarray], draws: int) -> tuple[float, float, float]:
-    """Value, its jackknife error over the copies, and the difference of the halves of the run in its own error."""
+    """Return the value, its jackknife error over the copies, and the difference of the halves of the run in its own error."""
     rows = estimate(slice(None))
     change = estimate(slice(draws // 2)) - estimate(slice(draws // 2, None))
     return float(rows[0]), _jackknife(rows), float(abs(change[0])) / max(_jackknife(change), 1e-12)
 
 
 def _jackknife(rows: np.ndarray) -> float:
-    """Standard error from leave-one-out values, which follow the first, widened as Student's t at 95 %."""
+    """Return the standard error from leave-one-out values, which follow the first, widened as Student's t at 95 %."""
     n = rows.size - 1
     widened = stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975)
     return float(np.sqrt((n - 1) * np.var(rows[1:])) * widened)
@@ -361,7 +367,7 @@ def _diagnostics(ladder: Ladder, drift: float) -> dict[str, Any]:
 
 
 def _complaints(ladder: Ladder, drift: float) -> list[str]:
-    """What is wrong with the chains, in words."""
+    """Return what is wrong with the chains, in words."""
     said, alive = [], float(np.mean(ladder.log_likelihood[:, 0] > DEAD))
     if ladder.swap.min() < MIN_SWAP:
         k = int(ladder.swap.argmin())

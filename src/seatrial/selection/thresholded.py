@@ -98,7 +98,7 @@ def thresholded_least_squares(
 
 
 def _fit(stats: Gram, sure: np.ndarray, threshold: float) -> Float[np.ndarray, " k"]:
-    """Least squares and threshold in turn, until the terms stay; they only ever become fewer."""
+    """Apply least squares and a threshold in turn, until the terms stay; they only ever become fewer."""
     there, coefficients = np.ones(sure.size, bool), np.zeros(sure.size)
     while True:
         chosen = np.flatnonzero(there)
@@ -111,7 +111,7 @@ def _fit(stats: Gram, sure: np.ndarray, threshold: float) -> Float[np.ndarray, "
 
 
 def _left_out(folds: Sequence[Gram], sure: np.ndarray, threshold: float) -> float:
-    """Mean squared error for each part of the fit to the others."""
+    """Return the mean squared error for each part of the fit to the others."""
     total = 0.0
     for i, part in enumerate(folds):
         others = [fold for j, fold in enumerate(folds) if j != i]
@@ -120,12 +120,12 @@ def _left_out(folds: Sequence[Gram], sure: np.ndarray, threshold: float) -> floa
 
 
 def _size(stats: Gram) -> Float[np.ndarray, " k"]:
-    """Root mean squares of the columns."""
+    """Return the root mean squares of the columns."""
     return np.sqrt(np.diag(stats.matrix) / stats.n)
 
 
 def _residual(stats: Gram, c: Float[np.ndarray, " k"]) -> float:
-    """Sum of squares that coefficients leave."""
+    """Return the sum of squares that coefficients leave."""
     return float(stats.square - 2 * c @ stats.moment + c @ stats.matrix @ c)
 
 

@@ -164,13 +164,13 @@ def _doubt(evidence: Evidence) -> float:
 
 
 def _shifted(logs: np.ndarray, index: int, doubt: float) -> list[Float[np.ndarray, " m"]]:
-    """Probabilities if one evidence is too high by so much, and if it is too low."""
+    """Return the probabilities if one evidence is too high by so much, and if it is too low."""
     step = doubt * (np.arange(logs.size) == index)
     return [np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in (logs - step, logs + step)]
 
 
 def _decides(logs: np.ndarray, index: int, doubt: float) -> bool:
-    """Whether an evidence that is in doubt by so much could change a probability."""
+    """Return whether an evidence that is in doubt by so much could change a probability."""
     low, high = _shifted(logs, index, doubt)
     return bool(np.abs(high - low).max() > 0.01)
 
@@ -212,7 +212,7 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
 
 
 def _screened_verdict(term: str, inclusion: float, there: bool) -> str:
-    """What is said of a term that all simulated structures have, or none."""
+    """Return what is said of a term that all simulated structures have, or none."""
     which = "every" if there else "no"
     return f"{which} simulated structure has {term}: by the screening its probability is {inclusion:.2f}"
 

@@ -36,7 +36,13 @@ class Freedom:
 
 
 def acts(name: CoefficientName, freedom: Freedom, thrusters: Sequence[Thruster]) -> bool:
-    """Whether a term has a part in the motion."""
+    """Return whether a term has a part in the motion.
+
+    Args:
+        name: term.
+        freedom: what moves and what is given.
+        thrusters: those of an open frame; empty for one propeller on the axis.
+    """
     rates = {AXES.index(name.axis)} if name.axis in AXES else {0}
     if name.axis == "T" and thrusters:
         rates = {i for thruster in thrusters for i, x in enumerate(thruster.column) if abs(x) > 0}
@@ -55,6 +61,13 @@ def acts(name: CoefficientName, freedom: Freedom, thrusters: Sequence[Thruster])
 def acting_terms(
     terms: Sequence[str], moves: Sequence[str], given: Sequence[str] = (), thrusters: Sequence[Thruster] = ()
 ) -> tuple[str, ...]:
-    """Those terms that have a part in the motion: on an axis that moves, and without a velocity that is held at zero."""
+    """Return those terms that have a part in the motion: on an axis that moves, and without a velocity that is held at zero.
+
+    Args:
+        terms: names of coefficients.
+        moves: velocities that are states.
+        given: velocities and angles that are measured.
+        thrusters: those of an open frame; empty for one propeller on the axis.
+    """
     freedom = Freedom(tuple(moves), tuple(given))
     return tuple(term for term in terms if acts(CoefficientName.parse(term), freedom, thrusters))

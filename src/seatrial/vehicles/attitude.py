@@ -50,13 +50,13 @@ class Attitude:
         return ANGLES if self.by_quaternion else tuple(name for name in ANGLES if name in (*self.states, *self.given))
 
     def at(self, known: Mapping[str, Any]) -> "Pose":
-        """The attitude for values of its states and given angles."""
+        """Return the attitude for values of its states and given angles."""
         if self.by_quaternion:
             return Pose(quaternion=tuple(known[name] for name in QUATERNION))
         return Pose(angles=tuple(known[name] if name in self.angles else 0.0 for name in ANGLES))
 
     def rates(self, pose: "Pose", rotation: tuple[Any, Any, Any]) -> tuple[Any, ...]:
-        """Rates of its states."""
+        """Return the rates of its states."""
         if pose.quaternion is not None:
             return quaternion_rate(pose.quaternion, rotation, PULL)
         if not self.states:
@@ -83,7 +83,7 @@ class Pose:
 
 
 def attitude_states(kind: Kind, moves: Iterable[str], given: Sequence[str], needed: Iterable[str]) -> tuple[str, ...]:
-    """Names of the states of attitude that a vehicle needs.
+    """Return the names of the states of attitude that a vehicle needs.
 
     Args:
         kind: how an attitude is kept that turns about more than one axis.
@@ -110,6 +110,6 @@ def position_angles(positions: Iterable[str]) -> set[str]:
 def position_rates(
     positions: Sequence[str], pose: Pose, velocity: tuple[Any, Any, Any], current: Mapping[str, Any]
 ) -> tuple[Any, ...]:
-    """Rates of positions for a velocity through the water, and the water's own, by position."""
+    """Return the rates of positions for a velocity through the water, and the water's own, by position."""
     rows = (pose.rows[POSITIONS.index(name)] for name in positions)
     return tuple(total((dot(row, velocity), current.get(name, 0.0))) for name, row in zip(positions, rows, strict=True))

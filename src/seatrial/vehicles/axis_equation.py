@@ -52,13 +52,13 @@ class AxisEquation:
         return tuple(dict.fromkeys(signal for name in names for signal in name.signals))
 
     def share(self, term: CoefficientName) -> float:
-        """Factor by which a term acts on this axis."""
+        """Return the factor by which a term acts on this axis."""
         return self.thrust_share if term.axis == "T" else 1.0
 
     def regressor(
         self, term: CoefficientName, signals: Mapping[str, Float[np.ndarray, " n"]]
     ) -> Float[np.ndarray, " n"]:
-        """Force of a unit of the coefficient at n samples."""
+        """Return the force of a unit of the coefficient at n samples."""
         size = next(iter(signals.values())).size
         return self.share(term) * np.broadcast_to(term.regressor(signals, self.trim), (size,))
 

@@ -81,15 +81,15 @@ def sense_of(control: str, answer: Mapping[str, float]) -> Sense:
         return {}
     if own is not None:
         return {own: int(np.sign(answer[own]))} if answer.get(own) else {}
-    found = {}
+    results = {}
     for group in (RATES[:3], RATES[3:]):
         largest = max((abs(answer.get(name, 0.0)) for name in group), default=0.0)
-        found |= {
+        results |= {
             name: int(np.sign(answer[name]))
             for name in group
             if largest > 0 and abs(answer.get(name, 0.0)) >= _SHARE * largest
         }
-    return found
+    return results
 
 
 def sense_words(sense: Sense) -> str:
@@ -98,7 +98,7 @@ def sense_words(sense: Sense) -> str:
 
 
 def _steady(model: VehicleModel, params: Params, start: Mapping[str, float]) -> float:
-    """Propeller speed that holds the speed ahead best, rad/s."""
+    """Return the propeller speed that holds the speed ahead best, rad/s."""
     if "u" not in model.states:
         return 0.0
     state = tuple(np.full(_PROPELLER.size, start.get(name, 0.0)) for name in model.states)

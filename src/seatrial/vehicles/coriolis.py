@@ -26,24 +26,24 @@ class Product(NamedTuple):
 
 
 def entry_products(row: int, column: int) -> list[Product]:
-    """Forces of a unit entry of the mass matrix."""
-    found = []
+    """Return the forces of a unit entry of the mass matrix."""
+    results = []
     for axis, turning in _crosses(row):
         first, second = sorted((turning, column))
         power = f"{RATES[first]}2" if first == second else RATES[first] + RATES[second]
         sign = _SIGN[axis % 3, turning % 3, row % 3]
-        found.append(Product(CoefficientName.parse(f"{AXES[axis]}_{power}"), -sign))
-    return found
+        results.append(Product(CoefficientName.parse(f"{AXES[axis]}_{power}"), -sign))
+    return results
 
 
 def matrix_products(matrix: Float[np.ndarray, "6 6"]) -> list[Product]:
-    """Forces of a constant mass matrix; those that cancel, as v x m v does, are left out."""
+    """Return the forces of a constant mass matrix; those that cancel, as v x m v does, are left out."""
     entries = [(i, j) for i in range(6) for j in range(6) if matrix[i, j] != 0]
     return summed((Product(p.name, p.factor * float(matrix[i, j])) for i, j in entries for p in entry_products(i, j)))
 
 
 def summed(products: Iterable[Product]) -> list[Product]:
-    """One product for each axis and pair of velocities; those of factor 0 are left out."""
+    """Return one product for each axis and pair of velocities; those of factor 0 are left out."""
     sums: dict[CoefficientName, float] = {}
     for product in products:
         sums[product.name] = sums.get(product.name, 0.0) + product.factor
@@ -54,7 +54,7 @@ _SIGN = {(0, 1, 2): 1.0, (1, 2, 0): 1.0, (2, 0, 1): 1.0, (0, 2, 1): -1.0, (2, 1,
 
 
 def _crosses(row: int) -> list[tuple[int, int]]:
-    """Axis on which a component of P or L acts, and the velocity that turns or shifts it."""
+    """Return the axis on which a component of P or L acts, and the velocity that turns or shifts it."""
     others = [k for k in range(3) if k != row % 3]
     swapped = list(zip(others, reversed(others), strict=True))
     if row < 3:

@@ -159,7 +159,7 @@ def added_mass_matrix(values: Mapping[str, float]) -> Float[np.ndarray, "6 6"]:
 
 
 def asymmetric_pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Pairs of added masses, both given, that should be equal and are not, such as Z_qdot and M_wdot."""
+    """Return the pairs of added masses, both given, that should be equal and are not, such as Z_qdot and M_wdot."""
     entries = {}
     for text, value in values.items():
         name = CoefficientName.parse(text)

@@ -19,8 +19,8 @@ _SPEEDS = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))
 
 
 def added_mass_findings(values: Mapping[str, float]) -> list[str]:
-    """Added mass that is not symmetric, or not positive: water would be set in motion for nothing."""
-    found = [
+    """Return the added mass that is not symmetric, or not positive: water would be set in motion for nothing."""
+    results = [
         f"{one} = {values[one]:g} and {other} = {values[other]:g} differ: the added mass of an ideal fluid is symmetric"
         for one, other in asymmetric_pairs(values)
     ]
@@ -28,8 +28,8 @@ def added_mass_findings(values: Mapping[str, float]) -> list[str]:
     axes = [i for i in range(6) if matrix[i].any() or matrix[:, i].any()]
     least = np.linalg.eigvalsh(0.5 * (matrix + matrix.T)[np.ix_(axes, axes)]).min(initial=0.0) if axes else 0.0
     if least < -1e-9 * np.abs(matrix).max(initial=0.0):
-        found.append(f"the added mass has the eigenvalue {least:.4g}: moving the water would give energy back")
-    return found
+        results.append(f"the added mass has the eigenvalue {least:.4g}: moving the water would give energy back")
+    return results
 
 
 def coriolis_findings(values: Mapping[str, float]) -> list[str]:
@@ -45,7 +45,7 @@ def coriolis_findings(values: Mapping[str, float]) -> list[str]:
 def dissipation_findings(
     values: Mapping[str, float], speeds: Mapping[str, float] | None = None, samples: int = 2000, seed: int = 0
 ) -> list[str]:
-    """Motions in which damping gives power, nu . F > 0, among random ones.
+    """Return the motions in which damping gives power, nu . F > 0, among random ones.
 
     Damping is every term of velocities alone with a modulus, an odd power or one factor: X_uabsu, Y_v, N_r3. Products of two
     velocities without modulus, such as Y_uv and M_uw, are lift and Coriolis forces: they do no work, or are paid for by the propeller.
@@ -74,7 +74,7 @@ def dissipation_findings(
 def sign_findings(hull: Hull, values: Mapping[str, float]) -> list[str]:
     """Signs against body axes forward, starboard and down: drag, added mass, thrust, fins at the stern, and weight below buoyancy."""
     named = {CoefficientName.parse(name): value for name, value in {**hull.fixed, **values}.items()}
-    found = []
+    results = []
     for axis, rate in zip(AXES, RATES, strict=True):
         for text, what in (
             (f"{axis}_{rate}", "drag"),
@@ -83,21 +83,21 @@ def sign_findings(hull: Hull, values: Mapping[str, float]) -> list[str]:
         ):
             value = named.get(CoefficientName.parse(text), 0.0)
             if value > 0:
-                found.append(f"{text} = {value:g} is positive: {what} acts against the motion, with a negative sign")
+                results.append(f"{text} = {value:g} is positive: {what} acts against the motion, with a negative sign")
     thrust = named.get(CoefficientName.parse("T_nabsn"), 1.0)
     if thrust < 0:
-        found.append(f"T_nabsn = {thrust:g} is negative: positive turns drive the vehicle forward")
+        results.append(f"T_nabsn = {thrust:g} is negative: positive turns drive the vehicle forward")
     for force, moment, fin, wanted in (("Y", "N", "delta_r", -1.0), ("Z", "M", "delta_s", 1.0)):
         for regressor in (fin, f"uu{fin}"):
             pair = [named.get(CoefficientName.parse(f"{axis}_{regressor}"), 0.0) for axis in (force, moment)]
             if pair[0] * pair[1] * wanted < 0:
-                found.append(
+                results.append(
                     f"{force}_{regressor} = {pair[0]:g} and {moment}_{regressor} = {pair[1]:g} are those of a fin ahead of the origin"
                 )
     low = hull.centre_of_gravity[2] * hull.weight - hull.centre_of_buoyancy[2] * hull.buoyancy
     if hull.mass is not None and low < 0:
-        found.append(f"z_g W - z_b B = {low:.3g} N m is negative: the vehicle turns upside down")
-    return found
+        results.append(f"z_g W - z_b B = {low:.3g} N m is negative: the vehicle turns upside down")
+    return results
 
 
 def energy_findings(
@@ -137,19 +137,19 @@ def check_laws(hull: Hull, values: Mapping[str, float], allowed: Iterable[str] =
         InputError: one line for each law that is broken.
     """
     together = {**hull.fixed, **values}
-    found = [*added_mass_findings(together), *dissipation_findings(together), *sign_findings(hull, values)]
-    found = [line for line in found if not line.startswith(tuple(allowed))] if tuple(allowed) else found
-    if found:
+    results = [*added_mass_findings(together), *dissipation_findings(together), *sign_findings(hull, values)]
+    results = [line for line in results if not line.startswith(tuple(allowed))] if tuple(allowed) else results
+    if results:
         raise InputError(
             f'vehicle "{hull.name}"',
-            found="\n            ".join(found),
+            found="\n            ".join(results),
             expected="coefficients that obey the laws of mechanics",
             remedy="check signs, units and the table they come from",
         )
 
 
 def _is_damping(name: CoefficientName) -> bool:
-    """Whether a term is damping: of velocities alone, and no plain product of two."""
+    """Return whether a term is damping: of velocities alone, and no plain product of two."""
     plain = all(factor.signal in RATES and not factor.change and not factor.derivative for factor in name.factors)
     if not plain or not name.factors or name.axis not in AXES:
         return False

@@ -1,7 +1,7 @@
 """Level flight of the longitudinal vehicle, and small motions of any: d(dx)/dt = A dx + B dc with A = df/dx and B = df/dc.
 
-Derivatives are exact, by forward differentiation of the model. Steady motions of other vehicles are those of `trim.py`. The quaternion of
-a whole vehicle is four states of which three are free: A then has an eigenvalue -2 `PULL` of its length.
+Derivatives are exact, by forward differentiation of the model. The quaternion of a whole vehicle is four states of which three
+are free: A then has an eigenvalue -2 `PULL` of its length.
 """
 
 from collections.abc import Sequence
@@ -53,7 +53,7 @@ def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: floa
     given = u if u is not None else n
     rates, jacobian = _level_rates(model, u is not None)
     first = np.copysign(100.0, u) if u is not None else _level_speed(model, params, n)
-    found = root(
+    result = root(
         rates,
         np.array([first, 0.0, 0.0, 0.0]),
         args=(given, dict(params)),
@@ -61,22 +61,22 @@ def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: floa
         method="lm",
         options={"xtol": 1e-15, "ftol": 1e-15},
     )
-    residual = float(np.abs(rates(found.x, given, dict(params))).max())
-    if not (residual < 1e-9 and np.abs(found.x[2:]).max() < np.pi / 3):
+    residual = float(np.abs(rates(result.x, given, dict(params))).max())
+    if not (residual < 1e-9 and np.abs(result.x[2:]).max() < np.pi / 3):
         raise InputError(
             where,
-            found=f"accelerations down to {residual:.3g} at pitch {found.x[2]:.3g} rad and stern plane {found.x[3]:.3g} rad",
+            found=f"accelerations down to {residual:.3g} at pitch {result.x[2]:.3g} rad and stern plane {result.x[3]:.3g} rad",
             expected="an equilibrium in level flight",
             remedy="go faster, trim the buoyancy, or check the signs of the coefficients of Z and M",
         )
-    state, control = _level(model, u is not None, found.x, given)
+    state, control = _level(model, u is not None, result.x, given)
     return Trim(tuple(float(x) for x in state), tuple(float(x) for x in control))
 
 
 def linearise(
     model: VehicleModel, params: Params, state: Sequence[Any], control: Sequence[Any]
 ) -> tuple[Float[Array, "d d"], Float[Array, "d c"]]:
-    """Jacobians (A, B) of the state's rate; the point need not be an equilibrium.
+    """Return the Jacobians (A, B) of the state's rate; the point need not be an equilibrium.
 
     Args:
         model: any vehicle, d states and c controls.
@@ -90,7 +90,7 @@ def linearise(
 def linearise_outputs(
     model: VehicleModel, outputs: Sequence[str], params: Params, state: Sequence[Any], control: Sequence[Any]
 ) -> tuple[Float[Array, "m d"], Float[Array, "m c"]]:
-    """Jacobians (C, D) of measured channels, states (`u`) or their rates (`udot`); arguments as `linearise`."""
+    """Return the Jacobians (C, D) of measured channels, states (`u`) or their rates (`udot`); arguments as `linearise`."""
     return _jacobians(model, tuple(outputs), dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
 
 
@@ -117,7 +117,7 @@ def _level(model: VehicleModel, speed_given: bool, x: Any, given: Any) -> Trim:
 
 @lru_cache(maxsize=64)
 def _level_rates(model: VehicleModel, speed_given: bool) -> tuple[Any, Any]:
-    """Rates of u, w, q and z in level flight, and their Jacobian by the unknowns, compiled once for each model."""
+    """Return the rates of u, w, q and z in level flight, and their Jacobian by the unknowns, compiled once for each model."""
 
     def rates(x: Any, given: Any, params: Params) -> Any:
         return jnp.stack(model.derivative(params, *_level(model, speed_given, x, given))[:4])
@@ -126,7 +126,7 @@ def _level_rates(model: VehicleModel, speed_given: bool) -> tuple[Any, Any]:
 
 
 def _level_speed(model: VehicleModel, params: Params, n: float | None) -> float:
-    """Speed at which thrust and drag balance with heave, pitch and stern plane at zero: where the search starts."""
+    """Return the speed at which thrust and drag balance with heave, pitch and stern plane at zero: where the search starts."""
 
     def surge(params: Params, state: tuple, control: tuple) -> tuple:
         return model.derivative(params, (state[0], 0.0, 0.0, 0.0, 0.0), control)

@@ -107,7 +107,7 @@ def surge_restriction(hull: LongitudinalHull, terms: Sequence[str]) -> VehicleMo
 
 
 def _body(hull: LongitudinalHull) -> Hull:
-    """The same vehicle in six degrees of freedom, as far as it is known."""
+    """Return the same vehicle in six degrees of freedom, as far as it is known."""
     return Hull(
         hull.name,
         hull.mass,
@@ -137,7 +137,7 @@ def _check(hull: LongitudinalHull, terms: tuple[CoefficientName, ...]) -> None:
             )
     available, seen = {"u", "w", "q", "theta", *CONTROLS}, {}
     for term in terms:
-        for broken, found, expected in (
+        for broken, result, expected in (
             (term.axis not in "XZMT", f'axis "{term.axis}"', "X, Z, M or T: this is the longitudinal model"),
             (
                 term.is_added_mass
@@ -158,7 +158,7 @@ def _check(hull: LongitudinalHull, terms: tuple[CoefficientName, ...]) -> None:
             (term in seen, f"the same regressor as {seen.get(term)}", "each regressor once"),
         ):
             if broken:
-                raise InputError(f"{where}, term {term.text}", found=found, expected=expected, remedy="leave it out")
+                raise InputError(f"{where}, term {term.text}", found=result, expected=expected, remedy="leave it out")
         seen[term] = term.text
     inertial = [term for term in terms if term.is_added_mass and term.text in hull.fixed]
     moving = np.ix_((0, 2, 4), (0, 2, 4))

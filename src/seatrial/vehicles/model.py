@@ -41,7 +41,7 @@ class VehicleModel:
     views: Mapping[str, View] = field(default_factory=dict, compare=False, repr=False)
 
     def unit_of(self, coefficient: CoefficientName) -> str:
-        """SI unit of a coefficient in this model."""
+        """Return the SI unit of a coefficient in this model."""
         dimension = coefficient.dimension
         if not self.per_unit_mass:
             return str(dimension)
@@ -50,12 +50,12 @@ class VehicleModel:
         return str(dimension._replace(kg=dimension.kg - 1))
 
     def channel_units(self) -> dict[str, str]:
-        """SI unit of everything a sensor may measure: the states and their rates, and other views of them."""
+        """Return the SI unit of everything a sensor may measure: the states and their rates, and other views of them."""
         names = [*self.states, *(state + "dot" for state in self.states), *self.views]
         return {name: signal_unit(name) for name in names}
 
     def output(self, channel: str, params: Params, state: tuple[Any, ...], control: tuple[Any, ...]) -> Any:
-        """Value of a channel of `channel_units` at a state, SI."""
+        """Return the value of a channel of `channel_units` at a state, SI."""
         if channel in self.states:
             return state[self.states.index(channel)]
         if channel in self.views:

@@ -71,7 +71,7 @@ def spheroid() -> Spheroid:
 
 
 def spheroid_hull() -> Hull:
-    """The rigid body, its inertia moved from the centre of gravity to the origin."""
+    """Return the rigid body, its inertia moved from the centre of gravity to the origin."""
     shape = spheroid()
     low = shape.mass * _LOW**2
     roll, pitch, yaw = shape.inertia
@@ -133,7 +133,7 @@ def _damping(mass: np.ndarray, weight: float) -> list[float]:
 
 
 def _propelled(nu: tuple, control: tuple) -> list[Any]:
-    """Propeller by thrust and torque coefficients that fall with the advance, and fins by their lift and drag."""
+    """Return the propeller by thrust and torque coefficients that fall with the advance, and fins by their lift and drag."""
     u, v, w = nu[:3]
     n, rudder, plane = control[0] / (2 * pi), control[1], control[2]
     width, advance = 0.14, 0.944 * _length(u, v, w)
@@ -148,7 +148,7 @@ def _propelled(nu: tuple, control: tuple) -> list[Any]:
 
 
 def _lift_and_drag(nu: tuple) -> list[Any]:
-    """Force of the hull as a wing of low aspect ratio, in the vertical plane."""
+    """Return the force of the hull as a wing of low aspect ratio, in the vertical plane."""
     u, v, w = nu[:3]
     area = 0.7 * LENGTH * DIAMETER
     ratio = DIAMETER**2 / area

@@ -70,6 +70,12 @@ def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], li
 
     It is the first zero of du/dt on the side to which the vehicle sets off; others may lie beyond, unstable.
 
+    Args:
+        model: surge vehicle.
+        params: value of each free coefficient, SI.
+        control: constant value of each control, SI.
+        limit: speed at which the search gives up, m/s.
+
     Raises:
         InputError: no equilibrium up to `limit`, for example because the damping does not dissipate.
     """

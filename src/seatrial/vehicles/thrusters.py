@@ -49,14 +49,19 @@ def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:
 def commands_for(
     thrusters: Sequence[Thruster], wanted: Float[np.ndarray, " 6"], tolerance: float = 1e-9
 ) -> Float[np.ndarray, " n"]:
-    """Least thrusts that make a wanted force and moment.
+    """Return the least thrusts that make a wanted force and moment.
+
+    Args:
+        thrusters: of the frame.
+        wanted: force and moment, N and N m, shape (6,).
+        tolerance: what may be missed, as a share of the largest part wanted, or of 1 where that is more.
 
     Raises:
         InputError: no thrusts make it.
     """
     matrix = allocation(thrusters)
-    found = np.linalg.pinv(matrix) @ wanted
-    missing = np.abs(matrix @ found - wanted).max()
+    result = np.linalg.pinv(matrix) @ wanted
+    missing = np.abs(matrix @ result - wanted).max()
     if missing > tolerance * max(1.0, float(np.abs(wanted).max())):
         raise InputError(
             "thruster allocation",
@@ -64,4 +69,4 @@ def commands_for(
             expected="one within the range of the allocation matrix",
             remedy="ask for no force or moment on an axis that no thruster drives",
         )
-    return found
+    return result

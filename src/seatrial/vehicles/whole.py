@@ -46,7 +46,7 @@ def forces_of(
     thrusters: Sequence[Thruster],
     inertial: Sequence[CoefficientName],
 ) -> Callable[[Mapping[str, Any], Mapping[str, Any], tuple], list[Any]]:
-    """Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it."""
+    """Return the forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it."""
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
     sums: dict[CoefficientName, list[tuple[float, str]]] = {}
     thrust = [name for name in named if name.axis == "T"]
@@ -70,21 +70,21 @@ def forces_of(
     names = thruster_controls(len(thrusters), commanded_force=not thrust)
 
     def forces(values: Mapping[str, Any], known: Mapping[str, Any], velocity: tuple) -> list[Any]:
-        found: list[Any] = [0.0] * 6
+        results: list[Any] = [0.0] * 6
         made: dict[tuple, Any] = {}
         for name, parts in sums.items():
             if name.key not in made:
                 made[name.key] = name.regressor(known, hull.trim)
             axis = AXES.index(name.axis)
             scale = total((constant.get(name, 0.0), *(times(factor, values[text]) for factor, text in parts)))
-            found[axis] = total((found[axis], times(scale, made[name.key])))
+            results[axis] = total((results[axis], times(scale, made[name.key])))
         for thruster, control, column in zip(thrusters, names, columns, strict=True):
             push = known[control]
             if thrust:
                 local = {**known, "n": push, "u": times(inflow, thruster.inflow(velocity))}
                 push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
-            found = [total((force, times(x, push))) for force, x in zip(found, column, strict=True)]
-        return found
+            results = [total((force, times(x, push))) for force, x in zip(results, column, strict=True)]
+        return results
 
     return forces
 
@@ -92,7 +92,7 @@ def forces_of(
 def _coriolis_products(
     hull: Hull, fixed: Mapping[str, float], freedom: Freedom, added_coriolis: AddedCoriolis
 ) -> list[Product]:
-    """Products of the rigid body, and of the fixed added mass where that is wanted; none of a body of which nothing is known."""
+    """Return the products of the rigid body, and of the fixed added mass where that is wanted; none of a body of which nothing is known."""
     rigid = [] if hull.mass is None else matrix_products(rigid_mass_matrix(hull))
     added = matrix_products(added_mass_matrix(fixed)) if added_coriolis == "automatic" else []
     return [product for product in summed((*rigid, *added)) if acts(product.name, freedom, ())]
@@ -125,7 +125,7 @@ def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientNa
     }
 
     def solve(values: Mapping[str, Any], forces: Sequence[Any]) -> list[Any]:
-        found: dict[int, Any] = {}
+        results: dict[int, Any] = {}
         for group in groups:
             right = [forces[i] if len(group) == 1 else _computed_once(forces[i]) for i in group]
             if group in inverses:
@@ -133,14 +133,14 @@ def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientNa
             else:
                 rows = [[_entry(float(constant[i, j]), named.get((i, j), ()), values) for j in group] for i in group]
                 rates = _eliminate(rows, right)
-            found.update(zip(group, rates, strict=True))
-        return [found[i] for i in moving]
+            results.update(zip(group, rates, strict=True))
+        return [results[i] for i in moving]
 
     return solve
 
 
 def _computed_once(force: Any) -> Any:
-    """The same number, which the compiler keeps although several accelerations need it.
+    """Return the same number, which the compiler keeps although several accelerations need it.
 
     Cheap expressions are computed anew wherever they are used, a quotient never is (decision 2); that this divisor is 1 it cannot know.
     Batched steps of six degrees of freedom take half the time.
@@ -182,11 +182,11 @@ def _eliminate(rows: list[list[Any]], right: list[Any]) -> list[Any]:
             for j in range(k + 1, n):
                 rows[i][j] = total((rows[i][j], -times(share, rows[k][j])))
             right[i] = total((right[i], -times(share, right[k])))
-    found: list[Any] = [0.0] * n
+    result: list[Any] = [0.0] * n
     for i in reversed(range(n)):
-        known = (-times(rows[i][j], found[j]) for j in range(i + 1, n))
-        found[i] = total((right[i], *known)) / rows[i][i]
-    return found
+        known = (-times(rows[i][j], result[j]) for j in range(i + 1, n))
+        result[i] = total((right[i], *known)) / rows[i][i]
+    return result
 
 
 def whole_vehicle(
@@ -285,7 +285,7 @@ def assemble(
         )
 
     def shown(name: str) -> Callable[[Params, tuple, tuple], Any]:
-        """A channel that is no state: an Euler angle, or a velocity over ground."""
+        """Return a channel that is no state: an Euler angle, or a velocity over ground."""
 
         def value(_: Params, state: tuple, control: tuple) -> Any:
             known = known_at(state, control)
@@ -328,7 +328,7 @@ def _attitude(hull: Hull, named: Sequence[CoefficientName], freedom: Freedom) ->
 
 
 def _current_components(freedom: Freedom) -> tuple[str, ...]:
-    """The water's vertical velocity counts only for a vehicle that may leave its depth."""
+    """Return the components of the current; its vertical velocity counts only for a vehicle that may leave its depth."""
     if freedom.current is None:
         return ()
     return CURRENT if any(rate in freedom.moves for rate in ("w", "p", "q")) else CURRENT[:2]

@@ -41,28 +41,28 @@ class Prior(Protocol):
         ...
 
     def constrain(self, z: Any) -> Any:
-        """Parameter value of an unconstrained z, elementwise."""
+        """Return the parameter value of an unconstrained z, elementwise."""
         ...
 
     def unconstrain(self, value: Any) -> Any:
-        """The z of a parameter value inside the support, elementwise."""
+        """Return the z of a parameter value inside the support, elementwise."""
         ...
 
     def log_density(self, z: Any) -> Any:
-        """Log density of z, elementwise."""
+        """Return the log density of z, elementwise."""
         ...
 
     def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-        """Draws of the parameter's value."""
+        """Return the draws of the parameter's value."""
         ...
 
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-        """Draws of z."""
+        """Return the draws of z."""
         ...
 
 
 def physical_support(term: CoefficientName, inertia: float) -> tuple[float, float] | None:
-    """Interval in which a coefficient is physical; None where its sign is not its own.
+    """Return the interval in which a coefficient is physical; None where its sign is not its own.
 
     Args:
         term: coefficient.
@@ -81,6 +81,11 @@ def restricted(prior: Prior, lower: float, upper: float) -> Prior:
     """Cut a prior to an interval: what lies outside is impossible, inside nothing changes but the total.
 
     A uniform stays uniform and a normal becomes a truncated normal; a prior that lies inside already is returned as it is.
+
+    Args:
+        prior: normal, uniform or a kind cut already.
+        lower: bound in the unit of the parameter; -inf for none.
+        upper: likewise; inf for none.
 
     Raises:
         InputError: next to nothing of the prior lies inside, or a log-normal, which cannot be cut.

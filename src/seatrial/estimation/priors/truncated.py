@@ -93,7 +93,7 @@ class TruncatedNormal:
         return self.sd * (sqrt(12.0) / CORNER)
 
     def _distances(self, z: Any) -> tuple[Any, Any]:
-        """How far the line is inside the lower and the upper bound, in corners."""
+        """Return how far the line is inside the lower and the upper bound, in corners."""
         t = self.mean + self.sd * z
         return (t - self.lower) / self._corner, (self.upper - t) / self._corner
 
@@ -137,7 +137,7 @@ def truncated_normal(location: float, scale: float, lower: float = -inf, upper: 
 
 
 def half_normal(scale: float, *, lower: float | None = None, upper: float | None = None) -> TruncatedNormal:
-    """Half a normal of standard deviation `scale`, falling off from one bound: upwards from `lower`, or down from `upper`.
+    """Return half a normal of standard deviation `scale`, falling off from one bound: upwards from `lower`, or down from `upper`.
 
     Two draws in three (68 %) lie within `scale` of the bound.
 

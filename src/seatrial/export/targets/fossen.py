@@ -79,7 +79,7 @@ class Fossen:
 
 
 def controls_of(vehicle: ExportedVehicle) -> tuple[str, ...]:
-    """Controls in the order of the simulator's vector: its own three for a vehicle that has no others."""
+    """Return the controls in the order of the simulator's vector: its own three for a vehicle that has no others."""
     own = vehicle.controls
     return _TORPEDO if set(own) <= set(_TORPEDO) else own
 
@@ -107,7 +107,7 @@ def _notes(vehicle: ExportedVehicle, scales: dict[str, float]) -> list[str]:
 
 
 def _limit(vehicle: ExportedVehicle, control: str, scale: float, attribute: str) -> float:
-    """A limit in the simulator's units."""
+    """Return a limit in the simulator's units."""
     actuator = vehicle.actuators.get(control)
     unbounded = {"lower": -np.inf, "upper": np.inf, "rate": np.inf, "time_constant": 0.0}
     if actuator is None:
@@ -130,7 +130,7 @@ def _unpack(controls: tuple[str, ...]) -> str:
 
 
 def _forces(vehicle: ExportedVehicle) -> str:
-    """One sum for each axis, and the thrusters."""
+    """Return one sum for each axis, and the thrusters."""
     hull, lines = vehicle.hull, []
     thrust = [(CoefficientName.parse(n), x) for n, x in vehicle.forces.items() if CoefficientName.parse(n).axis == "T"]
     share = 1.0 - hull.thrust_deduction
@@ -187,7 +187,7 @@ def _matrix(matrix: np.ndarray) -> str:
 
 
 def _steps(controls: tuple[str, ...]) -> str:
-    """The simulator's own steps for a torpedo; nothing for other vehicles."""
+    """Return the simulator's own steps for a torpedo; nothing for other vehicles."""
     if controls == _TORPEDO:
         return ""
     return (
@@ -198,7 +198,7 @@ def _steps(controls: tuple[str, ...]) -> str:
 
 
 def _safe(line: str) -> str:
-    """Text that can stand in a docstring: no quotes that end it, no backslashes, nothing that does not print."""
+    """Return text that can stand in a docstring: no quotes that end it, no backslashes, nothing that does not print."""
     kept = "".join(c if c.isprintable() else " " for c in line)
     return kept.replace("\\", "/").replace('"', "'")
 

@@ -158,7 +158,7 @@ class Gz:
 
 
 def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[Fin, ...]) -> tuple[str, ...]:
-    """What is wrong in a current, in words."""
+    """Return what is wrong in a current, in words."""
     parts = []
     if engine == "dart" and vehicle.added_mass.any():
         parts.append(
@@ -183,22 +183,22 @@ def _drift_force(vehicle: ExportedVehicle) -> Motion:
 
 
 def plugin_terms(vehicle: ExportedVehicle, engine: str) -> dict[str, float]:
-    """Parameters of the hydrodynamics plugin by element."""
-    terms, found = sorted_terms(vehicle.forces), {}
+    """Return the parameters of the hydrodynamics plugin by element."""
+    terms, results = sorted_terms(vehicle.forces), {}
     if engine == "other":
         for i, j in np.argwhere(vehicle.added_mass != 0):
-            found[f"{_axis(i)}Dot{_rate(j)}"] = -float(flip(vehicle.added_mass)[i, j])
+            results[f"{_axis(i)}Dot{_rate(j)}"] = -float(flip(vehicle.added_mass)[i, j])
     for (i, j), value in terms.linear.items():
-        found[f"{_axis(i)}{_rate(j)}"] = value * SIGN[i] * SIGN[j]
+        results[f"{_axis(i)}{_rate(j)}"] = value * SIGN[i] * SIGN[j]
     for (i, j, k), value in terms.modulus.items():
-        found[f"{_axis(i)}{_rate(j)}abs{_rate(k)}"] = value * SIGN[i] * SIGN[j]
+        results[f"{_axis(i)}{_rate(j)}abs{_rate(k)}"] = value * SIGN[i] * SIGN[j]
     own, made = all_products(vehicle), automatic_products(vehicle) if engine == "dart" else {}
     for key in sorted({*own, *made}):
         i, j, k = key
         here, there = own.get(key, 0.0), made.get(key, 0.0)
         if abs(here - there) > 1e-12 * max(abs(here), abs(there)):
-            found[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (here - there) * SIGN[i] * SIGN[j] * SIGN[k]
-    return found
+            results[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (here - there) * SIGN[i] * SIGN[j] * SIGN[k]
+    return results
 
 
 def _axis(i: int) -> str:
@@ -214,7 +214,7 @@ def _fin_terms(vehicle: ExportedVehicle) -> list[str]:
 
 
 def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
-    """What a user of these files must know."""
+    """Return what a user of these files must know."""
     drives, _ = drives_of(vehicle)
     kind = "N to /model/{0}/joint/{1}_joint/cmd_thrust" if drives and drives[0].factor is None else None
     kind = kind or "rad/s to /model/{0}/joint/{1}_joint/cmd_vel"
@@ -277,7 +277,7 @@ def _added_mass(vehicle: ExportedVehicle) -> str:
 
 
 def _box(vehicle: ExportedVehicle, density: float, parts: list[np.ndarray]) -> str:
-    """A box of the displaced volume about the centre of buoyancy, as long as what stands farthest apart asks for."""
+    """Return a box of the displaced volume about the centre of buoyancy, as long as what stands farthest apart asks for."""
     volume = volume_of(vehicle, density)
     length = max([2.0 * abs(float(at[0])) for at in parts] + [volume ** (1 / 3)])
     side = (volume / length) ** 0.5
@@ -322,7 +322,7 @@ def _drive(options: Gz, drive: Drive, name: str) -> str:
 
 
 def _fin(vehicle: ExportedVehicle, fin: Fin) -> str:
-    """A fin; with a density of 2 and an area of 1 the plugin's lift is the coefficient times V^2.
+    """Return a fin; with a density of 2 and an area of 1 the plugin's lift is the coefficient times V^2.
 
     Its joint turns by the right hand about an axis down or to starboard, and the lift goes where the leading edge points.
     """

@@ -77,7 +77,7 @@ def lamb_factors(ratio: float) -> tuple[float, float, float]:
 
 
 def slenderness(surge: float) -> float:
-    """Half length over radius of the spheroid whose added mass in surge is this share of its mass, between 0 and 0.5."""
+    """Return the half length over radius of the spheroid whose added mass in surge is this share of its mass, between 0 and 0.5."""
     return float(brentq(lambda ratio: lamb_factors(ratio)[0] - surge, 1.001, 1000.0))
 
 
@@ -187,7 +187,7 @@ class HoloOcean:
         check_stable(vehicle, self.name)
         surge = vehicle.added_mass[0, 0] / (vehicle.hull.mass or 1.0)
         low = vehicle.hull.centre_of_gravity[2] - vehicle.hull.centre_of_buoyancy[2]
-        for broken, found, expected in (
+        for broken, result, expected in (
             (bool(vehicle.thrusters), f"{len(vehicle.thrusters)} thrusters", "a torpedo with one propeller"),
             (
                 not 0 < surge < 0.5,
@@ -203,7 +203,7 @@ class HoloOcean:
             if broken:
                 raise InputError(
                     f'vehicle "{vehicle.name}", export to {self.name}',
-                    found=found,
+                    found=result,
                     expected=expected,
                     remedy="export to gz or fossen, or feed accelerations into HoloOcean's custom dynamics",
                 )
@@ -276,7 +276,7 @@ class HoloOcean:
 
 
 def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
-    """The torpedo that is nearest to a vehicle."""
+    """Return the torpedo that is nearest to a vehicle."""
     mass, terms = vehicle.hull.mass or 1.0, sorted_terms(vehicle.forces)
     ratio = slenderness(vehicle.added_mass[0, 0] / mass)
     radius = (mass / (4 / 3 * pi * density * ratio)) ** (1 / 3)
@@ -322,7 +322,7 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
 
 
 def dynamics_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]:
-    """The `dynamics` of the agent."""
+    """Return the `dynamics` of the agent."""
     return {
         "rho": torpedo.density,
         "mass": torpedo.mass,
@@ -371,26 +371,26 @@ def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
     """Lags, s, and limits, rpm and degrees, as far as the vehicle's are known: one for all fins, the longest and the narrowest."""
     fins = [vehicle.actuators[name] for name in _FINS if name in vehicle.actuators]
     propeller = [vehicle.actuators["n"]] if "n" in vehicle.actuators else []
-    found = {
+    results = {
         "T_n": max((one.time_constant for one in propeller), default=0.0),
         "nMax": max((max(abs(one.lower), abs(one.upper)) for one in propeller), default=inf) * 30 / pi,
         "T_delta": max((one.time_constant for one in fins), default=0.0),
         "deltaMax_fin_deg": degrees(min((min(abs(one.lower), abs(one.upper)) for one in fins), default=inf)),
     }
-    return {key: value for key, value in found.items() if 0 < value < inf}
+    return {key: value for key, value in results.items() if 0 < value < inf}
 
 
 def _limit_changes(vehicle: ExportedVehicle) -> list[str]:
-    """Where one limit either way, and one for all fins, is not the vehicle's."""
+    """Return where one limit either way, and one for all fins, is not the vehicle's."""
     known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *_FINS)}
     uneven = [name for name, one in known.items() if isfinite(one.upper - one.lower) and one.lower != -one.upper]
     fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in _FINS}
-    found = [f"limits of {name} alike either way" for name in uneven]
-    return found + (["one lag and limit for all fins, the longest and the narrowest"] if len(fins) > 1 else [])
+    results = [f"limits of {name} alike either way" for name in uneven]
+    return results + (["one lag and limit for all fins, the longest and the narrowest"] if len(fins) > 1 else [])
 
 
 def _actuators(vehicle: ExportedVehicle, limits: dict[str, float]) -> dict[str, Actuator]:
     top, angle = limits["nMax"] * pi / 30, radians(limits["deltaMax_fin_deg"])
-    found = {"n": Actuator(limits["T_n"], -top, top)}
-    found |= {name: Actuator(limits["T_delta"], -angle, angle) for name in _FINS}
-    return {name: actuator for name, actuator in found.items() if name in vehicle.controls}
+    results = {"n": Actuator(limits["T_n"], -top, top)}
+    results |= {name: Actuator(limits["T_delta"], -angle, angle) for name in _FINS}
+    return {name: actuator for name, actuator in results.items() if name in vehicle.controls}

@@ -47,7 +47,7 @@ class OwnJson:
 
 
 def document(vehicle: ExportedVehicle, statement: Statement) -> dict[str, Any]:
-    """The content of the file."""
+    """Return the content of the file."""
     provenance = statement.provenance
     return {
         "format": FORMAT,
@@ -68,7 +68,7 @@ def document(vehicle: ExportedVehicle, statement: Statement) -> dict[str, Any]:
 
 
 def described(vehicle: ExportedVehicle) -> dict[str, Any]:
-    """The vehicle itself: what a reader builds it from, and what follows from that and must agree."""
+    """Return the vehicle itself: what a reader builds it from, and what follows from that and must agree."""
     hull, estimated, known = vehicle.hull, vehicle.estimated, vehicle.knows_body
     sd = dict(zip(estimated.names, estimated.sd, strict=True))
     return {
@@ -125,7 +125,7 @@ def _known(vehicle: ExportedVehicle, matrix: np.ndarray) -> list[list[float]] | 
 
 
 def _actuator(name: str, actuator: Actuator) -> dict[str, Any]:
-    """A limit that is none is written as null: JSON has no infinity."""
+    """Return an actuator as a table; a limit that is none is written as null: JSON has no infinity."""
     limits = {key: getattr(actuator, key) for key in ("lower", "upper", "rate")}
     finite = {key: value if isfinite(value) else None for key, value in limits.items()}
     return {"time_constant": actuator.time_constant, **finite, "unit": signal_unit(name)}

@@ -156,7 +156,7 @@ def solid_of(vehicle: ExportedVehicle, density: float) -> Solid:
 
 
 def box(vehicle: ExportedVehicle, volume: float) -> Float[np.ndarray, " 3"]:
-    """Half lengths of a box of a volume, m, as long as the vehicle's fins and thrusters stand apart."""
+    """Return the half lengths of a box of a volume, m, as long as the vehicle's fins and thrusters stand apart."""
     places = [abs(float(drive.place[0])) for drive in drives_of(vehicle)[0]]
     places += [abs(fin.place) for fin in rudders_of(vehicle)]
     length = max([_SPAN * place for place in places] + [volume ** (1 / 3)])
@@ -289,13 +289,13 @@ def drag_force(solid: Solid, density: float) -> Motion:
         speed = np.sqrt(np.einsum("ij,ij->i", water, water))
         push = (areas * speed * np.maximum(0.0, -across))[:, None] * water
         skin = areas[:, None] * (water - across[:, None] * normals)
-        found = np.zeros(6)
+        result = np.zeros(6)
         for faces, by in ((push, 0.5 * density * solid.quadratic), (skin, density * solid.viscous)):
-            found[:3] += _weighed(faces.sum(axis=0), by)
+            result[:3] += _weighed(faces.sum(axis=0), by)
             spread = arms.T @ faces
-            found[3:] += _weighed(np.array([spread[i - 2, i - 1] - spread[i - 1, i - 2] for i in range(3)]), by)
-        found[3:] += np.cross(solid.centre, found[:3])
-        return found
+            result[3:] += _weighed(np.array([spread[i - 2, i - 1] - spread[i - 1, i - 2] for i in range(3)]), by)
+        result[3:] += np.cross(solid.centre, result[:3])
+        return result
 
     return force
 
@@ -322,15 +322,15 @@ def rudder_force(fin: Fin) -> Motion:
 
 
 def rudders_of(vehicle: ExportedVehicle) -> tuple[Fin, ...]:
-    """Fins that turn, and at the origin fixed ones that give the lift Y_uv and Z_uw that those leave."""
+    """Return the fins that turn, and at the origin fixed ones that give the lift Y_uv and Z_uw that those leave."""
     terms = sorted_terms(vehicle.forces)
-    found = fins_of(terms)[0]
-    rest = {axis: -terms.product.get((axis, 0, axis), 0.0) - _lift(found, axis) for axis in (1, 2)}
-    return found + tuple(Fin(f"{_HULL}{RATES[axis]}", axis, lift, 0.0) for axis, lift in rest.items() if lift > 0)
+    result = fins_of(terms)[0]
+    rest = {axis: -terms.product.get((axis, 0, axis), 0.0) - _lift(result, axis) for axis in (1, 2)}
+    return result + tuple(Fin(f"{_HULL}{RATES[axis]}", axis, lift, 0.0) for axis, lift in rest.items() if lift > 0)
 
 
 def _weighed(vector: Float[np.ndarray, " 3"], by: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """A vector times the multiplier of its direction."""
+    """Return a vector times the multiplier of its direction."""
     length = np.linalg.norm(vector)
     return (np.abs(vector) @ by / length) * vector if length > 0 else vector
 
@@ -340,7 +340,7 @@ def _lift(fins: tuple[Fin, ...], axis: int) -> float:
 
 
 def _fin_terms(fin: Fin) -> tuple[str, ...]:
-    """Forces of the vehicle that a fin stands for."""
+    """Return the forces of the vehicle that a fin stands for."""
     axis = AXES[fin.axis]
     if fin.control.startswith(_HULL):
         return (f"{axis}_u{RATES[fin.axis]}",)
@@ -348,40 +348,40 @@ def _fin_terms(fin: Fin) -> tuple[str, ...]:
 
 
 def _named(vehicle: ExportedVehicle, solid: Solid) -> set[str]:
-    """Forces of the vehicle that the target has in one form or another."""
+    """Return the forces of the vehicle that the target has in one form or another."""
     terms = sorted_terms(vehicle.forces)
     drives, other = drives_of(vehicle)
-    found = {name for name in terms.thrust if drives and drives[0].factor is not None and name not in other}
-    found |= {name for fin in rudders_of(vehicle) for name in _fin_terms(fin)}
+    results = {name for name in terms.thrust if drives and drives[0].factor is not None and name not in other}
+    results |= {name for fin in rudders_of(vehicle) for name in _fin_terms(fin)}
     for i in range(6):
         own = f"{AXES[i]}_{RATES[i]}"
-        found |= {f"{own}abs{RATES[i]}"} if i in (0, 3, 4, 5) or not solid.cruises else set()
-        found |= {own}
-    return found
+        results |= {f"{own}abs{RATES[i]}"} if i in (0, 3, 4, 5) or not solid.cruises else set()
+        results |= {own}
+    return results
 
 
 def _turning(vehicle: ExportedVehicle, solid: Solid) -> list[str]:
-    """Added inertia that is in the file's."""
+    """Return the added inertia that is in the file's."""
     kept = np.isclose(solid.inertia + solid.turned, _turning_inertia(vehicle), rtol=1e-9)
     return [f"{AXES[3 + i]}_{RATES[3 + i]}dot" for i in range(3) if kept[i]]
 
 
 def _turning_inertia(vehicle: ExportedVehicle) -> Float[np.ndarray, " 3"]:
-    """Moment by the angular acceleration that it gives the vehicle, about each axis: its added mass and couplings count."""
+    """Return the moment by the angular acceleration that it gives the vehicle, about each axis: its added mass and couplings count."""
     return 1.0 / np.diag(np.linalg.inv(vehicle.rigid_mass + vehicle.added_mass))[3:]
 
 
 def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
-    """Those of the thrusters, with their lags, and of the fins, which act at once; limits are the same both ways."""
+    """Return those of the thrusters, with their lags, and of the fins, which act at once; limits are the same both ways."""
     drives, fins = {drive.control for drive in drives_of(vehicle)[0]}, {fin.control for fin in rudders_of(vehicle)}
-    found = {}
+    results = {}
     for name, one in vehicle.actuators.items():
         top = max(abs(one.lower), abs(one.upper))
         if name in drives:
-            found[name] = Actuator(one.time_constant, -top, top)
+            results[name] = Actuator(one.time_constant, -top, top)
         elif name in fins:
-            found[name] = Actuator(0.0, -top, top)
-    return found
+            results[name] = Actuator(0.0, -top, top)
+    return results
 
 
 @lru_cache(1)
@@ -407,11 +407,11 @@ def _cut(vertices: list[Float[np.ndarray, " 3"]], faces: list[tuple[int, int, in
             vertices.append((vertices[one] + vertices[other]) / 2)
         return middles[edge]
 
-    found = []
+    results = []
     for a, b, c in faces:
         ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
-        found += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return found
+        results += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return results
 
 
 _PART = "".join(f"v {x} {y} {z}\n" for x in (-0.01, 0.01) for y in (-0.05, 0.05) for z in (-0.05, 0.05)) + "".join(
@@ -503,7 +503,7 @@ _DRAWN = '<mesh filename="part.obj" scale="1.0"/>\n        <material name="hull"
 
 
 def _rudder(vehicle: ExportedVehicle, fin: Fin, density: float) -> str:
-    """A fin of 1 m^2, of which only the product of area and lift counts; a stern plane lies on its side, across towards the keel."""
+    """Return a fin of 1 m^2, of which only the product of area and lift counts; a stern plane lies on its side, across towards the keel."""
     actuator = vehicle.actuators.get(fin.control, Actuator(0.0))
     top = min(_FIN_LIMIT, max(abs(actuator.lower), abs(actuator.upper)))
     roll = 0.0 if fin.axis == 1 else pi / 2

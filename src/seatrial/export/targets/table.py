@@ -65,7 +65,7 @@ def body_rows(vehicle: ExportedVehicle) -> list[tuple[str, float, str]]:
 
 
 def _driven_rows(vehicle: ExportedVehicle) -> list[tuple[str, float | None, str]]:
-    """Thrusters, lags and limits, and whether the added mass brings its Coriolis forces itself."""
+    """Return the thrusters, lags and limits, and whether the added mass brings its Coriolis forces itself."""
     rows: list[tuple[str, float | None, str]] = []
     for number, thruster in enumerate(vehicle.thrusters, 1):
         rows += [(f"thruster {number} {a}", value, "m") for a, value in zip("xyz", thruster.place, strict=True)]

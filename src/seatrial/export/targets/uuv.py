@@ -147,7 +147,7 @@ class Plugin(NamedTuple):
 
 
 def plugin_of(vehicle: ExportedVehicle) -> Plugin:
-    """The plugin's parameters."""
+    """Return the plugin's parameters."""
     terms, centre = sorted_terms(vehicle.forces), flu(_hull(vehicle).centre)
     shift = _shift(centre)
     linear, quadratic, tensor = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6, 6))
@@ -172,32 +172,32 @@ def plugin_of(vehicle: ExportedVehicle) -> Plugin:
 def _shift(centre: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
     """H: velocities at the origin from those at the centre."""
     x, y, z = centre
-    found = np.eye(6)
-    found[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    return found
+    result = np.eye(6)
+    result[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    return result
 
 
 def _products_of(tensor: Float[np.ndarray, "6 6 6"]) -> dict[Pair, float]:
-    """Products with ascending velocities; what is rounding beside the largest of its axis is left out."""
-    found = {}
+    """Return the products with ascending velocities; what is rounding beside the largest of its axis is left out."""
+    results = {}
     for i in range(6):
         for j in range(6):
             for k in range(j, 6):
                 value = tensor[i, j, k] + (tensor[i, k, j] if k > j else 0.0)
                 if abs(value) > 1e-12 * np.abs(tensor[i]).max():
-                    found[i, j, k] = float(value)
-    return found
+                    results[i, j, k] = float(value)
+    return results
 
 
 def _plugin_force(plugin: Plugin) -> Motion:
-    """The plugin's force, about our origin."""
+    """Return the plugin's force, about our origin."""
     back = np.linalg.inv(_shift(plugin.centre))
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
         there = np.tensordot(back, np.asarray(nu, float), 1)
-        found = np.tensordot(plugin.linear, there, 1) + there[0] * np.tensordot(plugin.forward, there, 1)
-        found = found + (plugin.quadratic * (np.abs(there) * there).T).T - coriolis_force(plugin.added, there)
-        return np.tensordot(back.T, found, 1)
+        result = np.tensordot(plugin.linear, there, 1) + there[0] * np.tensordot(plugin.forward, there, 1)
+        result = result + (plugin.quadratic * (np.abs(there) * there).T).T - coriolis_force(plugin.added, there)
+        return np.tensordot(back.T, result, 1)
 
     return force
 
@@ -207,13 +207,13 @@ def _is_crossed(name: str) -> bool:
 
 
 def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
-    """Those of the thrusters without their rates; there are no fins."""
+    """Return those of the thrusters without their rates; there are no fins."""
     drives = {drive.control for drive in drives_of(vehicle)[0]}
     return {name: replace(one, rate=np.inf) for name, one in vehicle.actuators.items() if name in drives}
 
 
 def _hull(vehicle: ExportedVehicle) -> Body:
-    """The hull in the link's axes, without what its propellers weigh."""
+    """Return the hull in the link's axes, without what its propellers weigh."""
     parts = [point_mass(PART, PART_INERTIA, flu(drive.place)) for drive in drives_of(vehicle)[0]]
     return body_of(flip(vehicle.rigid_mass) - sum(parts, start=np.zeros((6, 6))))
 
@@ -257,7 +257,7 @@ def _robot(options: Uuv, vehicle: ExportedVehicle, name: str) -> str:
 
 
 def _buoyancy_at(vehicle: ExportedVehicle, plugin: Plugin) -> Float[np.ndarray, " 3"]:
-    """Centre of buoyancy from the centre of gravity, forward, port, up."""
+    """Return the centre of buoyancy from the centre of gravity, forward, port, up."""
     return flu(np.array(vehicle.hull.centre_of_buoyancy) - plugin.centre)
 
 
@@ -309,7 +309,7 @@ def _thruster_plugin(vehicle: ExportedVehicle, name: str, index: int, drive: Dri
 
 
 def _parameters(options: Uuv, vehicle: ExportedVehicle) -> str:
-    """What the simulator's controllers read: the same numbers, their damping without products."""
+    """Return what the simulator's controllers read: the same numbers, their damping without products."""
     body, plugin = body_of(flip(vehicle.rigid_mass)), plugin_of(vehicle)
     volume = volume_of(vehicle, options.density)
     side = number(volume ** (1 / 3))

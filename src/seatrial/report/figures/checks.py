@@ -148,23 +148,23 @@ def prior_motions(
     return figure
 
 
-def rank_figure(found: Calibration, words: str) -> "Figure":
+def rank_figure(result: Calibration, words: str) -> "Figure":
     """Draw a row for each quantity: histogram left, distance from the diagonal right, bands that hold all of them in 99 % of cases.
 
     Args:
-        found: ranks.
+        result: ranks.
         words: heading, plain text.
     """
     from matplotlib.figure import Figure
 
-    k = len(found.names)
+    k = len(result.names)
     height = TOP + k * ROW + (k - 1) * RANK_GAP + BOTTOM
     figure = Figure(figsize=(RANK_WIDTH * POINT, height * POINT), dpi=72)
     figure.text(8 / RANK_WIDTH, 1 - 14 / height, words, fontsize=SMALL + 1, color=INK)
     half = 0.5 * (RANK_WIDTH - LEFT - 70)
-    low, high = found.count_band()
-    outside = found.outside()
-    for i, name in enumerate(found.names):
+    low, high = result.count_band()
+    outside = result.outside()
+    for i, name in enumerate(result.names):
         y = (height - TOP - (i + 1) * ROW - i * RANK_GAP) / height
         box = (half / RANK_WIDTH, ROW / height)
         left = style_axes(figure.add_axes((LEFT / RANK_WIDTH, y, *box)))
@@ -172,11 +172,13 @@ def rank_figure(found: Calibration, words: str) -> "Figure":
         color = ORANGE if name in outside else BLUE
         edges = np.linspace(0, DRAWS + 1, BINS + 1)
         left.axhspan(low, high, color=BLUE, alpha=BAND, linewidth=0)
-        left.bar(edges[:-1], found.counts()[i], np.diff(edges), align="edge", color=color, edgecolor="none", alpha=0.75)
-        at, band = np.arange(1, DRAWS + 1), found.distance_band()
+        left.bar(
+            edges[:-1], result.counts()[i], np.diff(edges), align="edge", color=color, edgecolor="none", alpha=0.75
+        )
+        at, band = np.arange(1, DRAWS + 1), result.distance_band()
         right.fill_between(at, -band, band, color=BLUE, alpha=BAND, linewidth=0)
         right.axhline(0.0, color=MUTED, linewidth=0.8)
-        right.plot(at, found.distance()[i], color=color, linewidth=1.4)
+        right.plot(at, result.distance()[i], color=color, linewidth=1.4)
         right.set_ylim(-2.2 * band.max(), 2.2 * band.max())
         figure.text(8 / RANK_WIDTH, y + 0.5 * ROW / height, name, fontsize=SMALL + 1, color=INK, va="center")
         last = i == k - 1

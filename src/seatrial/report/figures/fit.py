@@ -152,15 +152,15 @@ def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray,
         return np.empty(0), np.empty(0), int(values.size)
     spacing = float(np.median(np.diff(at)))
     place = np.round((at - at[0]) / spacing).astype(int)
-    lags, found = np.arange(1, min(MOST_LAGS, values.size // 3) + 1), []
+    lags, results = np.arange(1, min(MOST_LAGS, values.size // 3) + 1), []
     for lag in lags:
         later = np.minimum(np.searchsorted(place, place + lag), place.size - 1)
         pair = place[later] == place + lag
         count = int(pair.sum())
         # As many pairs as without gaps weigh as they do there, so that long lags shrink towards zero alike.
         weight = values.size * (1 - lag / (place[-1] + 1)) / max(count, 1)
-        found.append(weight * float(values[pair] @ values[later[pair]]) / total if count >= FEWEST else np.nan)
-    correlation = np.array(found)
+        results.append(weight * float(values[pair] @ values[later[pair]]) / total if count >= FEWEST else np.nan)
+    correlation = np.array(results)
     there = np.isfinite(correlation)
     return lags[there] * spacing, correlation[there], int(values.size)
 

@@ -76,7 +76,7 @@ class PriorShape(NamedTuple):
         return bool(np.isfinite(self.lower) and np.isfinite(self.upper))
 
     def density(self, x: np.ndarray) -> np.ndarray:
-        """Density at x, between the points along straight lines."""
+        """Return the density at x, between the points along straight lines."""
         inside = (x >= self.lower) & (x <= self.upper)
         return np.where(inside, np.interp(x, self.value, self.height), 0.0)
 
@@ -144,7 +144,13 @@ def marginal(
 
 
 def normal_density(x: np.ndarray, mean: float, sd: float) -> np.ndarray:
-    """Density of a normal distribution."""
+    """Return the density of a normal distribution.
+
+    Args:
+        x: where, shape (n,).
+        mean: of the distribution.
+        sd: its standard deviation.
+    """
     return np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * sqrt(2 * pi))
 
 
@@ -301,13 +307,13 @@ def _frame(draws: np.ndarray, mean: float, sd: float, prior: PriorShape, truth: 
 
 
 def _length(symbol: str) -> int:
-    """Number of characters that a symbol prints, about."""
+    """Return the number of characters that a symbol prints, about."""
     bare = re.sub(r"\\(mathrm|dot)|[${}_^]", "", symbol)
     return len(re.sub(r"\\[A-Za-z]+ ?", "x", bare))
 
 
 def _levels(density: np.ndarray) -> list[float]:
-    """Heights above which the given shares of the density lie, lowest first."""
+    """Return the heights above which the given shares of the density lie, lowest first."""
     ordered = np.sort(density.ravel())[::-1]
     held = np.cumsum(ordered) / ordered.sum()
     return [float(ordered[min(int(np.searchsorted(held, share)), ordered.size - 1)]) for share in SHARES]
@@ -344,14 +350,14 @@ def _ends(profile: Profile) -> tuple[float, float]:
 
 
 def _smooth(values: np.ndarray, drop: np.ndarray, best: float) -> tuple[np.ndarray, np.ndarray]:
-    """The curve between its points: the signed root of the fall is nearly straight, so it is what is interpolated."""
+    """Return the curve between its points: the signed root of the fall is nearly straight, so it is what is interpolated."""
     grid = np.linspace(values.min(), values.max(), 301)
     root = np.sign(values - best) * np.sqrt(2 * drop)
     return grid, 0.5 * np.interp(grid, values, root) ** 2
 
 
 def _profile_frame(grid: np.ndarray, curve: np.ndarray) -> tuple[float, float]:
-    """Where the curve is not too deep, with some room."""
+    """Return where the curve is not too deep, with some room."""
     near = grid[curve <= DEEPEST]
     low, high = float(near.min()), float(near.max())
     room = 0.06 * ((high - low) or max(abs(high), 1e-12))

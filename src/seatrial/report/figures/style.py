@@ -102,7 +102,13 @@ def limit_ticks(axis: "Axis", most: int) -> None:
 
 
 def label_axes(axes: "Axes", x: str = "", y: str = "") -> None:
-    """Name the axes; text within dollars is mathematics, so names from users must not come here."""
+    """Name the axes; text within dollars is mathematics, so names from users must not come here.
+
+    Args:
+        axes: to label.
+        x: name and unit below; none if empty.
+        y: name and unit at the side; none if empty.
+    """
     if x:
         axes.set_xlabel(x, fontsize=FONT, color=INK, labelpad=3)
     if y:
@@ -131,12 +137,12 @@ def draw_dots(
 
 
 def thin(count: int, most: int = 1500) -> np.ndarray:
-    """Indices of at most about `most` of `count` samples, evenly spread, first and last included."""
+    """Return the indices of at most about `most` of `count` samples, evenly spread, first and last included."""
     return np.arange(count) if count <= most else np.unique(np.round(np.linspace(0, count - 1, most)).astype(int))
 
 
 def thin_steps(values: np.ndarray, most: int = 1500) -> np.ndarray:
-    """Indices that keep the look of a signal with steps: its changes if they are few, else the extremes of each stretch."""
+    """Return the indices that keep the look of a signal with steps: its changes if they are few, else the extremes of each stretch."""
     count = values.size
     changes = np.flatnonzero(np.diff(values) != 0)
     corners = np.unique(np.concatenate([[0], changes, changes + 1, [count - 1]]))
@@ -152,13 +158,19 @@ def thin_steps(values: np.ndarray, most: int = 1500) -> np.ndarray:
 
 
 def power_of_ten(*values: float) -> int:
-    """Power of ten to pull out of an axis so that its tick labels stay short."""
+    """Return the power of ten to pull out of an axis so that its tick labels stay short."""
     size = max((abs(value) for value in values if np.isfinite(value)), default=0.0)
     return 0 if size == 0.0 or 0.05 <= size < 10000 else int(np.floor(np.log10(size)))
 
 
 def unit_label(symbol: str, unit: str, exponent: int = 0) -> str:
-    """Axis label such as `$X_{u}$ [10⁻⁴ kg/s]`."""
+    """Return the axis label such as `$X_{u}$ [10⁻⁴ kg/s]`.
+
+    Args:
+        symbol: LaTeX.
+        unit: as it is printed; none if empty.
+        exponent: of ten, taken out of the numbers.
+    """
     from seatrial.report.numbers import times_ten, unit_text
 
     unit = unit_text("" if unit == "1" else unit)

@@ -41,7 +41,7 @@ _STEPS = 500
 
 
 def known_section(outcome: Outcome) -> dict[str, Any]:
-    """What `known.html` prints."""
+    """Return what `known.html` prints."""
     known, labels = outcome.known, labels_of(outcome)
     directions = known.directions if len(known.parameters) > 1 else ()
     return {
@@ -53,7 +53,7 @@ def known_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def rows_of(known: Known, labels: dict[str, str]) -> list[dict[str, Any]]:
-    """One row for each parameter."""
+    """Return one row for each parameter."""
     rows = []
     for item in known.parameters:
         value, sd, exponent = rounded(item.value, item.sd)
@@ -83,13 +83,13 @@ def verdict_of(known: Known, labels: dict[str, str]) -> list[dict[str, Any]]:
 
 
 def trimmed_records(outcome: Outcome) -> list[dict[str, Any]]:
-    """What `trimming.html` prints of each record that a log was imported to as a whole."""
+    """Return what `trimming.html` prints of each record that a log was imported to as a whole."""
     records = (*outcome.trials.fit, *outcome.trials.predict)
     return [_one(index, record) for index, record in enumerate(records) if _is_whole(record)]
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
-    """What `trial.html` prints."""
+    """Return what `trial.html` prints."""
     first = outcome.first
     imported = outcome.campaign.imports is not None
     return {
@@ -103,7 +103,7 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def next_section(outcome: Outcome) -> dict[str, Any]:
-    """What `next.html` prints."""
+    """Return what `next.html` prints."""
     trial, proposal = outcome.summary["next_trial"], propose(outcome)
     names = list(trial["sd_before"])
     gain = trial["gain_nat"]
@@ -174,7 +174,7 @@ def best_words(designs: Designs) -> str:
 
 
 def record_rows(outcome: Outcome) -> list[dict[str, Any]]:
-    """One row for each record: how it was used, how long it is and what it covers."""
+    """Return one row for each record: how it was used, how long it is and what it covers."""
     fitted = {record.label for record in outcome.trials.fit}
     return [
         {
@@ -190,7 +190,7 @@ def record_rows(outcome: Outcome) -> list[dict[str, Any]]:
 
 
 def _direction(item: Direction, labels: dict[str, str]) -> Markup:
-    """The change of one standard error: symbols with what each changes by."""
+    """Return the change of one standard error: symbols with what each changes by."""
     parts = [
         Markup('<span style="white-space: nowrap">{} {}</span>').format(
             label_html(labels.get(name, name)),
@@ -230,7 +230,7 @@ def _shown(record: Record, name: str) -> np.ndarray:
 
 
 def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
-    """The trial as it was designed, beside what the records gave."""
+    """Return the trial as it was designed, beside what the records gave."""
     filtered = [str(name) for name in outcome.filter["coefficient"].values]
     full = outcome.estimates[0]
     before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
@@ -248,7 +248,7 @@ def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
 
 
 def _families(designs: Designs) -> list[str]:
-    """The best of every family, where there is more than one."""
+    """Return the best of every family, where there is more than one."""
     return designs.lines() if len(designs.sweeps) + len(designs.refused) > 1 else []
 
 

@@ -29,7 +29,7 @@ NOUNS = {
 
 
 def fits_section(outcome: Outcome) -> dict[str, Any]:
-    """What `fits.html` prints."""
+    """Return what `fits.html` prints."""
     records = [*outcome.trials.fit, *outcome.trials.predict]
     held_back = {record.label for record in outcome.trials.predict}
     most = int(np.clip(POINTS / (len(records) * len(outcome.campaign.channels)), 350, 1500))
@@ -47,7 +47,7 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def traces_section(outcome: Outcome) -> dict[str, Any]:
-    """What `traces.html` prints."""
+    """Return what `traces.html` prints."""
     names = [str(name) for name in outcome.filter["coefficient"].values]
     return {
         "figures": [_trace(outcome, index, name) for index, name in enumerate(names)],
@@ -139,7 +139,7 @@ def _p_value(p: float) -> str:
 
 
 def _spark(shares: tuple[float, ...]) -> list[float]:
-    """Heights of the bars of a small histogram, in units of what each should be, cut at three."""
+    """Return the heights of the bars of a small histogram, in units of what each should be, cut at three."""
     return [round(min(3.0, share * len(shares)), 2) for share in shares]
 
 

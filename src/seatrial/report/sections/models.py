@@ -18,7 +18,7 @@ MOST = 12
 
 
 def models_section(outcome: Outcome) -> dict[str, Any]:
-    """What `models.html` prints."""
+    """Return what `models.html` prints."""
     selection, labels = outcome.selection, labels_of(outcome)
     order = np.argsort(-selection.probability, kind="stable")
     always = outcome.campaign.structure.always
@@ -36,7 +36,7 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def terms_section(outcome: Outcome) -> dict[str, Any]:
-    """What `terms.html` prints."""
+    """Return what `terms.html` prints."""
     screened, contenders, labels = outcome.screened, outcome.contenders, labels_of(outcome)
     selection, said = outcome.selection, []
     if contenders is not None:

@@ -17,7 +17,7 @@ STRONG, MOST_PAIRS = 0.7, 6
 
 
 def coefficients_section(outcome: Outcome) -> dict[str, Any]:
-    """What `coefficients.html` prints."""
+    """Return what `coefficients.html` prints."""
     truth = truth_of(outcome)
     rows = [_row(outcome, item, truth) for item in outcome.summary["coefficients"]]
     terms = set(outcome.chosen.structure.terms)
@@ -37,7 +37,7 @@ def coefficients_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def prior_of(outcome: Outcome, name: str) -> PriorShape:
-    """Prior of a parameter of the chosen structure, as stored with its draws."""
+    """Return the prior of a parameter of the chosen structure, as stored with its draws."""
     row = outcome.chosen.data.sel(parameter=name)
     return PriorShape(
         lower=float(row["prior_lower"]),
@@ -68,7 +68,7 @@ def prior_words(prior: PriorShape, exponent: int = 0) -> str:
 
 
 def posteriors_section(outcome: Outcome) -> dict[str, Any]:
-    """What `posteriors.html` prints."""
+    """Return what `posteriors.html` prints."""
     names = outcome.chosen.names
     matrix = correlation(outcome.chosen.draws())
     strong = sorted(
@@ -87,7 +87,7 @@ def posteriors_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def correlation(draws: np.ndarray) -> np.ndarray:
-    """Correlations of the columns of draws; NaN for a column that does not vary."""
+    """Return the correlations of the columns of draws; NaN for a column that does not vary."""
     centred, sd = draws - draws.mean(axis=0), draws.std(axis=0)
     sd = np.where(sd > 1e-9 * np.abs(draws).max(axis=0), sd, np.nan)
     return (centred / sd).T @ (centred / sd) / draws.shape[0]

@@ -42,7 +42,7 @@ class Conclusion(NamedTuple):
 
 
 def summary_section(outcome: Outcome) -> dict[str, Any]:
-    """What `summary.html` prints."""
+    """Return what `summary.html` prints."""
     findings = find(outcome)
     alarms = [item for item in findings if item.kind == "alarm"]
     return {
@@ -98,7 +98,7 @@ def find(outcome: Outcome) -> list[Conclusion]:
 
 
 def glance(outcome: Outcome) -> list[dict[str, Any]]:
-    """A few numbers with their names, each with a link to where they come from."""
+    """Return a few numbers with their names, each with a link to where they come from."""
     selection, trials = outcome.selection, outcome.trials
     scored = [fit for fit in outcome.fits if fit.samples > 0 and not fit.missing]
     held_back = [fit for fit in scored if fit.held_back]
@@ -184,7 +184,7 @@ def _next(outcome: Outcome) -> dict[str, Any]:
 
 
 def _span(shares: list[float]) -> str:
-    """Least and largest as percentages; a dash where there are none."""
+    """Return the least and largest as percentages; a dash where there are none."""
     if not shares:
         return DASH
     low, high = percent(min(shares)), percent(max(shares))
@@ -225,7 +225,7 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
         groups.setdefault(_NUMBER.sub("#", name.sub("§", text)), []).append(text)
     said = []
     for first, *others in groups.values():
-        names = [found for other in others if (found := tuple(dict.fromkeys(name.findall(other))))]
+        names = [result for other in others if (result := tuple(dict.fromkeys(name.findall(other))))]
         listed = [Markup(" with ").join(label_html(labels[n]) for n in group) for group in dict.fromkeys(names)]
         likewise = Markup(" Likewise {}.").format(Markup(", ").join(listed)) if names else ""
         said += (
@@ -238,7 +238,7 @@ def _sentences(texts: list[str], labels: dict[str, str]) -> list[Markup]:
 
 def _health(outcome: Outcome, index: int) -> dict[str, Any]:
     estimate, evidence = outcome.estimates[index], outcome.selection.evidences[index]
-    data, found = estimate.data, evidence.diagnostics["methods"]
+    data, result = estimate.data, evidence.diagnostics["methods"]
     worst = int(np.argmax(np.nan_to_num(data["r_hat"].values, nan=np.inf)))
     r_hat, ess = (
         float(data["r_hat"].values[worst]),
@@ -256,16 +256,16 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
         "acceptance": percent(float(data.attrs["acceptance"])),
         "laplace": f"{float(data.attrs['laplace_log_evidence']):.1f}",
         "evidences": [
-            f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := found.get(name)) else "–"
+            f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := result.get(name)) else "–"
             for name in _methods(outcome)
         ],
-        "apart": short(max(abs(one["joint_errors"]) for one in found.values()), 2),
+        "apart": short(max(abs(one["joint_errors"]) for one in result.values()), 2),
         "evidence_bad": bool(evidence.status),
     }
 
 
 def _methods(outcome: Outcome) -> list[str]:
-    """Every method that gave an evidence of some structure."""
+    """Return every method that gave an evidence of some structure."""
     tables = [evidence.diagnostics["methods"] for evidence in outcome.selection.evidences]
     return list(dict.fromkeys(name for table in tables for name in table))
 
@@ -281,7 +281,7 @@ def _provenance(record: Any) -> dict[str, Any]:
 
 
 def _runs(outcome: Outcome) -> list[str]:
-    """Labels of the records as they are stored, of which trials may be pieces."""
+    """Return the labels of the records as they are stored, of which trials may be pieces."""
     trials = (*outcome.trials.fit, *outcome.trials.predict)
     cut = [
         record.label.rpartition(".")[0] if "piece" in record.provenance.options else record.label for record in trials
@@ -290,7 +290,7 @@ def _runs(outcome: Outcome) -> list[str]:
 
 
 def _files(outcome: Outcome) -> list[tuple[str, str]]:
-    """Files that exist, relative to the campaign's folder, and what they hold."""
+    """Return the files that exist, relative to the campaign's folder, and what they hold."""
     store = Store(outcome.campaign.folder)
     folder = outcome.campaign.folder
     listed = [

@@ -64,7 +64,7 @@ class SubsetElimination:
         pivots: Float[np.ndarray, " levels"] | None = None,
         squares: Float[np.ndarray, " levels"] | None = None,
     ) -> tuple[Float[np.ndarray, "rest rest more"], Float[np.ndarray, " more"]]:
-        """All subsets of the first terms.
+        """Return all subsets of the first terms.
 
         Args:
             matrix: what remains before, a lane for each subset so far.
@@ -94,7 +94,7 @@ class SubsetElimination:
         return matrix, determinants[-1]
 
     def gather_moments(self, moment: Float[np.ndarray, "rest rest more"]) -> Float[np.ndarray, "size size lanes"]:
-        """Sums over each lane's subsets of w z z^T, z the posterior means and -1, from those over the finest lanes."""
+        """Return the sums over each lane's subsets of w z z^T, z the posterior means and -1, from those over the finest lanes."""
         self.moments[-1][:] = moment
         for level in reversed(range(len(self.slopes))):
             self._join(self.moments[level + 1], self.slopes[level], level, self.moments[level])
@@ -103,7 +103,7 @@ class SubsetElimination:
     def gather_spreads(
         self, spread: Float[np.ndarray, "less less more"], scale: Float[np.ndarray, " more"]
     ) -> tuple[Float[np.ndarray, "fewer fewer lanes"], Float[np.ndarray, " lanes"]]:
-        """Sums over each lane's subsets of v A_S^-1, and of v, from those over the finest lanes; one row less than moments."""
+        """Return the sums over each lane's subsets of v A_S^-1, and of v, from those over the finest lanes; one row less than moments."""
         self.spreads[-1][:] = spread
         for level in reversed(range(len(self.slopes))):
             joined = self.spreads[level]
@@ -153,7 +153,7 @@ class LaneSums(NamedTuple):
     chance: Float[np.ndarray, " lanes"]
 
     def rescaled(self) -> "LaneSums":
-        """The same relative to the highest peak of all."""
+        """Return the same relative to the highest peak of all."""
         factor = np.exp(self.peak - self.peak.max())
         of_block = factor[:: factor.size // self.pairs.shape[2]]
         return self._replace(
@@ -163,7 +163,7 @@ class LaneSums(NamedTuple):
         )
 
     def joint(self) -> Float[np.ndarray, "k k"]:
-        """Probability that both of each two terms are there; of sums already rescaled.
+        """Return the probability that both of each two terms are there; of sums already rescaled.
 
         The terms before those doubled within come first; their settings are the lanes.
         """
@@ -205,20 +205,20 @@ class Best:
     def offer(self, scores: Float[np.ndarray, "m lanes"], lane: int, shift: int) -> None:
         """Look at a block: its structure in row i and lane j has the number (i << shift) + lane + j."""
         flat = scores.ravel()
-        found = np.flatnonzero((flat >= self._threshold) & (flat > -np.inf))
-        found = found[_top(flat[found], self._most)]
-        if not found.size:
+        result = np.flatnonzero((flat >= self._threshold) & (flat > -np.inf))
+        result = result[_top(flat[result], self._most)]
+        if not result.size:
             return
-        row, column = np.divmod(found, scores.shape[1])
+        row, column = np.divmod(result, scores.shape[1])
         with self._lock:
-            self._scores.append(flat[found])
+            self._scores.append(flat[result])
             self._codes.append((row << shift) + lane + column)
-            self._held += found.size
+            self._held += result.size
             if self._held > 4 * self._most:
                 self._compact()
 
     def ranked(self) -> tuple[Float[np.ndarray, " n"], UInt64[np.ndarray, " n"]]:
-        """Scores, highest first, and numbers."""
+        """Return the scores, highest first, and numbers."""
         self._compact()
         scores, codes = self._scores[0], self._codes[0]
         order = np.lexsort((codes, -scores))
@@ -299,7 +299,7 @@ def all_subsets(
     top: int = 1000,
     threads: int | None = None,
 ) -> SubsetPosterior:
-    """Probabilities of all structures, and averages over them.
+    """Return the probabilities of all structures, and averages over them.
 
     Args:
         stats: of the regression on all terms.
@@ -348,12 +348,12 @@ def all_subsets(
         raise no_structure()
     lane_chance = np.exp(_log_chance(np.arange(2**fixed), chance[:fixed]))
     log_mass = float(np.log(lane_chance @ sums.chance))
-    found = _collect(candidates, problem, outer, sums.rescaled(), best, log_mass)
-    return SubsetPosterior(stats=stats, prior=prior, **found)
+    result = _collect(candidates, problem, outer, sums.rescaled(), best, log_mass)
+    return SubsetPosterior(stats=stats, prior=prior, **result)
 
 
 def _by_turns(shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
-    """Arrays of which every second one lies in the same memory, so that what is in use stays in cache."""
+    """Return the arrays of which every second one lies in the same memory, so that what is in use stays in cache."""
     sizes = [int(np.prod(shape)) for shape in shapes]
     pair = [np.empty(max(sizes[turn::2], default=0)) for turn in (0, 1)]
     return [pair[i % 2][:size].reshape(shape) for i, (size, shape) in enumerate(zip(sizes, shapes, strict=True))]
@@ -403,16 +403,16 @@ def _collect(
 
 
 def _averages(problem: Problem, outer: SubsetElimination, sums: LaneSums, order: np.ndarray) -> Averages:
-    """Moments of the coefficients from those of the lanes, in the order of the library."""
+    """Return the moments of the coefficients from those of the lanes, in the order of the library."""
     moment = outer.gather_moments(sums.moment)[..., 0]
     spread, corner = outer.gather_spreads(sums.spread, sums.corner)
-    found = averages(problem, moment, spread[..., 0], float(corner[0]))
+    result = averages(problem, moment, spread[..., 0], float(corner[0]))
     square = np.ix_(order, order)
-    return Averages(found.mean[order], found.within[square], found.between[square])
+    return Averages(result.mean[order], result.within[square], result.between[square])
 
 
 def _parts(problem: Problem, terms: slice) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Pivots and squares of some terms."""
+    """Return the pivots and squares of some terms."""
     return (
         None if problem.pivots is None else problem.pivots[terms],
         None if problem.squares is None else problem.squares[terms],
@@ -420,7 +420,7 @@ def _parts(problem: Problem, terms: slice) -> tuple[np.ndarray | None, np.ndarra
 
 
 def _log_chance(codes: np.ndarray, chance: Float[np.ndarray, " terms"]) -> Float[np.ndarray, " m"]:
-    """Log of the prior probability of structures without rules."""
+    """Return the log of the prior probability of structures without rules."""
     there = bits(codes, chance.size)
     return np.log(chance) @ there + np.log1p(-chance) @ (1 - there)
 
@@ -437,7 +437,7 @@ def _share(work: Callable[[Iterable[int]], None], firsts: list[int], threads: in
 
 
 def _top(scores: np.ndarray, most: int) -> np.ndarray:
-    """Where the highest are, in any order."""
+    """Return where the highest are, in any order."""
     if scores.size <= most:
         return np.arange(scores.size)
     return np.argpartition(scores, scores.size - most)[scores.size - most :]

@@ -102,27 +102,27 @@ class SubsetPosterior:
         return float(self.probability.sum())
 
     def numbers(self, rank: int) -> list[int]:
-        """Numbers of the terms of one of the best structures, the best having rank 0."""
+        """Return the numbers of the terms of one of the best structures, the best having rank 0."""
         return [i for i in range(len(self.names)) if int(self.structures[rank]) >> i & 1]
 
     def terms(self, rank: int) -> tuple[str, ...]:
-        """Names of the terms of one of the best structures."""
+        """Return the names of the terms of one of the best structures."""
         return tuple(self.names[i] for i in self.numbers(rank))
 
     def fit(self, rank: int) -> SubsetFit:
-        """Posterior of the coefficients of one of the best structures, in the order of its terms."""
+        """Return the posterior of the coefficients of one of the best structures, in the order of its terms."""
         return evidence_of(self.stats, self.prior, self.numbers(rank))
 
     def median_model(self) -> tuple[str, ...]:
-        """Terms more probable than not; they keep any rules, unless sampling errors push one across one half."""
+        """Return the terms more probable than not; they keep any rules, unless sampling errors push one across one half."""
         return tuple(name for name, p in zip(self.names, self.inclusion, strict=True) if p > 0.5)
 
     def coefficients(self) -> Averaged:
-        """Averaged coefficients; an absent one counts as zero."""
+        """Return the averaged coefficients; an absent one counts as zero."""
         return self.predict(np.eye(len(self.names)))
 
     def predict(self, phi: Float[np.ndarray, "m d"]) -> Averaged:
-        """Averaged response to regressors, without noise.
+        """Return the averaged response to regressors, without noise.
 
         Raises:
             InputError: not one column for each term.

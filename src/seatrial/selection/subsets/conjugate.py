@@ -138,6 +138,11 @@ Prior = IndependentPrior | GPrior
 def evidence_of(stats: Gram, prior: Prior, terms: Sequence[int]) -> SubsetFit:
     """Return posterior and evidence of the structure of the terms numbered `terms`, in that order.
 
+    Args:
+        stats: of the regression on all terms.
+        prior: of its coefficients and noise.
+        terms: numbers of the terms of the structure.
+
     Raises:
         InputError: prior of the wrong sign or size.
         NumericalError: as `noise_rate`.
@@ -196,7 +201,13 @@ def physical_prior(
 
 
 def unit_information(stats: Gram, noise_sd: float, *, shape: float = SHAPE) -> GPrior:
-    """Return the g-prior of g = n, for noise of an expected variance noise_sd^2."""
+    """Return the g-prior of g = n, for noise of an expected variance noise_sd^2.
+
+    Args:
+        stats: of the regression; g is its number of measurements.
+        noise_sd: root of the expected noise variance, unit of y.
+        shape: shape of the inverse gamma, above 1.
+    """
     return GPrior(float(stats.n), shape, (shape - 1) * noise_sd**2)
 
 

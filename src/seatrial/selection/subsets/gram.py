@@ -35,7 +35,7 @@ class Gram(NamedTuple):
     n: int
 
     def __add__(self, other: "Gram") -> "Gram":  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Statistics of both trials together, of the same regressors and the same noise.
+        """Return the statistics of both trials together, of the same regressors and the same noise.
 
         Raises:
             InputError: different numbers of regressors.
@@ -53,7 +53,7 @@ class Gram(NamedTuple):
 
 
 def gram(phi: Float[np.ndarray, "n k"], y: Float[np.ndarray, " n"]) -> Gram:
-    """Statistics of one trial; errors of y are white and of one variance.
+    """Return the statistics of one trial; errors of y are white and of one variance.
 
     Args:
         phi: regressors, a column for each term.

@@ -90,6 +90,14 @@ def check_candidates(
 ) -> Candidates:
     """Check the arguments of `all_subsets`.
 
+    Args:
+        stats: of the regression on all terms.
+        names: of the terms, one for each column.
+        always: terms in every structure.
+        rules: which structures are allowed, over `names`; all, if None.
+        inclusion: prior probability that a term is there; one for all, or one for each name.
+        top: how many of the best structures to keep.
+
     Raises:
         InputError: any that cannot be used.
     """
@@ -188,7 +196,7 @@ def make_problem(
 def averages(
     problem: Problem, moment: Float[np.ndarray, "k1 k1"], spread: Float[np.ndarray, "k k"], corner: float
 ) -> Averages:
-    """Averages from sums over structures in scaled columns.
+    """Return the averages from sums over structures in scaled columns.
 
     Args:
         problem: as made.

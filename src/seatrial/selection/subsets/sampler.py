@@ -94,7 +94,7 @@ class Evaluated(NamedTuple):
 
 
 def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options: Any) -> SubsetPosterior:
-    """Posterior over all structures: exact up to 25 optional terms, sampled beyond.
+    """Return the posterior over all structures: exact up to 25 optional terms, sampled beyond.
 
     Args:
         stats: of the regression on all terms.
@@ -126,7 +126,7 @@ def sample_subsets(
     chains: int = 64,
     moves: int = 2000,
 ) -> SubsetPosterior:
-    """Probabilities of structures, and averages over them, with Monte Carlo errors in `monte_carlo`.
+    """Return the probabilities of structures, and averages over them, with Monte Carlo errors in `monte_carlo`.
 
     Args:
         stats: of the regression on all terms.
@@ -183,19 +183,19 @@ def sample_subsets(
         renormalised[term] = weight[evaluated.codes >> np.uint64(term) & np.uint64(1) == 1].sum()
     covered = min(float(np.exp(np.logaddexp.reduce(evaluated.scores) - log_total)), 1.0)
     held = covered * float(weight[most].sum())
-    found = _by_visits(candidates, problem, seen, owner, moves)
-    errors = found.pop("errors")
+    result = _by_visits(candidates, problem, seen, owner, moves)
+    errors = result.pop("errors")
     if held >= HELD:
         listed = Chains(problem, units, candidates.free, rules, evaluated.codes[most], most.size, random)
         share = weight[most] / weight[most].sum()
-        found = _averaged(candidates, problem, sums_over(listed.matrix, listed.present().astype(float), share))
+        result = _averaged(candidates, problem, sums_over(listed.matrix, listed.present().astype(float), share))
         errors["inclusion_error"] = np.full(len(candidates.names), 1 - held)
-        errors["mean_error"] = (1 - held) * np.sqrt(np.diag(found["within"] + found["between"]) + found["mean"] ** 2)
+        errors["mean_error"] = (1 - held) * np.sqrt(np.diag(result["within"] + result["between"]) + result["mean"] ** 2)
         status = ""
     else:
-        status = _status(candidates.names, found["inclusion"], renormalised, covered, errors)
+        status = _status(candidates.names, result["inclusion"], renormalised, covered, errors)
         # chains that have hardly seen a rare structure agree too well: the evidences know of it
-        unexplained = np.maximum(np.abs(found["inclusion"] - renormalised) - (1 - covered), 0.0)
+        unexplained = np.maximum(np.abs(result["inclusion"] - renormalised) - (1 - covered), 0.0)
         errors["inclusion_error"] = np.hypot(errors["inclusion_error"], unexplained)
     return SubsetPosterior(
         names=candidates.names,
@@ -215,12 +215,18 @@ def sample_subsets(
             status=status,
             **errors,
         ),
-        **found,
+        **result,
     )
 
 
 def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, Evaluated]:
-    """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all."""
+    """Let the chains walk, and give what they saw, what was evaluated in the first half, and what in all.
+
+    Args:
+        walkers: at their starts.
+        n_units: number of units, that of nobody included.
+        moves: of each chain, the first quarter of them warm-up.
+    """
     chains, k = walkers.cold.size, walkers.matrix.shape[1] - 1
     warmup = moves // 4
     half = half_of(moves)
@@ -232,17 +238,17 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
         sums=StructureSums(np.zeros((k, k)), np.zeros((k + 1, k + 1)), np.zeros((k, k)), np.zeros(1)),
         inside=np.zeros(chains),
     )
-    found, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
-    before, at = found, np.arange(chains)[:, None]
+    result, fresh = Evaluated(np.empty(0, np.uint64), np.empty(0)), []
+    before, at = result, np.arange(chains)[:, None]
     visits = []
     for now in range(moves):
         move = walkers.move()
         fresh.append((move.codes, move.scores))
         if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH == 0:
             walkers.refresh()
-            found, fresh = _merge(found, fresh), []
+            result, fresh = _merge(result, fresh), []
         if now == half - 1:
-            before = found
+            before = result
         if now < warmup:
             continue
         cold = walkers.cold
@@ -255,13 +261,19 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
         if now % EVERY == 0:
             _look(walkers, there, seen)
     seen.inside[:] = np.isin(np.array(visits), before.codes).sum(0)
-    return seen, before, found
+    return seen, before, result
 
 
 def sums_over(
     matrix: Float[np.ndarray, "n k1 k1"], there: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
 ) -> StructureSums:
-    """Sums over structures whose swept matrices and terms are given."""
+    """Return the sums over structures whose swept matrices and terms are given.
+
+    Args:
+        matrix: swept matrix of each structure, shape (n, k+1, k+1).
+        there: whether each optional term is there, 0 or 1, shape (n, k).
+        weight: of each structure, shape (n,).
+    """
     z = np.column_stack([matrix[:, :-1, -1] * there, np.full(weight.size, -1.0)])
     corner = weight * matrix[:, -1, -1]
     covariance = matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
@@ -271,7 +283,7 @@ def sums_over(
 
 
 def share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> tuple[float, float]:
-    """Log of the share of visits in the structures known before, and its standard error."""
+    """Return the log of the share of visits in the structures known before, and its standard error."""
     visits = moves - half_of(moves)
     share = inside / visits
     # no visit outside says only that there are fewer than about one in all visits
@@ -302,7 +314,7 @@ def _check_candidates(
     inclusion: float | Sequence[float],
     top: int,
 ) -> tuple[Candidates, Float[np.ndarray, " d"]]:
-    """The question, checked, and the prior probability of every term."""
+    """Return the question, checked, and the prior probability of every term."""
     if len(names) > MOST_TERMS:
         raise InputError(
             "library of terms",
@@ -328,7 +340,7 @@ def _check_candidates(
 def _exactly(
     stats: Gram, prior: Prior, candidates: Candidates, chance: np.ndarray, codes: np.ndarray
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Log evidences of some structures by themselves, and logs of their prior probabilities."""
+    """Return the log evidences of some structures by themselves, and logs of their prior probabilities."""
     there = bits(codes, len(candidates.names)).T.astype(bool)
     logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in there])
     each = np.where(there, np.log(chance), np.log1p(-chance))
@@ -336,22 +348,22 @@ def _exactly(
 
 
 def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
-    """Averages over the visits, in the order of the library, and their errors."""
+    """Return the averages over the visits, in the order of the library, and their errors."""
     free, chains, d = candidates.free, seen.mean.shape[0], len(candidates.names)
-    found, looks = _averaged(candidates, problem, seen.sums), seen.sums.moment[-1, -1]
+    result, looks = _averaged(candidates, problem, seen.sums), seen.sums.moment[-1, -1]
     draws, chance = seen.draws[:, owner], seen.chance[:, owner]
     error, r_hat = np.zeros(d), np.ones(d)
-    inclusion = found["inclusion"]
+    inclusion = result["inclusion"]
     inclusion[free] = value = chance.sum(0) / draws.sum(0)
     error[free] = (chance - value * draws).std(0, ddof=1) / draws.mean(0) / np.sqrt(chains)
     r_hat[free] = presence_r_hat(seen.presence, moves)
     sure = candidates.sure
-    found["joint"][np.ix_(sure, free)], found["joint"][np.ix_(free, sure)] = value, value[:, None]
-    np.fill_diagonal(found["joint"], inclusion)
+    result["joint"][np.ix_(sure, free)], result["joint"][np.ix_(free, sure)] = value, value[:, None]
+    np.fill_diagonal(result["joint"], inclusion)
     up = np.vstack([problem.slope[:, :-1], np.eye(len(free))]) * problem.scale
     each = seen.mean * chains / looks @ up.T
     mean_error = (each.std(0, ddof=1) / np.sqrt(chains))[_library_order(candidates)]
-    return {**found, "errors": {"inclusion_error": error, "r_hat": r_hat, "mean_error": mean_error}}
+    return {**result, "errors": {"inclusion_error": error, "r_hat": r_hat, "mean_error": mean_error}}
 
 
 def _averaged(candidates: Candidates, problem: Problem, sums: StructureSums) -> dict[str, Any]:
@@ -361,19 +373,19 @@ def _averaged(candidates: Candidates, problem: Problem, sums: StructureSums) -> 
     joint = np.ones((d, d))
     joint[np.ix_(free, free)] = share
     joint[np.ix_(sure, free)], joint[np.ix_(free, sure)] = np.diag(share), np.diag(share)[:, None]
-    found, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(candidates)
+    result, order = averages(problem, sums.moment, sums.spread, float(sums.corner[0])), _library_order(candidates)
     square = np.ix_(order, order)
     return {
         "inclusion": np.diag(joint).copy(),
         "joint": joint,
-        "mean": found.mean[order],
-        "within": found.within[square],
-        "between": found.between[square],
+        "mean": result.mean[order],
+        "within": result.within[square],
+        "between": result.between[square],
     }
 
 
 def _library_order(candidates: Candidates) -> np.ndarray:
-    """Where each term of the library stands among those always there and then the others."""
+    """Return where each term of the library stands among those always there and then the others."""
     return np.argsort([*candidates.sure, *candidates.free])
 
 
@@ -384,7 +396,7 @@ def _status(
     covered: float,
     errors: dict[str, np.ndarray],
 ) -> str:
-    """What is wrong, in words."""
+    """Return what is wrong, in words."""
     said = []
     apart = errors["r_hat"] > MAX_PRESENCE_R_HAT
     if apart.any():
@@ -414,10 +426,10 @@ def _look(walkers: Chains, there: np.ndarray, seen: Visits) -> None:
         total[:] += part
 
 
-def _merge(found: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
+def _merge(result: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
     """Add structures, each once and only if it is allowed."""
-    codes = np.concatenate([found.codes, *(codes.ravel() for codes, _ in fresh)])
-    scores = np.concatenate([found.scores, *(scores.ravel() for _, scores in fresh)])
+    codes = np.concatenate([result.codes, *(codes.ravel() for codes, _ in fresh)])
+    scores = np.concatenate([result.scores, *(scores.ravel() for _, scores in fresh)])
     kept = scores > -np.inf
     codes, first = np.unique(codes[kept], return_index=True)
     return Evaluated(codes, scores[kept][first])

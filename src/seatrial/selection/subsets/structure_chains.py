@@ -103,7 +103,7 @@ class Chains:
         return self.places[:, 0]
 
     def present(self) -> Bool[np.ndarray, "walkers k"]:
-        """Which optional terms are there."""
+        """Return which optional terms are there."""
         return (self.codes[:, None] >> self._free & _ONE).astype(bool)
 
     def refresh(self) -> None:
@@ -149,7 +149,7 @@ class Chains:
         self.places[:, lower + 1] = np.where(swap, colder, hotter)
 
     def _pick(self) -> Int[np.ndarray, "chains 3"]:
-        """Three different units for each chain, or fewer and nobody."""
+        """Return three different units for each chain, or fewer and nobody."""
         nobody = self._units.mask.size - 1
         units = np.empty((self.codes.size, BLOCK), int)
         units[:, 0] = self._random.integers(nobody, size=self.codes.size)
@@ -161,7 +161,7 @@ class Chains:
         return units
 
     def _settings(self, units: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Structures and scores of all settings of some units, by sweeps on their own rows in the order of a Gray code."""
+        """Return the structures and scores of all settings of some units, by sweeps on their own rows in the order of a Gray code."""
         problem, n_members = self._problem, self._units.members.shape[1]
         inner = np.concatenate([columns, np.full((columns.shape[0], 1), problem.matrix.shape[0] - 1)], 1).T
         small = self.matrix[self._at, inner[:, None], inner[None, :]]  # chains last, so that arithmetic runs along them
@@ -182,8 +182,8 @@ class Chains:
             corners.append(small[-1, -1].copy())
             determinants.append(determinant)
         scores = problem.constant - problem.shape * np.log(np.array(corners)) - 0.5 * np.array(determinants)
-        found = np.array(codes)
-        return found, np.where(self._rules.allowed(found), scores, -np.inf)
+        result = np.array(codes)
+        return result, np.where(self._rules.allowed(result), scores, -np.inf)
 
     def _sweep(self, which: np.ndarray, columns: np.ndarray | int) -> None:
         """Sweep the matrices of some chains on one column each."""
@@ -195,7 +195,14 @@ class Chains:
 
 
 def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int) -> Units:
-    """Put together what the rules keep together, and say who is whose partner."""
+    """Put together what the rules keep together, and say who is whose partner.
+
+    Args:
+        rules: over all terms.
+        free: numbers of the optional terms.
+        problem: of these terms.
+        n_terms: number of all terms.
+    """
     wants, rivals = rules.required(n_terms), rules.rivals(n_terms)
     closed = [closure(wants, 1 << i) for i in range(n_terms)]
     together = {i: tuple(j for j in free if closed[i] >> j & 1 and closed[j] >> i & 1) for i in free}
@@ -220,14 +227,22 @@ def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int
 
 
 def rungs_between(least: float, most: float) -> int:
-    """Rungs of a ladder for structures whose log evidences lie this far apart."""
+    """Return the rungs of a ladder for structures whose log evidences lie this far apart."""
     return 1 + max(int(np.ceil(np.log((most - least) / ALIKE) / np.log(RUNG))), 0) if most > least else 1
 
 
 def some_starts(
     units: Units, certain: int, rules: RuleMasks, walkers: int, random: np.random.Generator
 ) -> UInt64[np.ndarray, " walkers"]:
-    """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between."""
+    """Allowed structures to start from: the smallest one, as many terms as the rules bear, and shares between.
+
+    Args:
+        units: what moves.
+        certain: the smallest structure, as a bit mask.
+        rules: over all terms.
+        walkers: number of starts.
+        random: generator.
+    """
     starts = np.full(walkers, certain, np.uint64)
     share = np.linspace(0.0, 1.0, walkers)
     for u in random.permutation(units.with_wanted.size):
@@ -238,7 +253,7 @@ def some_starts(
 
 
 def _alike(problem: Problem, members: np.ndarray) -> Float[np.ndarray, "u u"]:
-    """Squared cosines between regressors, the largest between the members of each two units."""
+    """Return the squared cosines between regressors, the largest between the members of each two units."""
     diagonal = np.diag(problem.matrix)[:-1]
     square = problem.matrix[:-1, :-1] ** 2 / np.outer(diagonal, diagonal)
     padded = np.pad(square, ((0, 1), (0, 1)))[members[:, None, :, None], members[None, :, None, :]]
@@ -246,7 +261,7 @@ def _alike(problem: Problem, members: np.ndarray) -> Float[np.ndarray, "u u"]:
 
 
 def _partners(alike: Float[np.ndarray, "u u"], shared: Bool[np.ndarray, "u u"]) -> Float[np.ndarray, "u u1"]:
-    """Cumulative probabilities: half of the draws any unit alike, half by resemblance and rules."""
+    """Return the cumulative probabilities: half of the draws any unit alike, half by resemblance and rules."""
     count = alike.shape[0]
     if count == 1:
         return np.array([[0.0, 1.0]])
@@ -279,7 +294,7 @@ def _sweep(
 def _sweep_all(
     matrix: Float[np.ndarray, "q q n"], column: int, log_pivots: Float[np.ndarray, " n"] | None
 ) -> Float[np.ndarray, " n"]:
-    """The same for one column of all matrices, which come last here; what terms add to the corner is left to the caller."""
+    """Return the same for one column of all matrices, which come last here; what terms add to the corner is left to the caller."""
     row = matrix[column].copy()
     pivot = row[column].copy()
     size = np.abs(pivot)

@@ -59,7 +59,7 @@ class PublishedVehicle:
         return self.build().controls
 
     def terms(self, moves: Sequence[str] | None = None, given: Sequence[str] = ()) -> tuple[str, ...]:
-        """Names of the coefficients that have a part in a motion; all that is published moves where nothing is named."""
+        """Return the names of the coefficients that have a part in a motion; all that is published moves where nothing is named."""
         return acting_terms(tuple(self.coefficients), moves or self.moves, given, self.thrusters)
 
     def without(self, *names: str) -> "PublishedVehicle":
@@ -282,7 +282,7 @@ def load_longitudinal(name: str) -> LongitudinalEntry:
 
 
 def prime_scale(name: str, *, density: float, length: float, speed: float) -> float:
-    """SI value of a coefficient whose prime is 1.
+    """Return the SI value of a coefficient whose prime is 1.
 
     Args:
         name: coefficient; propeller speeds count as turning rates.
@@ -300,7 +300,7 @@ def prime_scale(name: str, *, density: float, length: float, speed: float) -> fl
 
 
 def from_prime(name: str, value: float, *, density: float, length: float, speed: float) -> float:
-    """SI value of a coefficient without dimension; arguments as `prime_scale`."""
+    """Return the SI value of a coefficient without dimension; arguments as `prime_scale`."""
     return value * prime_scale(name, density=density, length=length, speed=speed)
 
 
@@ -337,7 +337,7 @@ def _vehicle(table: dict[str, Any], text: str, where: str) -> PublishedVehicle:
 
 
 def _values(table: dict[str, Any], part: str, where: str) -> dict[str, float]:
-    """Coefficients in SI; those of a vehicle with `[primes]` are without dimension in the file."""
+    """Return the coefficients in SI; those of a vehicle with `[primes]` are without dimension in the file."""
     values = {CoefficientName.parse(name).text: float(value) for name, value in table.get(part, {}).items()}
     if "primes" not in table:
         return values
@@ -372,7 +372,7 @@ def _hull(table: dict[str, Any], fixed: dict[str, float], where: str) -> Hull:
 
 
 def _moving(hull: Hull, values: Mapping[str, float]) -> tuple[str, ...]:
-    """Velocities whose axes have terms and known inertia."""
+    """Return the velocities whose axes have terms and known inertia."""
     names = [CoefficientName.parse(name) for name in values]
     axes = {"X" if name.axis == "T" else name.axis for name in names}
     known = (True, True, True, *(part is not None for part in hull.inertia))
@@ -385,12 +385,12 @@ def _lengths(texts: Sequence[str], where: str) -> tuple[float, float, float]:
 
 
 def _actuators(table: dict[str, Any], where: str) -> dict[str, Actuator]:
-    found = {}
+    results = {}
     for name in dict.fromkeys((*table.get("limits", {}), *table.get("lags", {}), *table.get("rates", {}))):
         unit = signal_unit(name)
         lower, upper = table.get("limits", {}).get(name, (None, None))
         lag, rate = table.get("lags", {}).get(name), table.get("rates", {}).get(name)
         limits = {} if lower is None else {"lower": quantity(lower, unit, where), "upper": quantity(upper, unit, where)}
         limits |= {} if rate is None else {"rate": quantity(rate, f"{unit}/s", where)}
-        found[name] = Actuator(0.0 if lag is None else quantity(lag, "s", where), **limits)
-    return found
+        results[name] = Actuator(0.0 if lag is None else quantity(lag, "s", where), **limits)
+    return results
