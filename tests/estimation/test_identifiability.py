@@ -18,7 +18,7 @@ from seatrial.estimation.identifiability import (
     identifiability_of_plan,
     identify,
 )
-from seatrial.estimation.information import likelihood_information
+from seatrial.estimation.information import expand_likelihood, likelihood_information
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.null_space import Unknown
 from seatrial.estimation.output_error import output_error
@@ -330,3 +330,39 @@ def test_thrust_and_drag_are_separated_without_the_propeller():
         "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
     )
     assert "bollard" not in what_separates(("T_nabsn", "T_n"))
+
+
+def test_covariance_of_a_fit_has_the_signs_of_the_information():
+    """Drag is negative and thrust positive; with wide priors the posterior's correlations are those of the inverse information."""
+    target = golden_posterior("M-1")
+    mode = find_mode(target, KEY)
+    inverse = np.linalg.inv(likelihood_information(target, mode.values)[:3, :3])
+    sd = np.sqrt(np.diag(inverse))
+    assert identifiability_of_fit(target, mode).correlation[:3, :3] == pytest.approx(
+        inverse / np.outer(sd, sd), abs=0.02
+    )
+
+
+def test_expansions_at_many_points_are_those_alone():
+    """More points than go at once, the last of which stands for those that are filled up."""
+    target = posterior(
+        {"a": Normal(0.0, 1.0), "b": Normal(0.0, 1.0)}, lambda v, data: v["a"] ** 3 * v["b"] + jnp.sin(v["b"])
+    )
+    for n in (1, 8, 11, 17):
+        a, b = points = np.random.default_rng(n).normal(size=(2, n))
+        value, gradient, hessian = expand_likelihood(target, points.T)
+        assert value == pytest.approx(a**3 * b + np.sin(b))
+        np.testing.assert_allclose(gradient.T, [3 * a**2 * b, a**3 + np.cos(b)], rtol=1e-12)
+        np.testing.assert_allclose(hessian.T, [[6 * a * b, 3 * a**2], [3 * a**2, -np.sin(b)]], rtol=1e-12)
+
+
+def test_sums_are_named_that_are_known_far_better_than_each_alone():
+    """X_u and X_uabsu at 1 m/s, -1 each with deviations 0.1 and 0.14: 0.7 times the better one is 7 %, which their sum has at one rho."""
+    values, sd = np.array([-1.0, -1.0]), np.array([0.1, 0.14])
+    unknown = Unknown(("X_u", "X_uabsu"), ("kg/s", "kg/m"), values, np.abs(values), np.ones(2, bool))
+    limit = ((0.07 * 2) ** 2 - (sd**2).sum()) / (2 * sd.prod())
+    for rho, there in ((limit - 0.01, 1), (limit + 0.01, 0)):
+        cov = np.outer(sd, sd) * [[1.0, rho], [rho, 1.0]]
+        found = [item for item in known_combinations(unknown, cov, {"u": 1.0}) if item.meaning.startswith("the drag")]
+        assert len(found) == there
+        assert all(item.sd == pytest.approx(np.sqrt(cov.sum())) for item in found)
