@@ -57,6 +57,13 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
     "np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]) => z = "
     "(np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]))": "the same regressors, computed twice",
+    "src/seatrial/estimation/sensors.py, lags_before: safe = jnp.where(small, 1.0, r) => safe = jnp.where(small, 1.5, r)": "what "
+    "stands in for a divisor where the quotient is not used",
+    "src/seatrial/estimation/row_noise.py, _depth: return int((row - column).max(initial=0)) + 1 => "
+    "return int((row - column).max(initial=0)) + 2": "one diagonal more, of zeros",
+    "src/seatrial/estimation/simulation.py, delay_control: here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 0),), (n,)) "
+    "for start in (first, first - 1)) => here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 1),), (n,)) "
+    "for start in (first, first - 1))": "the first value is there once more than is read",
     'src/seatrial/selection/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
     '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
 }

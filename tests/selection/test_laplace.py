@@ -90,7 +90,7 @@ def test_complaints_from_both_sides(check, words):
 
 @pytest.mark.parametrize(("place", "named"), [(0.85, True), (0.75, False), (-0.85, True), (-0.75, False), (0.0, False)])
 def test_a_posterior_runs_into_a_bound_that_two_deviations_nearly_reach(place, named):
-    """In a box from -1 to 1 about a mode at 0.5: two deviations towards the bound leave a share of the way, and less than a tenth counts."""
+    """In a box from -1 to 1 about a mode at 0.5: less than a tenth of the way to the bound is left after two deviations."""
     box = posterior({"a": Uniform(-1.0, 1.0), "b": Normal(0.0, 1.0)}, lambda v, data: 0.0)
     z = np.asarray(box.unconstrain(np.array([0.5 * np.sign(place), 0.0])))
     end = float(

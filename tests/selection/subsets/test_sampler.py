@@ -247,11 +247,12 @@ def test_rules_term_by_term_by_a_naive_twin():
     assert closure(chain, 0b1) == 0b1
 
 
-def test_what_the_chains_did_is_counted():
-    """Of 8 chains of 400 moves, 300 of each after warm-up are visits; what is evaluated and covered is at most all."""
+@pytest.mark.parametrize("chains", [4, 8])
+def test_what_the_chains_did_is_counted(chains):
+    """Of so many chains of 400 moves, 300 of each after warm-up are visits; what is evaluated and covered is at most all."""
     stats, prior = problem(6)[2], some_prior(6)
-    found = sample_subsets(stats, prior, NAMES[:6], chains=8, moves=400).monte_carlo
-    assert found.visits == 8 * 300
+    found = sample_subsets(stats, prior, NAMES[:6], chains=chains, moves=400).monte_carlo
+    assert found.visits == chains * 300
     assert 2 < found.evaluated <= 2**6
     assert 0.99 < found.covered <= 1.0
 

@@ -48,7 +48,7 @@ def allowed_mass(rules: Rules, sure: Sequence[int], chance: Sequence[float]) -> 
     def decide(open_: int, start: int, present: bool) -> tuple[int, float]:
         """What remains once some terms are there, or absent, with all that follows."""
         there, absent = (start, 0) if present else (0, start)
-        size = -1
+        size = None
         while size != there | absent:
             size = there | absent
             for i in bit_numbers(there):
@@ -66,7 +66,7 @@ def allowed_mass(rules: Rules, sure: Sequence[int], chance: Sequence[float]) -> 
         pivot = max(linked, key=lambda i: linked[i].bit_count(), default=-1)
         if pivot < 0 or not linked[pivot]:
             return 2 ** open_.bit_count(), 1.0
-        part, size = 1 << pivot, 0
+        part, size = 1 << pivot, None
         while size != part:
             size = part
             for i in bit_numbers(part):
@@ -80,7 +80,7 @@ def allowed_mass(rules: Rules, sure: Sequence[int], chance: Sequence[float]) -> 
 
 def closure(wants: Sequence[int], start: int) -> int:
     """Terms with all that they want, and what these want."""
-    size = -1
+    size = None
     while size != start:
         size = start
         for i in bit_numbers(start):
