@@ -162,7 +162,7 @@ def main() -> int:
         print(*(f"{one.name}\n    {' '.join(one.tests)}" for one in mutants), sep="\n")
         return 0
     known = State(FOLDER / "known.json")
-    waiting = [one for one in mutants if known.outcome(one) is None]
+    waiting = sorted((one for one in mutants if known.outcome(one) is None), key=lambda one: _chance(options.seed, one))
     trees: Queue[Path] = Queue()
     every = sorted({test for one in waiting for test in one.tests})
     for number in range(options.jobs if waiting else 0):
@@ -187,7 +187,7 @@ def choose(package: str, seed: int) -> list[Mutant]:
     """Return the mutants of a package: those of least hash, few of one file and one of a line."""
     found = [one for path in sorted((ROOT / "src/seatrial" / package).rglob("*.py")) for one in mutants_of(path)]
     chosen: list[Mutant] = []
-    for one in sorted(found, key=lambda one: hashlib.sha256(f"{seed} {one.name}".encode()).digest()):
+    for one in sorted(found, key=lambda one: _chance(seed, one)):
         line = text_of(one.file).count("\n", 0, one.start)
         same = [other for other in chosen if other.file == one.file]
         taken = {text_of(other.file).count("\n", 0, other.start) for other in same}
@@ -196,6 +196,11 @@ def choose(package: str, seed: int) -> list[Mutant]:
         if len(chosen) == SHARE[package]:
             break
     return chosen
+
+
+def _chance(seed: int, one: Mutant) -> bytes:
+    """Return a mutant's place in the order of a seed, over all packages, so that an interrupted run is a fair part of the whole."""
+    return hashlib.sha256(f"{seed} {one.name}".encode()).digest()
 
 
 def mutants_of(path: Path) -> Iterator[Mutant]:
