@@ -64,6 +64,9 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/simulation.py, delay_control: here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 0),), (n,)) "
     "for start in (first, first - 1)) => here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 1),), (n,)) "
     "for start in (first, first - 1))": "the first value is there once more than is read",
+    "src/seatrial/design/utility_agreement.py, _spearman: return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), "
+    "where=scale > 0) => return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 1)": "ranks of five designs "
+    "and more that are not all alike spread by more than one",
     'src/seatrial/selection/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
     '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
 }
