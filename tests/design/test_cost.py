@@ -15,7 +15,7 @@ from seatrial.design.cost import (
     in_seconds,
     per_trial,
 )
-from seatrial.design.stopping import stop_times
+from seatrial.design.stopping import best_stops, stop_times
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, naive_rk4, paper_model, surge_rate
@@ -175,3 +175,29 @@ def test_gains_and_stops_that_are_refused():
     runaway = np.vstack([VALUES, VALUES * [1, -1e6, 1]])
     with pytest.raises(NumericalError, match="1 of 2 draws, first in row 1"):
         stop_times(PAPER, doublet()[:, None], runaway, entropy_reduction, in_seconds(), np.array([40, 80, N]))
+
+
+@pytest.mark.parametrize("overhead", [5.0, 200.0])
+def test_best_ends_of_several_designs_are_those_of_each_by_itself(overhead):
+    """Of five even ends, the one with most gain for a second and the time around a trial; gains are means over the draws."""
+    draws = VALUES * (1 + 0.1 * np.random.default_rng(2).normal(size=(3, 3)))
+    controls = np.stack([doublet(), np.where(np.arange(N) < 60, doublet(), N0), np.full(N, N0 + 100 * RPM)])[..., None]
+    found = best_stops(PAPER, controls, draws, entropy_reduction, overhead, ends=5)
+    ends = np.array([1, 31, 60, 90, 120])
+    for i, control in enumerate(controls):
+        alone = stop_times(PAPER, control, draws, entropy_reduction, in_seconds(fixed=overhead), ends)
+        assert found.samples[i] == ends[alone.best]
+        assert found.rate[i] == pytest.approx(alone.rate[alone.best], rel=1e-9)
+        assert found.length[i] == pytest.approx(alone.time[alone.best])
+        masked = plan_trial(PAPER.model, [U0], {"u": 0.05}, N, STEP, (np.arange(N) < found.samples[i])[:, None] * 1.0)
+        for s, draw in enumerate(draws):
+            np.testing.assert_allclose(found.information[i, s], masked.information(draw, control), rtol=1e-9)
+    assert found.samples.max() == (31 if overhead == 5.0 else 120)
+
+
+def test_ends_by_which_a_motion_diverges_are_no_choice():
+    """Drag that drives lets a trial run away after a while: it is ended before."""
+    control = np.full((1, N, 1), 8.0)
+    late = best_stops(PLAN, control, np.array([[-DRAG], [600.0]]), lambda f: np.log1p(f[..., 0, 0]), 1.0, ends=N)
+    assert 1 <= late.samples[0] < N
+    assert np.isfinite(late.rate).all()

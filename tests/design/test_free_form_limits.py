@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import minimize
 
 from seatrial.core.errors import InputError
+from seatrial.design import free_form_climb
 from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import ALIKE, TIGHT, Outcome, _change, _margin, _status
-from seatrial.design.free_form_climb import ROUNDING, Climb, _multisines, doublets, gentled
+from seatrial.design.free_form_climb import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
 from seatrial.design.free_form_course import Course
 from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
 from seatrial.design.motion_limits import StateBound
@@ -245,3 +246,27 @@ def test_rooms_are_the_distances_to_the_course_at_trim():
     assert upper.scale == pytest.approx(3.0 - float(np.max(course.highest)))
     assert lower.scale == pytest.approx(float(np.min(course.lowest)) - 1.0)
     assert ROUNDING < 1e-6
+
+
+def test_the_best_of_several_starts_is_the_most_informative_that_does_not_diverge(monkeypatch):
+    """Inputs are gentled before they are compared; one whose information is no number is never chosen."""
+    target = problem()
+    x = np.stack([0.2 * np.ones(12), -0.3 * np.ones(12), 5.0 * np.ones(12)])
+    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.array([1.0, np.nan, 0.5]),))
+    np.testing.assert_allclose(best_of(target, target.setup(), x), x[0])
+    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.array([1.0, -np.inf, 2.0]),))
+    np.testing.assert_allclose(best_of(target, target.setup(), x), 1.0)
+    assert best_of(target, target.setup(), None) is None
+
+
+def test_starts_are_named_and_on_both_sides_of_trim(monkeypatch):
+    """The best doublet and multisine, and binary levels at the bounds; no multisine where trim is at a bound."""
+    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.arange(len(inside), dtype=float),))
+    target = problem()
+    found = ready_starts(target, target.setup(), np.random.default_rng(3), 2)
+    assert list(found) == ["best doublet", "best multisine", "random binary 1", "random binary 2"]
+    for name in ("random binary 1", "random binary 2"):
+        assert set(np.round(found[name], 9)) == {-0.4, 1.0}
+    assert np.abs(found["best multisine"]).max() == pytest.approx(0.4)
+    edge = problem(limits=Limits(TRIM, HIGH))
+    assert "best multisine" not in ready_starts(edge, edge.setup(), np.random.default_rng(3), 0)
