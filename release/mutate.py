@@ -1,9 +1,9 @@
 """Change the code in a hundred small ways and see whether the nearest tests notice: `python release/mutate.py`.
 
 Each mutant is one change of one expression, made in a copy of the tree, never here; the same code gives the same mutants. Only the
-test files that use the changed function most run, up to the first failure, and that test has to pass without the change. What is known is kept
-in outputs/mutation: an interrupted run goes on, and a survivor is tried again once its tests have changed. Exits with 3 where fewer than
-95 % are killed.
+test files that use the changed function most run, up to the first failure, and that test has to pass without the change. What is known
+is kept in outputs/mutation: an interrupted run goes on, and a survivor is tried again once its tests have changed. Exits with 3 where
+fewer than 95 % are killed.
 """
 
 import argparse
