@@ -224,3 +224,10 @@ def test_outliers_of_the_innovations_are_told_by_their_kurtosis():
         kurtosis = np.mean((z - z.mean()) ** 4) / np.var(z) ** 2
         assert (kurtosis > 6) == told
         assert ("outliers" in complaints(z)) == told
+
+
+def test_bandwidth_is_where_the_gain_has_fallen_to_a_half():
+    """The smoother's gain is 1 / (1 + (omega tau)^4): at omega = 1 / tau, in cycles a second."""
+    rng = np.random.default_rng(7)
+    found = smooth(np.arange(60) * 0.1, rng.normal(size=60), time_scale=0.4)
+    assert found.bandwidth == pytest.approx(1 / (2 * np.pi * 0.4))
