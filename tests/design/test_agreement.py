@@ -96,3 +96,23 @@ def test_each_by_its_name_and_the_same_bits():
 def test_what_cannot_be_compared(cheap, expensive):
     with pytest.raises(InputError, match=r"cheap|expected information gain"):
         one(cheap, expensive)
+
+
+@pytest.mark.parametrize(("error", "within"), [(0.34, False), (0.36, True)])
+def test_regret_within_two_errors_of_the_difference(error, within):
+    """Of two designs sqrt(2) times that of one: 1 nat is 2 sqrt(2) 0.354."""
+    words = one([0, 1, 2, 3, 9, 4], range(6), std_error=error).words
+    assert ("seems to lose 1 nat" in words) == within
+    assert ("loses 1 nat" in words) == (not within)
+
+
+def test_interval_is_that_of_a_bootstrap_written_out():
+    """Ranks of 2000 resamples: an independent bootstrap gives both ends to their own scatter."""
+    found = one(CHEAP).interval
+    rng = np.random.default_rng(99)
+    again = [spearmanr(CHEAP[at], EXPENSIVE[at]).statistic for at in rng.integers(30, size=(2000, 30))]
+    assert found == pytest.approx(np.quantile(again, [0.025, 0.975]), abs=0.03)
+
+
+def test_five_designs_are_enough():
+    assert one(np.arange(5.0), np.arange(5.0)).correlation == pytest.approx(1.0)

@@ -5,8 +5,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
+from seatrial.core.errors import NumericalError
 from seatrial.design.batch import plan_batch
 from seatrial.design.fisher_utilities import Discrimination, find_criterion
+from seatrial.design.sensor_choice import SensorChoice, sensor_worth
+from seatrial.design.trial_plan import plan_trial
+from tests.cases import TRUTH, U0, paper_model
 
 COV = np.diag([1.0, 4.0, 0.25])
 
@@ -52,3 +56,29 @@ def test_a_rival_without_any_term():
     draws = np.array([[1.0, 0.0, 0.0]])
     criterion = Discrimination(draws, np.ones((1, 3), bool), COV)
     assert criterion(np.diag([8.0, 1.0, 1.0])[None]) == pytest.approx(4.0)
+
+
+def test_sensors_are_worth_the_information_of_the_samples_they_take():
+    """Each choice by a plan of its own, with those samples and that noise; deviations are root mean squares over the draws."""
+    noise, n = {"u": 0.05, "udot": 0.1}, 60
+    values = np.array(list(TRUTH.values()))
+    draws = values * (1 + 0.1 * np.random.default_rng(6).normal(size=(3, 3)))
+    cov, control = np.diag((0.3 * values) ** 2), 70.0 + 20.0 * (-1.0) ** (np.arange(n) // 10)[:, None]
+    criterion = find_criterion("fisher-d", cov)
+    choices = [
+        SensorChoice((1, 1), (1.0, 1.0)),
+        SensorChoice((3, 0), (1.0, 1.0)),
+        SensorChoice((2, 5), (0.5, 3.0)),
+        SensorChoice((0, 0), (1.0, 1.0)),
+    ]
+    whole = plan_trial(paper_model(), [U0], noise, n, 0.5)
+    for choice, found in zip(choices, sensor_worth(whole, control, draws, cov, criterion, choices), strict=True):
+        taken = np.column_stack([(np.arange(n) % every == 0) * 1.0 if every else np.zeros(n) for every in choice.every])
+        sds = {name: sd * factor for (name, sd), factor in zip(noise.items(), choice.noise, strict=True)}
+        plan = plan_trial(paper_model(), [U0], sds, n, 0.5, taken)
+        information = np.stack([np.asarray(plan.information(draw, control)) for draw in draws])
+        assert found.utility == pytest.approx(criterion(information).mean(), rel=1e-8, abs=1e-12)
+        after = np.linalg.inv(information + np.linalg.inv(cov))
+        np.testing.assert_allclose(found.sd, np.sqrt(np.diagonal(after, axis1=1, axis2=2).mean(0)), rtol=1e-8)
+    with pytest.raises(NumericalError, match="diverges"):
+        sensor_worth(whole, control, np.array([[1e300, 1.0, 1.0]]), cov, criterion, choices)

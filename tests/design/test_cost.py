@@ -162,3 +162,11 @@ def test_an_end_by_which_a_motion_diverges_is_no_choice():
     found = best_stops(PAPER, doublet()[None, :, None], runaway, entropy_reduction, 30.0, ends=4)
     assert found.samples.tolist() == [1]
     assert np.isfinite(found.information).all()
+
+
+def test_ends_by_which_a_motion_diverges_are_no_choice():
+    """Drag that drives lets a trial run away after a while: it is ended before."""
+    control = np.full((1, N, 1), 8.0)
+    late = best_stops(PLAN, control, np.array([[-DRAG], [600.0]]), lambda f: np.log1p(f[..., 0, 0]), 1.0, ends=N)
+    assert 1 <= late.samples[0] < N
+    assert np.isfinite(late.rate).all()

@@ -6,11 +6,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.design.expected_gain import GainSettings, importance_gain
+from seatrial.design import expected_gain
+from seatrial.design.expected_gain import (
+    FEW,
+    FREEDOM,
+    LEAST_ESS,
+    Explained,
+    GainSettings,
+    _log_student,
+    _refusal,
+    _student,
+    explain,
+    importance_gain,
+    noise_of,
+)
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, entropies, normal_belief, prior_cov
 from seatrial.design.trial_plan import plan_trial
@@ -214,3 +228,70 @@ def test_golden_gain_of_the_paper_doublet():
     assert found.diagnostics["laplace"] == pytest.approx(8.481, abs=3 * np.hypot(0.015, 0.0075))
     assert found.value == pytest.approx(8.42, abs=3 * 0.12)
     assert found.diagnostics["correction"] == pytest.approx(0.0, abs=0.08)
+
+
+def test_correction_and_its_error_from_given_explanations(monkeypatch):
+    """Gains of the outer draws less the local ones and what chance made; errors of both parts and what they have in common."""
+    rng = np.random.default_rng(8)
+    gain, chance, ess = rng.normal(3.0, 1.0, 40), rng.normal(2.0, 0.5, 40), rng.uniform(9.0, 30.0, 40)
+    monkeypatch.setattr(
+        expected_gain, "explain", lambda *given: Explained(*(x[np.asarray(given[4])] for x in (gain, chance, ess)))
+    )
+    prior = (Normal(-1.0, 0.3),)
+    found = importance_gain(
+        decay_plan(), prior, np.ones((N_DECAY, 1)), KEY, GainSettings(draws=100, outer=40, inner=32)
+    )
+    slopes = decay_slope(draw_values(prior, KEY, 100)[:, 0], 1.0) / DECAY_SD
+    local = 0.5 * np.log1p(0.09 * slopes**2)
+    correction = gain - local[:40] - chance + 0.5 * np.log(2 * np.pi * np.e)
+    assert found.value == pytest.approx(local.mean() + correction.mean(), rel=1e-6)
+    cov = np.cov(local[:40], correction)
+    variance = local.var(ddof=1) / 100 + cov[1, 1] / 40 + 2 * cov[0, 1] / 100
+    assert found.std_error == pytest.approx(np.sqrt(variance), rel=1e-6)
+    told = found.diagnostics
+    assert told["laplace"] == pytest.approx(local.mean(), rel=1e-6)
+    assert (told["correction"], told["correction_error"]) == pytest.approx(
+        (correction.mean(), correction.std(ddof=1) / np.sqrt(40)), rel=1e-6
+    )
+    assert (told["draws"], told["outer"], told["inner"]) == (100, 40, 32)
+    assert (told["median_ess"], told["low_ess"]) == pytest.approx((np.median(ess), np.quantile(ess, FEW)))
+    assert found.status == ""
+
+
+@pytest.mark.parametrize(("few", "refused"), [(FEW - 0.01, False), (FEW + 0.01, True)])
+@pytest.mark.parametrize("low", [LEAST_ESS - 0.01, np.nan])
+def test_gains_are_refused_where_too_many_draws_rest_on_too_few(few, refused, low):
+    ess = np.full(200, LEAST_ESS + 0.01)
+    ess[: round(200 * few)] = low
+    said = _refusal(ess, 32, "use more")
+    assert bool(said) == refused
+    assert not refused or said.endswith("use more")
+    assert _refusal(np.full(200, LEAST_ESS), 32, "use more") == ""
+
+
+def test_importance_draws_are_student_s_and_cancel_in_pairs():
+    t = _student(np.random.default_rng(1), 4000, 3)
+    np.testing.assert_array_equal(t[:2000], -t[2000:])
+    law = stats.multivariate_t(np.zeros(3), np.eye(3), FREEDOM)
+    np.testing.assert_allclose(_log_student(jnp.asarray(t[:50])), law.logpdf(t[:50]), rtol=1e-10)
+    square = (t[:2000] ** 2).sum(1) / 3
+    assert stats.kstest(square, stats.f(3, FREEDOM).cdf).pvalue > 1e-4
+
+
+def test_explanations_of_a_linear_model_are_exact():
+    """Normal posteriors: the gain is log p(y | c) - log p(y) at the data that the noise makes, whatever the importance draws."""
+    rng = np.random.default_rng(4)
+    z = rng.normal(size=(5, 2))
+    plan, which = linear_plan(), np.arange(3, 8)
+    found = explain(plan, BELIEF, jnp.asarray(PUSH), KEY, which, jnp.asarray(z), 64, 3)
+    noise = noise_of(jax.random.split(KEY)[0], which, N_LINEAR)
+    np.testing.assert_array_equal(noise[2:], noise_of(jax.random.split(KEY)[0], which[2:], N_LINEAR))
+    slope = 0.2 * np.vstack([np.zeros(2), np.cumsum(np.hstack([PUSH, PUSH**2]), 0)[:-1]]) / 0.3
+    values = np.asarray(BELIEF.mean) + z @ np.asarray(BELIEF.chol_cov).T
+    measured = values @ slope.T + noise
+    cov = np.eye(N_LINEAR) + slope @ np.asarray(BELIEF.cov) @ slope.T
+    exact = stats.multivariate_normal(np.zeros(N_LINEAR)).logpdf(noise) - stats.multivariate_normal(
+        slope @ np.asarray(BELIEF.mean), cov
+    ).logpdf(measured)
+    np.testing.assert_allclose(found.gain, exact, atol=0.15)
+    assert ((found.ess > 40) & (found.ess <= 64)).all()

@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.fisher_utilities import find_criterion
-from seatrial.design.robust import UtilityTable, local_utility, utility_table
+from seatrial.design.robust import UtilityTable, information_table, local_utility, utility_table
 from tests.design.test_expected_gain import DECAY_SD, N_DECAY, decay_plan, decay_slope
 
 PUSH = np.linspace(0.2, 3.0, 29)
@@ -69,3 +69,33 @@ def test_share_of_no_draw(quantile):
 def test_shapes_that_do_not_fit(controls, draws, words):
     with pytest.raises(InputError, match=words):
         utility_table(decay_plan(), controls, draws, find_criterion("fisher-d", PRIOR))
+
+
+def test_which_draws_and_designs_diverge_is_told():
+    """A decay at -1 never does; growth at 800 and 900 does in 200 samples under a push of 1 or 2, and none does without one."""
+    controls = np.array([0.0, 1.0, 0.0, 2.0])[:, None, None] * np.ones((1, 200, 1))
+    draws = np.array([[-1.0], [800.0], [-2.0], [900.0]])
+    with pytest.raises(NumericalError) as caught:
+        utility_table(decay_plan(200), controls, draws, find_criterion("fisher-d", PRIOR))
+    said = str(caught.value)
+    assert "diverges for 2 of 4 draws of the coefficients in 2 of 4 designs, most often in design 1;" in said
+    assert "the first is X_u = 800 (SI)" in said
+
+
+def test_information_of_each_design_at_each_draw():
+    controls = np.array([0.5, 1.5])[:, None, None] * np.ones((1, N_DECAY, 1))
+    found = information_table(decay_plan(), controls, DRAWS[:3])
+    slopes = decay_slope(DRAWS[None, :3, 0], np.array([[0.5], [1.5]])) / DECAY_SD
+    np.testing.assert_allclose(found[..., 0, 0], slopes**2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("quantile", "fits"), [(0.0, True), (0.0249, False), (0.0251, True), (0.99, True), (1.0, False)]
+)
+def test_worst_case_needs_one_draw_at_least(quantile, fits):
+    table = UtilityTable(np.arange(80.0).reshape(2, 40), "nat")
+    if fits:
+        np.testing.assert_allclose(table.worst(quantile), [39 * quantile, 40 + 39 * quantile])
+    else:
+        with pytest.raises(InputError, match="of 40 draws"):
+            table.worst(quantile)

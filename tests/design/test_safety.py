@@ -1,5 +1,6 @@
 """Chance constraints against closed forms of a linear vehicle, exact probabilities and plain loops."""
 
+from itertools import pairwise
 from math import exp, inf, sqrt
 
 import jax
@@ -362,3 +363,20 @@ def test_runs_of_a_closed_loop_are_judged_each_with_its_own_control():
         judge_runs(PLAN, controls[:58], draws[:58], limits)
     with pytest.raises(InputError, match="designs of 120 samples"):
         judge_runs(PLAN, controls[:, 1:], draws, limits)
+
+
+def test_duty_of_any_control_by_a_naive_count():
+    """Sides left one after the other, whatever chatters between them, per minute; shares of the samples beyond the band."""
+    for seed in range(6):
+        control = 5.0 + np.cumsum(np.random.default_rng(seed).normal(size=80)) * 0.3
+        sides = [np.sign(x - 5.0) for x in control if abs(x - 5.0) > 0.5]
+        count = sum(a != b for a, b in pairwise(sides))
+        assert reversals_per_minute(control, 5.0, 0.5, 0.25) == pytest.approx(count * 60 / 20.0)
+        assert away_share(control, 5.0, 0.5) == len(sides) / 80
+    assert reversals_per_minute(np.full(10, 5.0), 5.0, 0.5, 0.25) == 0.0
+
+
+@pytest.mark.parametrize(("share", "broken"), [(0.5, False), (0.49, True), (None, False)])
+def test_duty_at_its_bound_is_kept(share, broken):
+    control = np.array([1.0, 1.0, 0.0, 0.0])
+    assert ("share away from trim" in duty_excess(Duty(0.0, 0.1, share=share), control, 1.0)) == broken

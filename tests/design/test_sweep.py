@@ -5,7 +5,7 @@ import pytest
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian, independent
 from seatrial.core.state_space import StateSpace
-from seatrial.design.sweep import sweep_family
+from seatrial.design.sweep import _share, sweep_family
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
@@ -261,3 +261,9 @@ def test_motion_that_diverges():
     runaway = np.array([U0, X_U, 60.0, THRUST])
     with pytest.raises(NumericalError, match=r"the extended filter.*first at amplitude.* rpm.*or set filter"):
         sweep_family(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())
+
+
+def test_excess_counts_as_a_share_of_the_bound():
+    assert _share((2.0, 1.5)) == pytest.approx(1 / 3)
+    assert _share((-3.0, -2.0)) == pytest.approx(0.5)
+    assert _share((1.0, 0.0)) == pytest.approx(1e9)

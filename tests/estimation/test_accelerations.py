@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import make_smoothing_spline
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.accelerations import smooth
+from seatrial.estimation.accelerations import _innovation_complaints, smooth
 
 
 class Dense(NamedTuple):
@@ -167,3 +167,67 @@ def test_an_offset_and_a_slope_change_nothing_but_themselves():
 def test_what_cannot_be_smoothed(values, options, told):
     with pytest.raises(InputError, match=told):
         smooth(np.arange(31.0), values, **options)
+
+
+def test_clock_and_a_straight_line_do_not_matter():
+    """Nothing is known of the line beforehand: one that is added comes back, whenever the clock began."""
+    rng = np.random.default_rng(5)
+    time = np.cumsum(rng.uniform(0.05, 0.2, 150))
+    y = np.sin(time) + 0.05 * rng.normal(size=time.size)
+    one, other = smooth(time, y, time_scale=0.4), smooth(time + 500.0, y + 20.0 - 3.0 * time, time_scale=0.4)
+    assert other.value == pytest.approx(one.value + 20.0 - 3.0 * time, abs=1e-6)
+    assert other.rate == pytest.approx(one.rate - 3.0, abs=1e-6)
+    assert other.value_sd == pytest.approx(one.value_sd, rel=1e-6)
+    assert other.noise == pytest.approx(one.noise, rel=1e-6)
+
+
+def complaints(z):
+    return " and ".join(_innovation_complaints(z))
+
+
+def alternating(correlation, n=2000):
+    """Innovations with a correlation over three samples."""
+    rng = np.random.default_rng(6)
+    z = rng.normal(size=n)
+    for i in range(3, n):
+        z[i] = correlation * z[i - 3] + np.sqrt(1 - correlation**2) * z[i]
+    return (z - z.mean()) / z.std()
+
+
+@pytest.mark.parametrize(
+    ("z", "said"),
+    [
+        (alternating(0.0), ""),
+        (alternating(0.3), "at lag 3"),
+        (alternating(-0.3), "at lag 3"),
+        (alternating(0.07), ""),
+        (alternating(0.15, 200), ""),
+        (1.15 * alternating(0.0), ""),
+        (1.26 * alternating(0.0), "1.3 times as large"),
+        (alternating(0.0) / 1.15, ""),
+        (alternating(0.0) / 1.25, "0.8 times as large"),
+        (1.2 * alternating(0.0, 100), ""),
+    ],
+)
+def test_what_innovations_say(z, said):
+    """A memory counts from 0.1 and four standard errors on, a size from a fifth and as many."""
+    assert said in complaints(z)
+    assert bool(complaints(z)) == bool(said)
+
+
+def test_outliers_of_the_innovations_are_told_by_their_kurtosis():
+    """Of n samples, m of size s: kurtosis about (3 + m s^4 / n) / (1 + m s^2 / n)^2, told from 6 on."""
+    for count, told in ((4, False), (40, True)):
+        z = alternating(0.0)
+        z[np.arange(count) * 47 + 10] = 5.0 * (-1.0) ** np.arange(count)
+        z = z / z.std()
+        kurtosis = np.mean((z - z.mean()) ** 4) / np.var(z) ** 2
+        assert (kurtosis > 6) == told
+        assert ("outliers" in complaints(z)) == told
+
+
+def test_bandwidth_is_where_the_gain_has_fallen_to_a_half():
+    """The smoother's gain is 1 / (1 + (omega tau)^4): at omega = 1 / tau, in cycles a second."""
+    rng = np.random.default_rng(7)
+    found = smooth(np.arange(60) * 0.1, rng.normal(size=60), time_scale=0.4)
+    assert found.bandwidth == pytest.approx(1 / (2 * np.pi * 0.4))

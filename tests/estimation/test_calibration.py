@@ -182,3 +182,26 @@ def test_draws_are_taken_evenly_from_the_first_to_the_last():
     taken = spread_evenly(draws)[:, 0]
     assert (taken.size, taken[0], taken[-1]) == (DRAWS, 0.0, 999.0)
     assert np.abs(np.diff(taken) - 999 / (DRAWS - 1)).max() <= 1.0
+
+
+@pytest.mark.parametrize(("replicates", "width"), [(1, 1.05), (7, 1.5), (40, 2.2)])
+def test_probability_of_the_band_by_counting_rank_after_rank(replicates, width):
+    """Of those ranks that are not below j, each is j with probability 1 / (100 - j): a chain of binomial numbers."""
+    chances = {0: 1.0}
+    for j in range(1, 100):
+        at, sd = j / 100, np.sqrt(j / 100 * (1 - j / 100) / replicates)
+        after = {}
+        for below, chance in chances.items():
+            for more, share in enumerate(
+                stats.binom(replicates - below, 1 / (101 - j)).pmf(range(replicates - below + 1))
+            ):
+                if abs((below + more) / replicates - at) <= width * sd + 1e-12:
+                    after[below + more] = after.get(below + more, 0.0) + chance * share
+        chances = after
+    assert stays_within(replicates, width) == pytest.approx(sum(chances.values()), abs=1e-12)
+
+
+def test_p_value_counts_ranks_as_far_off_as_those_found():
+    """Of one rank, 0 is as far off as 99: two of a hundred; 40 lies within what 60 of the others do."""
+    for rank, p in ((0, 0.02), (99, 0.02), (1, 0.04)):
+        assert Calibration(("a",), np.array([[rank]])).p_values() == pytest.approx([p])

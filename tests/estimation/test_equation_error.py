@@ -123,3 +123,38 @@ def test_covariance_of_a_sum_of_correlated_scores_by_all_pairs(memory):
         for j in range(12):
             expected += max(0.0, 1 - abs(i - j) / (memory + 1)) * np.outer(scores[i], scores[j])
     assert _long_run(scores, memory) == pytest.approx(expected, abs=1e-12)
+
+
+def record_of(speed, step=0.02, jitter=0.0):
+    """A record of so many speeds; the step of one sample in the middle differs by a share."""
+    time = 3.0 + np.arange(speed.size) * step + jitter * step * (np.arange(speed.size) > speed.size // 2)
+    return make_trial(time, np.full(speed.size, 10.0), u=speed)
+
+
+@pytest.mark.parametrize(("jitter", "even"), [(0.0, True), (2e-7, True), (1e-5, False), (-1e-5, False)])
+def test_sliding_windows_need_steps_that_differ_by_less_than_a_millionth(jitter, even):
+    record = record_of(np.arange(40.0), jitter=jitter)
+    if even:
+        assert smoothed_accelerations(MODEL, record, 0.2).acceleration == pytest.approx(50.0, rel=1e-6)
+    else:
+        with pytest.raises(InputError, match="an uneven time step"):
+            smoothed_accelerations(MODEL, record, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("samples", "window", "fits"), [(40, 0.04, False), (40, 0.08, True), (21, 0.4, True), (20, 0.4, False)]
+)
+def test_window_holds_more_samples_than_a_cubic_and_no_more_than_there_are(samples, window, fits):
+    """Five of 0.02 s in 0.08 s, three in 0.04 s, and 21 in 0.4 s."""
+    speed = np.random.default_rng(2).normal(size=samples)
+    if not fits:
+        with pytest.raises(InputError, match=f"of {samples}"):
+            smoothed_accelerations(MODEL, record_of(speed), window)
+        return
+    found, half = smoothed_accelerations(MODEL, record_of(speed), window), round(window / 0.04)
+    assert found.speed.size == found.acceleration.size == found.control.shape[0] == samples - 2 * half
+    at = 0.02 * np.arange(-half, half + 1)
+    for i in (0, samples - 2 * half - 1):
+        cubic = np.polyfit(at, speed[i : i + 2 * half + 1], 3)
+        assert found.speed[i] == pytest.approx(cubic[3], abs=1e-9)
+        assert found.acceleration[i] == pytest.approx(cubic[2], abs=1e-7)

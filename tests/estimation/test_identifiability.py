@@ -10,20 +10,22 @@ import pytest
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.design.fisher import fisher_information
-from seatrial.estimation.combinations import Unknown, known_combinations
+from seatrial.estimation.combinations import Combination, Unknown, known_combinations, null_combinations
 from seatrial.estimation.identifiability import (
+    Group,
+    Identifiability,
     _expected_cov,
     identifiability_of_design,
     identifiability_of_fit,
     identifiability_of_plan,
     identify,
 )
-from seatrial.estimation.information import likelihood_information
+from seatrial.estimation.information import expand_likelihood, likelihood_information
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.remedies import what_separates
+from seatrial.estimation.remedies import listed, measured, percent, what_separates
 from seatrial.estimation.sensors import Sensor
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
@@ -329,3 +331,182 @@ def test_thrust_and_drag_are_separated_without_the_propeller():
         "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
     )
     assert "bollard" not in what_separates(("T_nabsn", "T_n"))
+
+
+def test_covariance_of_a_fit_has_the_signs_of_the_information():
+    """Drag is negative and thrust positive; with wide priors the posterior's correlations are those of the inverse information."""
+    target = golden_posterior("M-1")
+    mode = find_mode(target, KEY)
+    inverse = np.linalg.inv(likelihood_information(target, mode.values)[:3, :3])
+    sd = np.sqrt(np.diag(inverse))
+    assert identifiability_of_fit(target, mode).correlation[:3, :3] == pytest.approx(
+        inverse / np.outer(sd, sd), abs=0.02
+    )
+
+
+def test_expansions_at_many_points_are_those_alone():
+    """More points than go at once, the last of which stands for those that are filled up."""
+    target = posterior(
+        {"a": Normal(0.0, 1.0), "b": Normal(0.0, 1.0)}, lambda v, data: v["a"] ** 3 * v["b"] + jnp.sin(v["b"])
+    )
+    for n in (1, 8, 11, 17):
+        a, b = points = np.random.default_rng(n).normal(size=(2, n))
+        value, gradient, hessian = expand_likelihood(target, points.T)
+        assert value == pytest.approx(a**3 * b + np.sin(b))
+        np.testing.assert_allclose(gradient.T, [3 * a**2 * b, a**3 + np.cos(b)], rtol=1e-12)
+        np.testing.assert_allclose(hessian.T, [[6 * a * b, 3 * a**2], [3 * a**2, -np.sin(b)]], rtol=1e-12)
+
+
+def test_sums_are_named_that_are_known_far_better_than_each_alone():
+    """X_u and X_uabsu at 1 m/s, -1 each with deviations 0.1 and 0.14: 0.7 times the better one is 7 %, which their sum has at one rho."""
+    values, sd = np.array([-1.0, -1.0]), np.array([0.1, 0.14])
+    unknown = Unknown(("X_u", "X_uabsu"), ("kg/s", "kg/m"), values, np.abs(values), np.ones(2, bool))
+    limit = ((0.07 * 2) ** 2 - (sd**2).sum()) / (2 * sd.prod())
+    for rho, there in ((limit - 0.01, 1), (limit + 0.01, 0)):
+        cov = np.outer(sd, sd) * [[1.0, rho], [rho, 1.0]]
+        found = [item for item in known_combinations(unknown, cov, {"u": 1.0}) if item.meaning.startswith("the drag")]
+        assert len(found) == there
+        assert all(item.sd == pytest.approx(np.sqrt(cov.sum())) for item in found)
+
+
+def judged(**numbers):
+    """A report on two coefficients and a noise, all well known unless told otherwise."""
+    whole = {
+        "stage": "after",
+        "names": ("X_u", "X_uabsu", "sigma_u"),
+        "units": ("kg/s", "kg/m", "m/s"),
+        "values": np.array([-2.0, -5.0, 0.1]),
+        "sd": np.array([0.2, 0.1, 0.01]),
+        "prior_sd": np.array([2.0, 5.0, 0.1]),
+        "correlation": np.eye(3),
+        "eigenvalues": np.array([2.0, 10.0, 50.0]),
+        "untouched": (),
+        "invisible": (),
+    }
+    return Identifiability(**{**whole, **numbers})
+
+
+@pytest.mark.parametrize(
+    ("sd", "said"),
+    [
+        ([0.2, 0.1, 0.01], []),
+        ([0.2, 4.4, 0.01], ["(practical): the data narrow the prior but settle not even its sign"]),
+        ([0.2, 4.6, 0.01], ["the data cannot inform X_uabsu: its standard deviation is 92% of the prior's"]),
+        ([0.99, 0.1, 0.01], []),
+        ([1.01, 0.1, 0.01], ["settle little more than its sign"]),
+        ([1.03, 0.1, 0.01], ["settle not even its sign"]),
+        ([0.2, 0.1, 0.089], []),
+        ([0.2, 0.1, 0.091], ["the data cannot inform sigma_u"]),
+    ],
+)
+def test_parameters_that_are_hardly_known_are_named_from_both_sides(sd, said):
+    """Nine tenths of the prior's deviation say nothing; of a coefficient half of its value is vague, and 1 / 1.96 leaves its sign open."""
+    found = judged(sd=np.array(sd)).cautions()
+    assert len(found) == len(said)
+    assert all(words in line for words, line in zip(said, found, strict=True))
+
+
+def test_lines_of_a_report():
+    first, *each, condition = judged().lines()
+    assert first == "identifiability after the data"
+    assert each[0] == "X_u is known to 10 %: -2.00 +- 0.20 kg/s, 10 % of the prior's standard deviation"
+    assert each[1] == "X_uabsu is known to 2 %: -5.00 +- 0.10 kg/m, 2 % of the prior's standard deviation"
+    assert condition == "condition number of the scaled information: 25"
+    assert judged().contraction == pytest.approx([0.1, 0.02, 0.1])
+    assert judged().relative_sd == pytest.approx([0.1, 0.02, 0.1])
+    before = judged(stage="before", sd=np.array([3.0, 0.1, 0.01]), prior_sd=np.array([9.0, 5.0, 0.1])).lines()
+    assert before[1].startswith("X_u would be known: -2.0 +- 3.0 kg/s, 33 %")
+    untouched = judged(untouched=("sigma_u",))
+    assert untouched.condition == np.inf
+    assert "sigma_u is what the prior says: 0.100 +- 0.010 m/s" in untouched.lines()
+    assert untouched.cautions()[0].startswith("no measurement of u is left")
+    assert judged(untouched=("X_u",)).cautions()[0].startswith("the data do not touch X_u")
+    (nothing,) = judged(untouched=judged().names).cautions()
+    assert nothing.startswith("the data say nothing about any parameter")
+    blind = judged(eigenvalues=np.full(3, np.nan))
+    assert blind.condition == np.inf
+    assert blind.cautions()[0].startswith("what the data can tell at all was not judged")
+    assert judged(eigenvalues=np.array([0.0, 1.0, 2.0])).condition == np.inf
+
+
+def known(text, relative, meaning=""):
+    return Combination(text, meaning, "kg/s", (1.0,), 1.0, relative)
+
+
+def test_the_best_sum_heads_a_group_only_where_it_is_twice_as_good():
+    """Of sums with a meaning all are told, unless the best of all is known more than twice as well."""
+    meant, other = known("slope", 0.019, "the slope"), known("drag", 0.03, "the drag")
+    close, far = known("best", 0.01), known("best", 0.009)
+    assert [item.text for item in Group(("a", "b"), 0.99, (meant, other, close), "").headline] == ["slope", "drag"]
+    assert [item.text for item in Group(("a", "b"), 0.99, (meant, other, far), "").headline] == ["best"]
+    assert [item.text for item in Group(("a", "b"), 0.99, (far,), "").headline] == ["best"]
+
+
+def test_words_of_a_group():
+    group = Group(("X_u", "X_uabsu"), -0.987, (known("X_u + X_uabsu", 0.01, "the drag"),), "cover more speeds")
+    (line,) = judged(sd=np.array([0.2, 5.5, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
+    assert line == (
+        "what is known is X_u + X_uabsu (the drag) to 1 % (1.000 +- 0.010 kg/s); the split is not: X_u to 10 % and X_uabsu as "
+        "-5.0 +- 5.5 kg/m, correlation -0.987; to separate them, cover more speeds"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "text"),
+    [
+        (-5.704, 0.04, "-5.704 +- 0.040 kg/s"),
+        (123.4, 12.0, "123 +- 12 kg/s"),
+        (1234.0, 120.0, "1234 +- 120 kg/s"),
+        (0.123456, 0.0012, "0.1235 +- 0.0012 kg/s"),
+        (1.23456e-4, 1.2e-5, "0.0001235 +- 1.2e-05 kg/s"),
+        (2.0, 0.0, "2.0000 +- 0.0000 kg/s"),
+    ],
+)
+def test_values_have_two_digits_of_their_deviation(value, sd, text):
+    assert measured(value, sd, "kg/s") == text
+    assert measured(value, sd, "1") == text.removesuffix(" kg/s")
+
+
+def test_shares_and_lists_in_words():
+    assert [percent(x) for x in (0.0123, 0.099, 0.1, 0.126, 1.5)] == ["1.2 %", "9.9 %", "10 %", "13 %", "150 %"]
+    assert [listed(names) for names in (["a"], ["a", "b"], ["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("X_u", "current[1]"), "measure the current by itself"),
+        (("X_u", "bias_u"), "measure the current by itself"),
+        (("t_d", "T_nabsn"), "fix t_d"),
+        (("X_udot", "X_u"), "weigh the vehicle"),
+        (("m", "X_u"), "weigh the vehicle"),
+        (("T_nabsn", "X_u"), "bollard pull, or add a coast-down"),
+        (("T_nabsn", "T_nu"), "a trial that moves n and u further"),
+        (("X_u", "delay"), "sharper steps"),
+        (("X_u", "lag_u"), "sharper steps"),
+        (("X_u", "X_uabsu"), "cover a wider range of speeds, by larger steps"),
+        (("Y_v", "Y_r"), "moves r and v further"),
+        (("sigma_u", "tau_u"), "a longer record"),
+        (("sigma_u", "X_u"), "fix one of them"),
+    ],
+)
+def test_what_would_tell_parameters_apart(names, words):
+    assert words in what_separates(names)
+
+
+def test_invisible_changes_are_the_null_space_in_few_parameters():
+    """Information that sees a + b and c / d alone: two changes of two parameters each, in shares of the values."""
+    values = np.array([2.0, 4.0, 5.0, 10.0])
+    rows = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1 / 5.0, -1 / 10.0]])
+    unknown = Unknown(("a", "b", "c", "d"), ("1",) * 4, values, values, np.ones(4, bool))
+    found = {item.names: item for item in null_combinations(rows.T @ rows, unknown)}
+    assert set(found) == {("a", "b"), ("c", "d")}
+    assert found["a", "b"].steps == pytest.approx((2.0, -1.0))
+    assert found["c", "d"].steps == pytest.approx((1.0, 1.0))
+    assert found["c", "d"].is_scale
+    assert found["c", "d"].text == "c and d scale together: only their ratios are known"
+    assert found["a", "b"].text == "changing a by +2 % and b by -1 % leaves every measurement as it is"
+    prior = unknown._replace(relative=np.array([True, False, True, True]))
+    text = {item.names: item.text for item in null_combinations(rows.T @ rows, prior)}["a", "b"]
+    assert "b by -0.01 prior standard deviations" in text
+    assert null_combinations(np.diag([1.0, 1e-3, 1e6, 1e-9]), unknown) == ()

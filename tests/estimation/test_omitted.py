@@ -48,3 +48,13 @@ def test_correlated_residuals_are_worth_less():
     whole, quarter = (score_effects(residual, J, cov, {"e": EFFECT}, worth)[0] for worth in (1.0, 0.25))
     assert quarter.sd == pytest.approx(2 * whole.sd)
     assert quarter.size == whole.size
+
+
+@pytest.mark.parametrize(("left", "tested"), [(0.9e-4, False), (1.1e-4, True)])
+def test_an_effect_is_tested_of_which_the_parameters_leave_a_ten_thousandth(left, tested):
+    direction = np.linalg.qr(np.column_stack([J, RNG.normal(size=N)]))[0]
+    inside, outside = J[:, 0] / np.linalg.norm(J[:, 0]), direction[:, 3]
+    signature = np.sqrt(1 - left) * inside + np.sqrt(left) * outside
+    found = score_effects(outside, J, np.linalg.inv(J.T @ J), {"effect": signature})
+    assert len(found) == tested
+    assert all(one.size == pytest.approx(1 / np.sqrt(left), rel=1e-6) for one in found)

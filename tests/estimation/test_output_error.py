@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.output_error import output_error
+from seatrial.estimation.output_error import _check_even, output_error
 from seatrial.estimation.sensors import Sensor
 from tests.cases import TRUTH, U0, naive_rk4, paper_model, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, make_trial, naive_midpoint, naive_speed
@@ -241,3 +241,15 @@ def test_golden_log_likelihood():
 def test_trials_of_the_same_label():
     with pytest.raises(InputError, match="a label of its own"):
         output_error(paper_model(), [trial(), trial()], ["u"], [(U0,)] * 2, free_initial=True)
+
+
+@pytest.mark.parametrize(("change", "even"), [(0.0, True), (2e-7, True), (1e-5, False), (-1e-5, False)])
+def test_a_delay_needs_steps_that_differ_by_less_than_a_millionth(change, even):
+    """Of 0.02 s each, of which one is longer or shorter by a share."""
+    time = 5.0 + 0.02 * np.arange(50) + 0.02 * change * (np.arange(50) > 20)
+    record = make_trial(time, np.full(50, 10.0), u=np.linspace(1.0, 1.5, 50))
+    if even:
+        _check_even(record)
+    else:
+        with pytest.raises(InputError, match="uniform step"):
+            _check_even(record)

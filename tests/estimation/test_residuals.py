@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.residuals import Coloured
+from seatrial.estimation.residuals import Coloured, Heavy, White
 
 
 @pytest.mark.parametrize("complete", [True, False])
@@ -27,3 +27,24 @@ def test_coloured_residuals_are_jointly_normal(complete):
     cov = sd**2 * np.exp(-np.abs(np.subtract.outer(time[at], time[at])) / tau)
     exact = stats.multivariate_normal(np.zeros(at.size), cov).logpdf(e[at])
     assert float(shape.log_likelihood(carry)) == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("complete", [True, False])
+@pytest.mark.parametrize(
+    ("shape", "law"),
+    [
+        (White(0.7, np.array([2.0, 5.0])), stats.norm(0, 0.7)),
+        (Heavy(0.7, 3.5, np.array([2.0, 5.0])), stats.t(3.5, 0, 0.7)),
+    ],
+    ids=["white", "heavy"],
+)
+def test_independent_residuals_are_sums_of_their_log_densities(shape, law, complete):
+    """Of seven measurements, in two groups by the gap before them; what is missing does not count."""
+    e = np.random.default_rng(3).normal(size=10)
+    present = np.ones(10) if complete else (np.arange(10) % 3 != 1).astype(float)
+    e, present = (e[:7], present[:7]) if complete else (e, present)
+    total = shape.empty()
+    for one, there in zip(e, present, strict=True):
+        total = shape.absorb(total, one, there, 0, complete)
+    assert int(present.sum()) == 7
+    assert float(shape.log_likelihood(total)) == pytest.approx(law.logpdf(e[present > 0]).sum(), rel=1e-12)

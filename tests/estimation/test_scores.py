@@ -115,3 +115,57 @@ def test_nothing_to_test_is_no_evidence_against_whiteness(values):
     assert found.p_value == 1.0
     assert found.neighbours == 0.0
     assert effective_samples(np.arange(values.size, dtype=float), values) <= 1.0
+
+
+@pytest.mark.parametrize("lags", [3, 20])
+def test_autocorrelation_across_gaps_by_pairs(lags):
+    """Products of all pairs that lie k intervals apart, over their number and the mean square; lags without a pair are left out."""
+    at = np.array([0, 1, 3, 4, 5, 7, 8, 12, 13, 15, 16, 17, 19, 20, 21, 40, 41, 43])
+    e = np.random.default_rng(9).normal(size=at.size)
+    found, centred = whiteness(0.5 * at, e, lags), e - e.mean()
+    expected = {}
+    for lag in range(1, min(lags, at.size // 3) + 1):
+        products = [
+            a * b for a, i in zip(centred, at, strict=True) for b, j in zip(centred, at, strict=True) if j - i == lag
+        ]
+        if products:
+            expected[lag] = (len(products), np.mean(products) / np.mean(centred**2))
+    assert found.lag.tolist() == list(expected)
+    assert found.pairs.tolist() == [pairs for pairs, _ in expected.values()]
+    assert found.correlation == pytest.approx([r for _, r in expected.values()])
+    n = at.size
+    q = (n + 2) / n * sum(pairs * r**2 for pairs, r in expected.values())
+    assert found.p_value == pytest.approx(stats.chi2.sf(q, len(expected)))
+    assert found.interval == 0.5
+
+
+@pytest.mark.parametrize(("count", "tested"), [(7, False), (8, True)])
+def test_eight_samples_are_tested(count, tested):
+    e = np.random.default_rng(10).normal(size=count)
+    found = whiteness(0.5 * np.arange(count), e)
+    assert (found.lag.size, found.correlation.size, found.pairs.size) == (2 * tested,) * 3
+    assert (found.p_value < 1.0) == tested
+    assert found.interval == 0.5
+    assert (effective_samples(np.arange(count), e) != 1.0) == tested
+    assert effective_samples(np.arange(0.0), np.empty(0)) == 0.0
+
+
+def test_no_neighbours_have_no_correlation():
+    """The lags that some pair of samples has need not begin with one."""
+    e = np.random.default_rng(11).normal(size=12)
+    found = whiteness(np.arange(12.0), e)._replace(lag=np.array([2, 3]), correlation=np.array([0.7, 0.1]))
+    assert found.neighbours == 0.0
+    assert found._replace(lag=np.array([1, 3])).neighbours == 0.7
+
+
+def test_effective_samples_by_a_plain_sum():
+    """n over one plus twice the correlations up to the first that is not positive, of lags below half of the samples."""
+    for seed in range(5):
+        e = autoregressive(0.5, 40, seed)
+        c, total = e - e.mean(), 0.0
+        for lag in range(1, 20):
+            r = float(c[lag:] @ c[:-lag] / (c @ c))
+            if r <= 0:
+                break
+            total += r
+        assert effective_samples(np.arange(40.0), e) == pytest.approx(40 / (1 + 2 * total))

@@ -136,3 +136,22 @@ def test_posterior_without_a_hierarchy_is_its_own_target(problem):
     target, mode = uncouple(plain, problem[1])
     assert target is plain
     assert mode is problem[1]
+
+
+def test_what_the_trials_know_is_that_of_the_normal_hierarchy(problem):
+    """Trial i knows its own value to be what it measured less the gain, with the information 1 / error^2."""
+    target = problem[2]
+    np.testing.assert_allclose(target.information, 1 / ERROR[None] ** 2, rtol=1e-6)
+    np.testing.assert_allclose(target.slope[0, :, 2], -GAIN_SD, rtol=1e-6)
+    np.testing.assert_allclose(target.slope[0][:, [0, 1, 3, 4, 5]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(target.at, MEASURED[None], rtol=1e-6)
+    assert (float(target.origin[0]), float(target.scale[0])) == pytest.approx((COMMON, COMMON_SD))
+
+
+def test_mode_in_these_coordinates_has_their_curvature(problem):
+    """Its place, precision and covariance are those of the posterior's carried over by the slopes of the map."""
+    _, mode, target, there = problem
+    np.testing.assert_allclose(coupled(target, there.z), mode.z, atol=1e-9)
+    slope = np.asarray(jax.jacfwd(target.coupled)(jnp.asarray(there.z)))
+    np.testing.assert_allclose(there.precision, slope.T @ mode.precision @ slope, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(there.cov @ there.precision, np.eye(6), atol=1e-5)

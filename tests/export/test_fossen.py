@@ -3,12 +3,13 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from seatrial.export.targets.fossen import Fossen, controls_of
-from tests.export.cases import assert_equal, own_force, published, rich, states, written
+from seatrial.export.targets.fossen import Fossen, _limit, controls_of, scales_of
+from tests.export.cases import assert_equal, own_force, published, rich, states, with_terms, written
 
 BASE = '''
 """Stands for the simulator's class: what its loop and its subclasses use of it."""
@@ -88,3 +89,40 @@ def test_a_step_holds_limits_lags_and_current(tmp_path):
     rate = np.linalg.solve(vehicle.rigid_mass + vehicle.added_mass, force)[:, 0]
     rate[:2] += [nu[5] * water[1], -nu[5] * water[0]]
     np.testing.assert_allclose(after, np.array(nu) + 0.02 * rate, rtol=1e-10)
+
+
+def test_thrust_feels_wake_and_deduction(tmp_path):
+    """A propeller whose thrust falls with its inflow, behind a hull that slows it and that it pulls back."""
+    vehicle = with_terms(published(), T_nabsn=6e-4, T_nu=-2e-3)
+    vehicle = replace(vehicle, hull=replace(vehicle.hull, wake=0.25, thrust_deduction=0.15))
+    nu, phi, theta, controls = states(vehicle, count=20)
+    signs = {"delta_r": -1.0, "n": 30 / np.pi}
+    columns = [controls[key] * signs.get(key, 1.0) for key in controls_of(vehicle)]
+    rows = [
+        [[0, 0, 0, float(phi[i]), float(theta[i]), 0.3], nu[:, i].tolist(), [float(c[i]) for c in columns]]
+        for i in range(20)
+    ]
+    out = ran(vehicle, tmp_path, rows)
+    mass = vehicle.rigid_mass + vehicle.added_mass
+    assert_equal(mass @ np.array(out["rates"]).T, own_force(vehicle, nu, phi, theta, controls))
+
+
+def test_limits_in_the_simulator_s_units():
+    """Revolutions a minute; a control of contrary sign changes the ends of its limits; what is unknown has none."""
+    vehicle = rich()
+    scales = scales_of(vehicle)
+    assert scales == {"delta_r": -1.0, "delta_s": 1.0, "n": pytest.approx(np.pi / 30)}
+    limits = {
+        name: [_limit(vehicle, name, scales[name], key) for key in ("lower", "upper", "rate", "time_constant")]
+        for name in scales
+    }
+    assert limits["n"] == pytest.approx([0.0, 157 * 30 / np.pi, 60 * 30 / np.pi, 0.5])
+    assert limits["delta_r"] == pytest.approx([-0.25, 0.2, 1.0, 0.1])
+    assert limits["delta_s"] == pytest.approx([-0.2, 0.2, np.inf, 0.0])
+    bare = replace(vehicle, actuators={})
+    assert [_limit(bare, "n", 0.1, key) for key in ("lower", "upper", "rate", "time_constant")] == [
+        -np.inf,
+        np.inf,
+        np.inf,
+        0.0,
+    ]

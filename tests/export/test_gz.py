@@ -245,3 +245,32 @@ def test_limits_are_those_of_the_command_that_the_thruster_takes():
     assert float(one.findtext("max_thrust_cmd")) == 40.0
     (unknown,) = simulated(published()).plugin("Thruster")
     assert float(unknown.findtext("max_thrust_cmd")) > 1e6
+
+
+def test_box_displaces_the_vehicle_s_volume_and_reaches_what_stands_apart():
+    for vehicle in (rich(), published("bluerov2_heavy")):
+        base = simulated(vehicle).base
+        for kind in ("collision", "visual"):
+            size = np.array(base.find(kind).findtext(".//size").split(), float)
+            at = np.array(base.find(kind).findtext("pose").split(), float)
+            gravity = vehicle.hull.weight / vehicle.hull.mass
+            assert np.prod(size) * 1025.0 * gravity == pytest.approx(vehicle.hull.buoyancy)
+            np.testing.assert_allclose(at[:3], vehicle.hull.centre_of_buoyancy * SIGN[:3], atol=1e-12)
+            assert size[1] == pytest.approx(size[2])
+            assert size[0] >= size[1] - 1e-12
+    links = simulated(rich()).model.findall("link")[1:]
+    reach = max(abs(float(link.findtext("pose").split()[0])) for link in links)
+    size = np.array(simulated(rich()).base.find("collision").findtext(".//size").split(), float)
+    assert size[0] == pytest.approx(max(2 * reach, np.prod(size) ** (1 / 3)))
+
+
+def test_limits_of_fins_turn_with_their_joints():
+    """Joints turn by the right hand about axes to starboard and down; limits of commands that turn otherwise change ends and sign."""
+    vehicle = rich()
+    asked = {name: (vehicle.actuators[name].lower, vehicle.actuators[name].upper) for name in ("delta_r", "delta_s")}
+    reversed_ = Gz().carries(vehicle).reversed
+    model = simulated(vehicle).model
+    for name, (lower, upper) in asked.items():
+        joint = next(one for one in model.findall("joint") if one.get("name") == f"{name}_joint")
+        found = [float(joint.findtext(f"axis/limit/{key}")) for key in ("lower", "upper")]
+        assert found == pytest.approx([-upper, -lower] if name in reversed_ else [lower, upper])

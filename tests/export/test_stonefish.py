@@ -260,3 +260,131 @@ def test_the_laboratory_tells_the_driver_our_commands_by_the_names_of_the_scenar
     assert len(lines) == 4 + 0.2 * laboratory.RATE
     np.testing.assert_allclose(np.array(lines[54].split(), float), [90.1, 0.1, -0.1])
     np.testing.assert_array_equal(twin.added_mass(), [1, 0, 2, 3])
+
+
+def actuators_of(vehicle):
+    """Actuators of the written file by name: type, specs, place and angles."""
+    root = ElementTree.fromstring(written(Stonefish(), vehicle)["vehicle.scn"])
+    found = {}
+    for one in root.findall(".//actuator"):
+        origin = one.find("origin")
+        place, angles = (np.array(origin.get(key).split(), float) for key in ("xyz", "rpy"))
+        found[one.get("name")] = (one, one.find("specs"), place, angles)
+    return found
+
+
+def test_written_fins_are_the_vehicles():
+    """Stonefish's lift is rho / 2 S c_l angle V^2: of each fin that of its term; a stern plane lies on its side."""
+    vehicle = rich()
+    found, fins = actuators_of(vehicle), stonefish.rudders_of(vehicle)
+    assert {fin.control for fin in fins} >= {"delta_r", "delta_s"}
+    for fin in fins:
+        _, specs, place, angles = found[fin.control]
+        number = {
+            key: float(specs.get(key)) for key in ("area", "lift_coeff", "drag_coeff", "stall_angle", "max_angle")
+        }
+        assert 0.5 * DENSITY * number["area"] * number["lift_coeff"] == pytest.approx(abs(fin.lift), rel=1e-9)
+        assert number["drag_coeff"] == 0.0
+        assert number["max_angle"] < number["stall_angle"]
+        np.testing.assert_allclose(place, [fin.place, 0, 0], atol=1e-9)
+        np.testing.assert_allclose(angles, [0.0 if fin.axis == 1 else np.pi / 2, 0, 0], atol=1e-9)
+        assert specs.get("inverted") == ("true" if fin.lift < 0 else "false")
+    force, moment = (vehicle.coefficients[name] for name in ("Y_uudelta_r", "N_uudelta_r"))
+    assert found["delta_r"][2][0] == pytest.approx(moment / force)
+    force, moment = (vehicle.coefficients[name] for name in ("Z_uudelta_s", "M_uudelta_s"))
+    assert found["delta_s"][2][0] == pytest.approx(-moment / force)
+
+
+def test_written_thrusters_are_the_vehicles():
+    """Their greatest command, lag, place, and thrust: quadratic in the speed, or the net share of a commanded force."""
+    vehicle = rich()
+    one, specs, place, _ = actuators_of(vehicle)["propeller"]
+    share = 1 - vehicle.hull.thrust_deduction
+    assert float(one.find("thrust_model/thrust_coeff").get("value")) == pytest.approx(
+        share * vehicle.coefficients["T_nabsn"]
+    )
+    assert (specs.get("max_setpoint"), one.find("rotor_dynamics").get("type")) == ("157.0", "first_order")
+    np.testing.assert_allclose(place, 0.0)
+    frame = published(BLUEROV2)
+    found = [value for name, value in actuators_of(frame).items()]
+    for (one, _, place, _), thruster in zip(found, frame.thrusters, strict=True):
+        ends = [np.array(one.find(f"thrust_model/{key}").get("value").split(), float) for key in ("input", "output")]
+        np.testing.assert_allclose(ends[0], [-40.0, 40.0])
+        np.testing.assert_allclose(ends[1], (1 - frame.hull.thrust_deduction) * ends[0])
+        np.testing.assert_allclose(place, thruster.place)
+        assert one.find("rotor_dynamics").get("type") == "zero_order"
+    (unknown,) = [specs for one, specs, *_ in actuators_of(published()).values() if one.get("type") == "thruster"]
+    assert float(unknown.get("max_setpoint")) == 1000.0
+
+
+@pytest.mark.parametrize("control", ["delta_r", "delta_s"])
+def test_force_of_a_rudder_by_its_flow(control):
+    """Lift across the local flow in the fin's plane by the angle to it, and drag along the flow by its square; a naive twin."""
+    fin = next(fin for fin in stonefish.rudders_of(rich()) if fin.control == control)
+    force, i = stonefish.rudder_force(fin), fin.axis
+    for nu in np.random.default_rng(5).uniform(-1, 1, (20, 6)) * [0.9, 0.3, 0.3, 0.3, 0.3, 0.3] + [1.5, 0, 0, 0, 0, 0]:
+        angle = 0.2
+        local = nu[:3] + np.cross(nu[3:], [fin.place, 0, 0])
+        attack = np.arctan2(local[i], local[0]) - np.sign(fin.lift) * angle
+        ahead, across = local[0], local[i]
+        speed, flow = np.linalg.norm(local), np.hypot(ahead, across)
+        push = -abs(fin.lift) * attack**2 * speed * local
+        push[0] += abs(fin.lift) * attack * speed**2 * across / flow
+        push[i] -= abs(fin.lift) * attack * speed**2 * ahead / flow
+        wanted = np.concatenate([push, np.cross([fin.place, 0, 0], push)])
+        np.testing.assert_allclose(force(nu, 0.0, 0.0, {control: angle}), wanted, rtol=1e-9, atol=1e-12)
+    assert (force(np.zeros(6), 0.0, 0.0, {control: 0.1}) == 0).all()
+    astern = force(np.array([-1.5, 0, 0, 0, 0, 0.0]), 0.0, 0.0, {control: 0.1})
+    assert np.sign(astern[i]) == -np.sign(fin.lift), "astern a fin pushes to the other side"
+
+
+@pytest.mark.parametrize(("hull", "there"), [(0.5, True), (-0.5, False)])
+def test_a_fixed_fin_gives_the_lift_that_turning_ones_leave(hull, there):
+    """Of Y_uv beyond what the rudder gives in a slip; none where the vehicle has less."""
+    vehicle = published()
+    lift = abs(vehicle.coefficients["Y_uudelta_r"])
+    fins = stonefish.rudders_of(with_terms(vehicle, Y_uv=-lift - hull))
+    fixed = [fin for fin in fins if fin.control not in ("delta_r", "delta_s") and fin.axis == 1]
+    assert [fin.lift for fin in fixed] == pytest.approx([hull] if there else [])
+    assert all(fin.place == 0.0 for fin in fixed)
+
+
+def test_multipliers_give_the_vehicles_drag_face_by_face():
+    """Of a frame at its speed: the cubic part on two faces and the linear part on four; of a cruiser the multiplier of surge alone."""
+    half, speed = np.array([0.9, 0.2, 0.3]), 0.7
+    vehicle = with_terms(published(BLUEROV2), X_u=-4.0, X_uabsu=-18.0, Y_v=-6.0, Y_vabsv=-22.0, Z_w=-5.0, Z_wabsw=-37.0)
+    quadratic, viscous = stonefish.drag_multipliers(vehicle, half, DENSITY, speed, False)
+    for i, (linear, square) in enumerate(((4.0, 18.0), (6.0, 22.0), (5.0, 37.0))):
+        sides = np.delete(2 * half, i)
+        cubic = 0.5 * DENSITY * quadratic[i] * np.prod(sides) * speed**3
+        straight = DENSITY * viscous[i] * 2 * 2 * half[i] * sides.sum() * speed
+        assert cubic + straight == pytest.approx(linear * speed + square * speed**2)
+        half_way = cubic / 8 + straight / 2
+        assert half_way == pytest.approx(linear * speed / 2 + square * speed**2 / 4, rel=1e-9)
+    cruising, skin = stonefish.drag_multipliers(vehicle, half, DENSITY, speed, True)
+    np.testing.assert_allclose(cruising, quadratic[0])
+    assert skin[0] == pytest.approx(viscous[0])
+    assert skin[1] * DENSITY * 8 * half[1] * (half[0] + half[2]) == pytest.approx(6.0)
+    pushing = with_terms(vehicle, X_u=50.0, X_uabsu=3.0)
+    assert stonefish.drag_multipliers(pushing, half, DENSITY, speed, False)[1][0] == 0.0
+    assert stonefish.drag_multipliers(pushing, half, DENSITY, speed, False)[0][0] == 0.0
+
+
+def test_box_holds_the_volume_and_is_as_long_as_what_stands_apart():
+    for vehicle in (published(), published(BLUEROV2)):
+        half = stonefish.box(vehicle, 0.03)
+        assert 8 * np.prod(half) == pytest.approx(0.03)
+        assert half[1] == half[2]
+        assert half[0] >= half[1]
+        places = [abs(fin.place) for fin in stonefish.rudders_of(vehicle)]
+        places += [abs(thruster.place[0]) for thruster in vehicle.thrusters]
+        assert half[0] >= 0.9 * max(places)
+
+
+def test_frame_s_speed_is_that_at_which_its_push_balances_drag():
+    vehicle = published(BLUEROV2)
+    speed, cruises = stonefish.matched_speed(vehicle)
+    x_u, x_uu = (vehicle.coefficients.get(name, 0.0) for name in ("X_u", "X_uabsu"))
+    assert not cruises
+    assert (1 - vehicle.hull.thrust_deduction) * 10.0 + x_u * speed + x_uu * speed**2 == pytest.approx(0.0, abs=1e-6)
+    assert stonefish.matched_speed(published()) == (pytest.approx(1.5), True)

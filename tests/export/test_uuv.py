@@ -4,6 +4,7 @@ Velocities are those of the link's origin; the plugin's force acts at the link's
 from there.
 """
 
+import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -173,3 +174,56 @@ def test_the_filtered_acceleration_runs_away_beyond_the_limit(ratio, stays):
     else:
         with pytest.raises(InputError, match="Z_wdot"):
             Uuv().check(heavy)
+
+
+def test_controllers_read_the_whole_vehicle():
+    """Inertia about the centre of gravity in forward, port, up; volume and a cube of it; added mass and damping of the plugin."""
+    vehicle = rich()
+    text = written(Uuv(), vehicle)["params.yaml"]
+    body = "\n".join(line for line in text.splitlines() if not line.startswith("#"))
+    numbers = {key: float(value) for key, value in re.findall(r"^ *(\w+): ([-\d.e+]+)$", body, re.MULTILINE)}
+    hull = vehicle.hull
+    tensor = np.diag(hull.inertia) - np.array(
+        [
+            [0, hull.products[0], hull.products[1]],
+            [hull.products[0], 0, hull.products[2]],
+            [hull.products[1], hull.products[2], 0],
+        ]
+    )
+    centre = np.array(hull.centre_of_gravity)
+    about = (tensor - hull.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))) * np.outer(
+        SIGN[:3], SIGN[:3]
+    )
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        assert numbers[f"i{'xyz'[i]}{'xyz'[j]}"] == pytest.approx(about[i, j], abs=1e-9)
+    assert numbers["volume"] * numbers["density"] * hull.weight / hull.mass == pytest.approx(hull.buoyancy)
+    for key in ("length", "width", "height"):
+        assert numbers[key] ** 3 == pytest.approx(numbers["volume"])
+    root, _ = read(vehicle)
+    model = root.find(".//hydrodynamic_model")
+    blocks = dict(re.findall(r"^(\w+):((?:\n  - \[.*\])+)", body, re.MULTILINE))
+    for key, tag in (("Ma", "added_mass"), ("linear_damping", "linear_damping")):
+        listed = np.array([row.split("[")[1].rstrip("]").split(",") for row in blocks[key].strip().splitlines()], float)
+        np.testing.assert_allclose(listed.ravel(), np.array(model.findtext(tag).split(), float))
+    forward = np.array(model.findtext("linear_damping_forward_speed").split(), float).reshape(6, 6)
+    shown = re.search(r"linear_damping_forward_speed: \[(.*)\]", body)[1].split(",")
+    np.testing.assert_allclose(np.array(shown, float), np.diag(forward))
+    sizes = [float(root.findtext(f".//box/{key}")) for key in ("width", "length", "height")]
+    assert np.prod(sizes) == pytest.approx(float(root.findtext(".//plugin/link/volume")))
+
+
+def test_thrusters_are_clamped_and_lag_as_the_vehicle_s():
+    (thruster,) = read(rich())[0].findall(".//plugin[thrusterID]")
+    assert [float(thruster.findtext(key)) for key in ("clampMin", "clampMax")] == [0.0, 157.0]
+    assert thruster.findtext("dynamics/type") == "FirstOrder"
+    assert float(thruster.findtext("dynamics/timeConstant")) == 0.5
+    (bare,) = read(published())[0].findall(".//plugin[thrusterID]")
+    assert bare.find("clampMin") is None
+    assert bare.findtext("dynamics/type") == "ZeroOrder"
+    frame = published("bluerov2_heavy")
+    for number, one in enumerate(read(frame)[0].findall(".//plugin[thrusterID]")):
+        ends = [np.array(one.findtext(f"conversion/{key}").split(), float) for key in ("inputValues", "outputValues")]
+        assert ends[0].tolist() == [-40.0, 40.0]
+        assert ends[1] == pytest.approx((1 - frame.hull.thrust_deduction) * ends[0])
+        assert one.findtext("thrusterID") == str(number)
+        assert float(one.findtext("clampMax")) == 40.0

@@ -171,3 +171,35 @@ def test_a_point_three_nats_above_all_that_is_known_alarms(known, above, alarms)
     assert bool(agreement._higher(problem.posterior, cold, warm, known)) == alarms
     assert agreement._higher(problem.posterior, cold, warm, [*known, top - 2.9]) == []
     assert bool(agreement._higher(problem.posterior, cold, warm[1:], [*known, top - 3.1]))
+
+
+def test_table_of_the_methods_by_hand():
+    """Differences from the value that is chosen, in joint errors; a method without an error counts with the other's alone."""
+    found = judge(evidences(a=(1.0, 0.3, ""), b=(1.6, 0.4, ""), c=(0.7, float("nan"), "blind")), {})
+    table = found.diagnostics["methods"]
+    assert found.diagnostics["checks"] == 1
+    assert [table[name]["difference"] for name in "abc"] == pytest.approx([0.0, 0.6, -0.3])
+    assert [table[name]["joint_errors"] for name in "abc"] == pytest.approx([0.0, 1.2, -1.0])
+    assert [table[name]["status"] for name in "abc"] == ["", "", "blind"]
+    assert (table["b"]["log_value"], table["b"]["std_error"]) == (1.6, 0.4)
+    assert judge(evidences(a=(1.0, 0.0, ""), b=(1.0, 0.0, "")), {}).diagnostics["methods"]["b"]["joint_errors"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("difference", "error", "words"),
+    [
+        (0.09, 0.0, ""),
+        (0.11, 0.0, "joint errors"),
+        (0.29, 0.1, ""),
+        (-0.29, 0.1, ""),
+        (0.31, 0.1, "3 joint errors"),
+        (-0.31, 0.1, "finds -0.31 nats"),
+        (0.2, 0.49, ""),
+        (0.2, 0.51, "checks to 0.51 nats only"),
+    ],
+)
+def test_methods_differ_from_three_errors_and_a_tenth_of_a_nat_on(difference, error, words):
+    found = judge(evidences(a=(0.0, 0.0, ""), b=(difference, error, "")), {})
+    assert words in found.status
+    assert bool(words) == bool(found.status)
+    assert found.diagnostics["checks"] == ("finds" not in found.status)

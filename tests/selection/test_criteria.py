@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -198,3 +199,62 @@ def test_mean_error_by_batches_of_at_least_four(chains, length, pieces):
     series = np.random.default_rng(3).normal(size=(chains, length))
     batches = [part.mean() for chain in series for part in np.split(chain[length % pieces :], pieces)]
     assert mean_error(series) == pytest.approx(np.std(batches, ddof=1) / np.sqrt(chains * pieces), rel=1e-12)
+
+
+@pytest.mark.parametrize("criterion", [waic, psis_loo])
+def test_many_measurements_are_the_sum_of_a_few(criterion):
+    """More than are handled at once: every contribution is the one of its own column, and influences add up before their error."""
+    table = -0.5 * np.random.default_rng(3).normal(size=(2, 60, 1)) ** 2 + 0.2 * np.random.default_rng(4).normal(
+        size=(2, 60, 1203)
+    )
+    whole = criterion(table)
+    parts = [criterion(table[..., start : start + 401]) for start in (0, 401, 802)]
+    np.testing.assert_allclose(whole.pointwise, np.concatenate([part.pointwise for part in parts]), rtol=1e-9)
+    np.testing.assert_allclose(whole.k_hat, np.concatenate([part.k_hat for part in parts]), rtol=1e-6)
+    assert whole.value.value == pytest.approx(whole.pointwise.sum())
+    assert whole.effective == pytest.approx(sum(part.effective for part in parts))
+    assert whole.std_error == pytest.approx(np.sqrt(1203) * whole.pointwise.std(ddof=1))
+
+
+def test_waic_by_its_definition():
+    """Log of the mean density less its variance, of each measurement; the error by the influence of each draw."""
+    table = np.random.default_rng(5).normal(size=(4, 50, 6)) * 0.3
+    flat, found = table.reshape(-1, 6), waic(table)
+    lppd, variance = np.log(np.exp(flat).mean(0)), flat.var(0, ddof=1)
+    np.testing.assert_allclose(found.pointwise, -2 * (lppd - variance))
+    assert found.effective == pytest.approx(variance.sum())
+    influence = (np.exp(flat - lppd) - (flat - flat.mean(0)) ** 2).sum(1).reshape(4, 50)
+    assert found.value.error == pytest.approx(2 * mean_error(influence))
+
+
+@pytest.mark.parametrize(("variance", "told"), [(0.39, False), (0.41, True)])
+def test_measurements_are_too_influential_for_waic_beyond_a_variance(variance, told):
+    column = np.random.default_rng(6).normal(size=(1, 400))
+    column = (column - column.mean()) / column.std(ddof=1) * np.sqrt(variance)
+    found = waic(np.stack([column, 0.1 * column], -1))
+    assert ("1 of 2 measurements" in found.status) == told
+
+
+@pytest.mark.parametrize(
+    ("delta", "spread", "words"),
+    [
+        (7.9, 0.0, "equally well"),
+        (8.1, 0.0, "second model predicts better"),
+        (-8.1, 0.0, "first model predicts better"),
+        (19.9, 10.0, "equally well"),
+        (20.1, 10.0, "second model predicts better"),
+    ],
+)
+def test_differences_count_from_eight_and_two_errors_on(delta, spread, words):
+    """Contributions that differ by the same but for a spread, whose sum has that error."""
+    zigzag = np.array([1.0, -1.0] * 50)
+    zigzag *= spread / (10 * zigzag.std(ddof=1))
+    found = compare(predicted(delta / 100 + zigzag), predicted(np.zeros(100)))
+    assert found.std_error == pytest.approx(spread, abs=1e-9)
+    assert words in found.verdict
+    assert f"differs by {delta:+.1f} ± {spread:.1f}" in found.verdict
+
+
+def test_monte_carlo_errors_of_both_models_count_in_the_difference():
+    one, other = (replace(predicted(np.zeros(50)), value=MonteCarloValue(0.0, error)) for error in (3.0, 4.0))
+    assert compare(one, other).std_error == pytest.approx(5.0)

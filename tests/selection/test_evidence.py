@@ -179,3 +179,25 @@ def test_status(given, words):
 def test_one_run_has_no_error(given):
     with pytest.raises(NumericalError, match="set repeats to 2 or more"):
         combine_runs(given)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (runs(0.0, 1.40), ""),
+        (runs(0.0, 1.43), "repeats differ by 1.0 nats"),
+        (runs(1.0, 1.1, acceptance=0.051), ""),
+        (runs(1.0, 1.1, acceptance=0.049), "only 5% of the time"),
+        (runs(1.0, 1.1, alive=0.051), ""),
+        (runs(1.0, 1.1, alive=0.049), "only 4.9% of the prior"),
+    ],
+)
+def test_status_from_both_sides(given, words):
+    found = combine_runs(given)
+    assert words in found.status
+    assert bool(words) == bool(found.status)
+    logs = [run.log_evidence for run in given]
+    assert found.diagnostics["log_values"] == logs
+    assert found.diagnostics["spread"] == pytest.approx(np.std(logs, ddof=1))
+    assert found.diagnostics["lowest_acceptance"] == min(given[0].acceptance)
+    assert found.diagnostics["alive"] == given[0].alive

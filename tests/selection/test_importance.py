@@ -7,6 +7,8 @@ from scipy import stats
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, climb, find_mode
 from seatrial.estimation.priors import Normal
+from seatrial.sampling.target import evaluate
+from seatrial.selection import importance
 from seatrial.selection.importance import (
     ImportanceSettings,
     ProposalComponent,
@@ -20,6 +22,7 @@ from seatrial.selection.importance import (
     laplace_proposal,
     refit,
     weigh,
+    weighted_sd,
 )
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, posterior
 from tests.selection.test_evidence import box, half_forbidden, short_surge
@@ -230,3 +233,76 @@ def test_same_key_same_bits():
         importance_evidence(PAIR.posterior, key, mode).log_value for key in (KEY, KEY, jax.random.key(5))
     )
     assert first == again != other
+
+
+def test_weights_by_their_definition():
+    """log(p L / q) of every draw, q the mixture of both proposals by their shares; effective size 1 / sum w^2."""
+    pair = [
+        ProposalComponent(np.array([-0.5, 0.0]), np.eye(2), 0.25),
+        ProposalComponent(np.array([0.5, 0.0]), 0.8 * np.eye(2), 0.75),
+    ]
+    found = weigh(PAIR.posterior, pair, KEY, 2000)
+    q = sum(one.share * np.exp(_log_proposal(one, found.z)) for one in pair)
+    log_weight = evaluate(PAIR.posterior, found.z) - np.log(q)
+    assert found.log_weight == pytest.approx(log_weight, abs=1e-9)
+    w = np.exp(log_weight - log_weight.max())
+    w /= w.sum()
+    assert found.ess == pytest.approx(1 / (w**2).sum())
+    assert np.exp(found.smoothed).sum() == pytest.approx(1.0)
+    off = np.abs(np.exp(found.smoothed) - w)
+    assert np.sum(off > 1e-9) <= 0.2 * 2000, "only the tail is smoothed"
+    first = np.mean(np.exp(_log_proposal(pair[0], found.z[:500])) > 0)
+    assert (found.z.shape, first) == ((2000, 2), 1.0)
+    assert found.z[:500].mean(0) == pytest.approx([-0.5, 0.0], abs=0.25)
+    assert found.z[500:].mean(0) == pytest.approx([0.5, 0.0], abs=0.2)
+
+
+def test_evidence_of_given_weights_by_hand():
+    """Mean of the weights, its relative error from their variance, and what was done."""
+    random = np.random.default_rng(2)
+    log_weight = random.normal(size=3000)
+    w = np.exp(log_weight)
+    ess = w.sum() ** 2 / (w**2).sum()
+    found = evidence_of(Weights(np.zeros((3000, 1)), log_weight, log_weight, 0.3, ess, 2, 3))
+    assert found.log_value == pytest.approx(np.log(w.mean()))
+    assert found.std_error == pytest.approx(w.std() / w.mean() / np.sqrt(3000))
+    assert found.method == "importance sampling about 3 modes"
+    assert found.diagnostics == pytest.approx(
+        {"k_hat": 0.3, "ess": ess, "efficiency": ess / 3000, "draws": 3000, "refits": 2, "modes": 3}
+    )
+
+
+@pytest.mark.parametrize(
+    ("efficiency", "k_hat", "modes", "refits"),
+    [(0.51, 0.69, 1, 0), (0.49, 0.1, 1, 2), (0.9, 0.71, 1, 2), (0.51, 0.69, 2, 1)],
+)
+def test_the_proposal_is_refitted_until_enough_draws_count(monkeypatch, efficiency, k_hat, modes, refits):
+    """At half of them and a tail index of 0.7 it is left; of several modes the shares are learnt once, and twice is all."""
+    asked = []
+
+    def canned(target, proposals, key, n):
+        asked.append((n, [one.share for one in proposals]))
+        return Weights(np.zeros((n, 2)), np.zeros(n), np.zeros(n), k_hat, efficiency * n)
+
+    monkeypatch.setattr(importance, "weigh", canned)
+    monkeypatch.setattr(importance, "refit", lambda proposals, weights: proposals)
+    mode = find_mode(PAIR.posterior, KEY)
+    found = importance_sample(PAIR.posterior, KEY, mode, ImportanceSettings(300, 100, 2), [mode] * (modes - 1))
+    assert (found.refits, found.modes) == (refits, modes)
+    assert [n for n, _ in asked] == [100] * (refits + 1) + [300]
+    assert asked[0][1] == [1 / modes] * modes
+
+
+def test_weighted_deviations_are_those_of_the_weighted_draws():
+    z, log_weight = np.random.default_rng(3).normal(size=(2, 500, 2))
+    weights = Weights(z, log_weight[:, 0], log_weight[:, 0] - 3.0, 0.1, 100.0)
+    values = np.asarray(PAIR.posterior.constrain(jnp.asarray(z)))
+    expected = np.sqrt(np.diag(np.cov(values.T, aweights=np.exp(log_weight[:, 0]), ddof=0)))
+    assert weighted_sd(PAIR.posterior, weights) == pytest.approx(expected)
+
+
+def test_proposal_without_draws_keeps_its_place_and_half_of_its_share():
+    pair = [ProposalComponent(np.zeros(1), np.eye(1), 0.5), ProposalComponent(np.array([500.0]), 0.01 * np.eye(1), 0.5)]
+    z = np.random.default_rng(1).normal(size=(400, 1))
+    found = refit(pair, Weights(z, np.zeros(400), np.full(400, -np.log(400)), 0.1, 400.0))
+    assert [one.share for one in found] == pytest.approx([0.75, 0.25])

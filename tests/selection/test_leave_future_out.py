@@ -15,7 +15,7 @@ from seatrial.estimation.priors import Normal, Uniform
 from seatrial.estimation.sensors import Sensor
 from seatrial.selection.criteria import mean_error
 from seatrial.selection.importance import ImportanceSettings, importance_evidence, importance_sample
-from seatrial.selection.leave_future_out import block_edges, compare_futures, leave_future_out, past_of
+from seatrial.selection.leave_future_out import _complaints, block_edges, compare_futures, leave_future_out, past_of
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import make_trial, naive_doublets, naive_speed, posterior
 
@@ -208,3 +208,20 @@ def test_coloured_residuals_remember_across_the_edge():
     expected = -2 * (whole.log_value - early.log_value)
     error = np.hypot(found.criterion.value.error, 2 * np.hypot(whole.std_error, early.std_error))
     assert abs(found.criterion.value.value - expected) < 4 * error
+
+
+@pytest.mark.parametrize(
+    ("k_hat", "most", "said"),
+    [
+        (np.full(10, 0.69), 0.7, ""),
+        (np.full(9, 0.5), 0.7, "only 9 blocks"),
+        (np.append(np.full(9, 0.5), 0.71), 0.7, "1 of 10 blocks are predicted"),
+        (np.append(np.full(9, 0.5), 0.71), 0.5, "k-hat up to 0.71"),
+        (np.append(np.full(9, 0.5), 0.71), 0.75, ""),
+        (np.append(np.full(9, 0.5), np.nan), 0.7, "1 of 10"),
+    ],
+)
+def test_complaints_from_both_sides(k_hat, most, said):
+    found = _complaints(k_hat, most)
+    assert len(found) == bool(said)
+    assert said in "".join(found)

@@ -8,7 +8,15 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.selection import prior_monte_carlo as early_stop
-from seatrial.selection.prior_monte_carlo import MARGIN, draw_by_name, listing_one, log_likelihoods, prior_evidence
+from seatrial.selection.prior_monte_carlo import (
+    MARGIN,
+    _pool,
+    _refusal,
+    draw_by_name,
+    listing_one,
+    log_likelihoods,
+    prior_evidence,
+)
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import (
     GOLDEN_LOG_EVIDENCE,
@@ -150,3 +158,46 @@ def test_no_draw_can_be_simulated():
 def test_bad_settings(given):
     with pytest.raises(InputError, match="Listing 1"):
         listing_one([PAIR.posterior] * 2, KEY, **given)
+
+
+def test_repeats_are_pooled_by_hand():
+    """Mean of the likelihoods; the larger of the error that the weights have and of that the repeats show."""
+    draws, ess = 1000, np.array([500.0, 800.0, 450.0])
+    near, far = np.log([1.0, 1.001, 1.002]), np.log([1.0, 2.0, 3.0])
+    within = np.sqrt(np.mean([1 / e - 1 / draws for e in ess]) / 3)
+    one, other = (_pool(logs, ess, draws) for logs in (near, far))
+    assert one.log_value == pytest.approx(np.log(1.001))
+    assert one.std_error == pytest.approx(within)
+    assert other.log_value == pytest.approx(np.log(2.0))
+    assert other.std_error == pytest.approx(np.std(far, ddof=1) / np.sqrt(3))
+    assert other.diagnostics["spread"] == pytest.approx(np.std(far, ddof=1))
+    assert other.diagnostics["log_values"] == far.tolist()
+    assert other.diagnostics["ess"] == ess.tolist()
+    assert other.status == ""
+    single = _pool(far[:1], ess[:1], draws)
+    assert single.diagnostics["spread"] == 0.0
+    assert single.std_error == pytest.approx(np.sqrt(1 / 500 - 1 / 1000))
+
+
+@pytest.mark.parametrize(("least", "refused"), [(399.0, True), (400.0, False)])
+def test_no_verdict_is_given_on_fewer_than_400_effective_draws(least, refused):
+    said = _refusal(np.array([[900.0, least], [800.0, 1000.0]]), 5000)
+    assert bool(said) == refused
+    assert not refused or "of 5000 prior draws only 399.0 count (median over repeats 850.0" in said
+
+
+def test_one_draw_and_small_prior_probabilities_are_allowed():
+    found = listing_one([PAIR.posterior] * 2, KEY, draws=1, repeats=1, shared=True, prior_probability=[0.1, 0.3])
+    assert found.probability == pytest.approx(np.array([[0.25, 0.75]]))
+
+
+def test_repeats_and_models_draw_by_themselves():
+    """Evidence of a model does not depend on what stands beside it, and repeats differ."""
+    pair = listing_one([PAIR.posterior, PAIR.posterior], KEY, draws=50, repeats=3)
+    alone = listing_one([PAIR.posterior], KEY, draws=50, repeats=3)
+    assert pair.evidences[0] == alone.evidences[0]
+    values = [evidence.diagnostics["log_values"] for evidence in pair.evidences]
+    assert len({round(x, 9) for row in values for x in row}) == 6
+    assert pair.probability == pytest.approx(
+        np.array([np.exp(row) / np.exp(row).sum() for row in np.array(values).T - np.max(values)])
+    )

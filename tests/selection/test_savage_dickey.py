@@ -4,7 +4,7 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.priors import Uniform
-from seatrial.selection.savage_dickey import savage_dickey
+from seatrial.selection.savage_dickey import _tail, savage_dickey
 from tests.estimation_cases import linear_gaussian, posterior
 from tests.selection.test_bridge import exact_draws
 
@@ -107,3 +107,57 @@ def guided(x, width):
     for one in x[np.abs(x) < width]:
         total += 0.75 * (1 - (one / width) ** 2) / width * law.pdf(0.0) / law.pdf(one)
     return np.log(total / x.size)
+
+
+def test_away_from_the_mean_the_kernel_is_that_of_the_draws_there():
+    """At 0, 1.2 deviations from the mean: by a plain sum over the draws within the width, and how many those are worth."""
+    x = 0.1 * np.random.default_rng(6).normal(size=(4, 3000)) + 0.12
+    target, z = of_shape(x)
+    found = savage_dickey(target, "a", z)
+    assert found.status == ""
+    ess = found.diagnostics["ess"]
+    width = 2.34 * x.std() * ess**-0.2
+    assert found.diagnostics["log_density"] == pytest.approx(guided(x.ravel(), width), abs=1e-9)
+    assert found.diagnostics["distance"] == pytest.approx(-x.mean() / x.std())
+    assert found.diagnostics["near"] == pytest.approx(np.mean(np.abs(x) < width) * ess)
+    assert found.log_value == pytest.approx(
+        float(target.parameters[0].prior.log_density(0.0)) - found.diagnostics["log_density"]
+    )
+    assert ess == pytest.approx(12_000, rel=0.1)
+    assert ess <= 12_000
+
+
+@pytest.mark.parametrize("shape", ["normal", "t"])
+def test_fitted_shapes_by_scipy_and_errors_by_leaving_out_stretches(shape):
+    """Student's t of 5 degrees of freedom: scipy finds the same fit; the error is the jackknife's over 20 stretches."""
+    x = 0.1 * np.random.default_rng(7).standard_t(5, size=(4, 1500)) + 0.05
+    target, z = of_shape(x)
+
+    def density(y):
+        law = stats.norm(y.mean(), y.std()) if shape == "normal" else stats.t(*stats.t.fit(y, 5, loc=0.05, scale=0.1))
+        return law.logpdf(0.0)
+
+    found = savage_dickey(target, "a", z, shape=shape)
+    assert found.diagnostics["log_density"] == pytest.approx(density(x.ravel()), abs=2e-3)
+    if shape == "normal":
+        stretches = [part for chain in x for part in np.array_split(chain, 5)]
+        without = [density(np.concatenate(stretches[:i] + stretches[i + 1 :])) for i in range(20)]
+        error = np.sqrt(19 / 20 * sum((w - np.mean(without)) ** 2 for w in without))
+        assert found.std_error == pytest.approx(error)
+
+
+@pytest.mark.parametrize(("near", "told"), [(99.0, True), (101.0, False)])
+def test_fewer_than_a_hundred_effective_draws_about_the_value_are_told(near, told):
+    said = _tail("a", 0.0, -2.5, near)
+    assert bool(said) == told
+    assert not told or f"2.5 standard deviations from the posterior mean, where only {near:.0f} effective" in said
+
+
+@pytest.mark.parametrize(("draws", "enough"), [(249, False), (250, True)])
+def test_a_thousand_draws_are_enough(draws, enough):
+    target, z = of_shape(0.1 * np.random.default_rng(0).normal(size=(4, draws)))
+    if enough:
+        assert np.isfinite(savage_dickey(target, "a", z).log_value)
+    else:
+        with pytest.raises(InputError, match="4 chains of 249"):
+            savage_dickey(target, "a", z)

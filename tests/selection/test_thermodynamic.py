@@ -6,7 +6,9 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.priors import Normal
+from seatrial.selection.evidence import ALIVE
 from seatrial.selection.thermodynamic import (
+    DEAD,
     Ladder,
     LadderSettings,
     _integrals,
@@ -150,3 +152,132 @@ def test_same_key_same_bits_and_progress_ends():
     assert first == stepping_stone_evidence(target, KEY, settings)
     assert first != thermodynamic_evidence(target, KEY, settings)
     assert seen == [(1, 2), (2, 2)]
+
+
+def naive_stepping(b, logs):
+    """log Z: sum over rungs of the log mean of L^(step), over all draws and copies of the rung."""
+    return sum(np.log(np.mean(np.exp((b[k + 1] - b[k]) * logs[:, k]))) for k in range(b.size - 1))
+
+
+def naive_integral(b, logs, dead=-1e6):
+    """Trapezoid of the means less step^2 / 12 of the change of the variances, over what can be simulated, and its log share."""
+    total = np.log(np.mean(logs[:, 0] > dead)) if (logs[:, 0] <= dead).any() else 0.0
+    kept = [logs[:, k][logs[:, k] > dead] for k in range(b.size)]
+    for k in range(b.size - 1):
+        step = b[k + 1] - b[k]
+        total += step * (kept[k].mean() + kept[k + 1].mean()) / 2 - step**2 * (kept[k + 1].var() - kept[k].var()) / 12
+    return total
+
+
+@pytest.mark.parametrize(("estimate", "naive"), [(stepping_stone, naive_stepping), (thermodynamic, naive_integral)])
+def test_value_error_and_drift_by_naive_twins(estimate, naive):
+    """Errors by leaving out one copy of five after another, widened as Student's t; drift of the halves in its own."""
+    b = np.array([0.0, 0.1, 0.35, 0.7, 1.0])
+    ladder, _ = exact_ladder(3, b, 60, 5)
+    logs, found = ladder.log_likelihood, estimate(ladder)
+
+    def jackknife(of):
+        without = [of(np.delete(logs, m, 2)) for m in range(5)]
+        widened = stats.t.ppf(0.975, 4) / stats.norm.ppf(0.975)
+        return np.sqrt(sum((x - np.mean(without)) ** 2 for x in without) * 4 / 5) * widened
+
+    assert found.log_value == pytest.approx(naive(b, logs), rel=1e-10)
+    error = jackknife(lambda x: naive(b, x))
+    if estimate is thermodynamic:
+        cut = abs(naive(b, logs) - naive(b[::2], logs[:, ::2])) / 8
+        assert found.diagnostics["monte_carlo_error"] == pytest.approx(error)
+        assert found.diagnostics["discretisation_error"] == pytest.approx(cut)
+        error = np.hypot(error, cut)
+    assert found.std_error == pytest.approx(error)
+
+    def change(x):
+        return naive(b, x[:30]) - naive(b, x[30:])
+
+    assert found.diagnostics["drift"] == pytest.approx(abs(change(logs)) / jackknife(change))
+    assert (found.diagnostics["rungs"], found.diagnostics["alive"]) == (5, 1.0)
+
+
+def test_a_part_of_the_prior_that_cannot_be_simulated_lowers_the_integral_by_its_share():
+    b = np.linspace(0.0, 1.0, 5) ** 2
+    ladder, _ = exact_ladder(2, b, 400, 4)
+    logs = ladder.log_likelihood.copy()
+    logs[::4, 0] = 10 * DEAD
+    found = thermodynamic(ladder._replace(log_likelihood=logs))
+    assert found.log_value == pytest.approx(naive_integral(b, logs, DEAD), rel=1e-10)
+    assert found.diagnostics["alive"] == 0.75
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"swap": np.array([0.5, 0.11, 0.5, 0.5])}, ""),
+        ({"swap": np.array([0.5, 0.09, 0.5, 0.5])}, "between temperatures 0.25 and 0.5 only 9% of the swaps"),
+        ({"arrivals": 1.01}, ""),
+        ({"arrivals": 0.99}, "all the way"),
+    ],
+)
+def test_complaints_about_the_ladder_from_both_sides(changes, said):
+    ladder, _ = exact_ladder(2, np.linspace(0.0, 1.0, 5), 400)
+    found = stepping_stone(ladder._replace(**changes))
+    assert said in found.status
+    assert bool(found.status) == bool(said)
+    if "swap" in changes:
+        assert found.diagnostics["lowest_swap"] == changes["swap"].min()
+
+
+@pytest.mark.parametrize(("shift", "told"), [(0.9, False), (1.1, True)])
+def test_drift_counts_from_four_errors_on(shift, told):
+    """The halves are moved apart until they differ by a given multiple of four of the errors of their difference."""
+    ladder, _ = exact_ladder(2, np.linspace(0.0, 1.0, 5), 400)
+    logs = ladder.log_likelihood.copy()
+    logs[200:] = logs[:200]
+    base = np.sign(np.arange(16) - 7.5) * 0.1  # copies that differ alike in both halves give the difference an error
+    logs[200:] += base[None, None]
+    one = stepping_stone(ladder._replace(log_likelihood=logs))
+
+    def moved(by):
+        other = logs.copy()
+        other[200:] += by
+        return stepping_stone(ladder._replace(log_likelihood=other))
+
+    slope = moved(1.0).diagnostics["drift"]
+    by = (4.0 * shift - one.diagnostics["drift"]) / slope
+    for _ in range(5):
+        by += (4.0 * shift - moved(by).diagnostics["drift"]) / slope
+    assert ("two halves" in moved(by).status) == told
+
+
+@pytest.mark.parametrize(("alive", "told"), [(ALIVE + 0.001, False), (ALIVE - 0.001, True)])
+def test_a_prior_of_which_hardly_any_can_be_simulated_is_told(alive, told):
+    ladder, _ = exact_ladder(2, np.linspace(0.0, 1.0, 5), 5000, 4)
+    logs = ladder.log_likelihood.copy()
+    counted = np.floor(np.arange(5001) * alive)
+    logs[np.diff(counted) == 0, 0] = 10 * DEAD
+    assert ("can be simulated" in thermodynamic(ladder._replace(log_likelihood=logs)).status) == told
+
+
+def test_share_of_the_draws_that_count_is_kish_s():
+    """Of n weights (sum w)^2 / sum w^2 count; below 2 % of some rung's a few carry the ratio."""
+    b = np.linspace(0.0, 1.0, 5)
+    ladder, _ = exact_ladder(2, b, 400, 4)
+    found = stepping_stone(ladder)
+    w = np.exp(0.25 * ladder.log_likelihood[:, :-1])
+    shares = [w[:, k].sum() ** 2 / (w[:, k] ** 2).sum() / w[:, k].size for k in range(4)]
+    assert found.diagnostics["lowest_share"] == pytest.approx(min(shares))
+    for share, told in ((0.025, False), (0.015, True)):
+        logs = np.full_like(ladder.log_likelihood, -1.0)
+        few = round(share * 400)
+        logs[few:, 2] = -400.0
+        assert ("carry the step" in stepping_stone(ladder._replace(log_likelihood=logs)).status) == told
+
+
+@pytest.mark.parametrize(("cut", "told"), [(0.09, False), (0.11, True)])
+def test_an_uncertain_integral_is_told(cut, told):
+    """A mean log-likelihood that falls at one rung in the middle: what every second rung changes is known, and an eighth is stated."""
+    b = np.linspace(0.0, 1.0, 5)
+    logs = np.zeros((200, 5, 4))
+    logs[:, 1] = 8 * cut / 0.25
+    found = thermodynamic(Ladder(b, logs, np.full(4, 0.5), 9.0, 0.0))
+    assert found.diagnostics["discretisation_error"] == pytest.approx(cut)
+    assert ("uncertain by" in found.status) == told

@@ -151,3 +151,47 @@ def test_a_verdict_that_hangs_on_a_doubtful_evidence_is_withheld():
     assert len(shaken.alarms) == 1
     assert sure.verdicts[0].startswith("the data support X_u: probability 1.00")
     assert sure.alarms == ()
+
+
+@pytest.mark.parametrize(
+    ("both", "only_a", "only_b", "said"),
+    [
+        (0.0, 0.5, 0.46, True),
+        (0.0, 0.5, 0.44, False),
+        (0.5, 0.41, 0.06, True),
+        (0.5, 0.43, 0.04, False),
+        (0.89, 0.055, 0.055, True),
+        (0.9, 0.055, 0.045, False),
+        (0.9, 0.045, 0.055, False),
+    ],
+)
+def test_pairs_are_inseparable_where_one_is_needed_and_neither_alone_is(both, only_a, only_b, said):
+    """At least one with 0.95, each with less than 0.95, and each alone with more than 0.05."""
+    a, b = np.array([1.0, 1, 0, 0]), np.array([1.0, 0, 1, 0])
+    chance = np.array([both, only_a, only_b, 1 - both - only_a - only_b])
+    assert len(pair_verdicts({"X_u": a, "X_uabsu": b}, chance)) == said
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "error", "noisy"),
+    [
+        (0.85, 0.051, True),
+        (0.85, 0.049, False),
+        (0.645, 0.051, False),
+        (0.655, 0.051, True),
+        (0.155, 0.051, True),
+        (0.345, 0.051, True),
+        (0.36, 0.051, False),
+        (0.5, 0.124, False),
+        (0.5, 0.126, True),
+    ],
+)
+def test_noise_counts_within_two_errors_of_an_edge(inclusion, error, noisy):
+    assert ("too noisy" in term_verdict("X_u", inclusion, error)) == noisy
+
+
+@pytest.mark.parametrize(("lead", "alarms"), [(3.0 + 4.5, True), (3.0 + 4.7, False)])
+def test_an_evidence_in_doubt_alarms_where_it_may_move_a_probability_by_a_hundredth(lead, alarms):
+    """Three nats at least may be wrong: 4.6 nats behind after that is a probability of 1 %."""
+    found = selection([0.0, -np.inf, -np.inf, -lead], status=("", "", "", "repeats differ"))
+    assert bool(found.alarms) == alarms

@@ -110,8 +110,8 @@ def smooth(
         if given is not None and not 0 < given < inf:
             raise InputError(where, found=f"a {name} of {given}", expected="more than 0", remedy="leave it to be found")
     usual = float(np.median(np.diff(time[there])))
-    straight = np.polyfit(time[there] - time[0], values[there], 1)
-    line = np.polyval(straight, time - time[0])
+    straight = np.polynomial.Polynomial.fit(time[there], values[there], 1)
+    line = straight(time)
     unit = float(np.std(values[there] - line[there])) or float(np.ptp(values[there]))
     data = _filled(time, np.where(there, values - line, 0.0) / unit, there)
     sigma = None if noise is None else noise / unit
@@ -126,7 +126,7 @@ def smooth(
     return Smoothed(
         line + unit * mean[0],
         sd[0],
-        straight[0] + unit * mean[1],
+        straight.deriv()(time) + unit * mean[1],
         sd[1],
         unit * scale,
         tau,

@@ -106,8 +106,7 @@ def stays_within(replicates: int, width: float) -> float:
     mean, sd = replicates * AT, replicates * _sd(replicates)
     low = np.maximum(np.ceil(mean - width * sd), 0).astype(int)
     high = np.minimum(np.floor(mean + width * sd), replicates).astype(int)
-    most = int((np.append(high, replicates) - np.append(0, low)).max())
-    before, weight, step = 0, np.ones(1), stats.poisson.pmf(np.arange(most + 1), replicates / (DRAWS + 1))
+    before, weight, step = 0, np.ones(1), stats.poisson.pmf(np.arange(replicates + 1), replicates / (DRAWS + 1))
     for first, last in zip([*low, replicates], [*high, replicates], strict=True):
         if first > last:
             return 0.0

@@ -73,7 +73,7 @@ def _measured_by_all(state: str, records: Sequence[Record]) -> bool:
 def _inside(value: float, prior: Prior) -> float:
     """Return a value a hair inside the support."""
     lower, upper = prior.bounds
-    hair = 1e-3 * min(float(prior.sd), upper - lower)
+    hair = 1e-3 * float(prior.sd)
     return min(max(value, lower + hair), upper - hair)
 
 

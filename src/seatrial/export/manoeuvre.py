@@ -115,7 +115,7 @@ def simulate(
         actual = dict(zip(lagging, x[9:], strict=True))
         speeds = [_follow(actuators[name], wanted[name], actual[name]) for name in lagging]
         water = _in_body(current, x[6:9]) if any(current) else {}
-        return np.concatenate([_rates(motion, x[:9], {**wanted, **actual, **water}), speeds])
+        return np.concatenate([_rates(motion, x, {**wanted, **actual, **water}), speeds])
 
     with np.errstate(all="ignore"):
         for i in range(count):
@@ -206,8 +206,8 @@ def command_line(vehicle: ExportedVehicle, carried: Carried, plan: Plan) -> str:
     return "; ".join(parts)
 
 
-def _rates(motion: Motion, x: Float[np.ndarray, " 9"], controls: dict[str, float]) -> Float[np.ndarray, " 9"]:
-    """Return the rates of the velocities, roll, pitch and heading."""
+def _rates(motion: Motion, x: Float[np.ndarray, " n"], controls: dict[str, float]) -> Float[np.ndarray, " 9"]:
+    """Return the rates of the velocities, roll, pitch and heading, with which a state begins."""
     phi, theta = float(x[6]), float(x[7])
     p, q, r = (float(part) for part in x[3:6])
     turn = q * np.sin(phi) + r * np.cos(phi)

@@ -3,7 +3,7 @@ import pytest
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.selection.subsets.conjugate import GPrior, IndependentPrior, evidence_of, physical_prior, unit_information
-from seatrial.selection.subsets.gram import gram
+from seatrial.selection.subsets.gram import MOST_ALIKE, check_gram, gram
 from tests.selection.subsets.naive import naive_fit, naive_log_evidence, problem, some_prior
 
 GOLDEN = {
@@ -109,3 +109,46 @@ def test_unit_information_expects_the_noise_that_is_given():
     """The mean of an inverse gamma is its rate over its shape less one."""
     prior = unit_information(gram(np.eye(4), np.ones(4)), 0.3)
     assert prior.rate / (prior.shape - 1) == pytest.approx(0.09)
+
+
+def test_every_statistic_of_two_trials_adds_up():
+    phi, y, stats = problem(4)
+    both = gram(phi[:15], y[:15]) + gram(phi[15:], y[15:])
+    np.testing.assert_allclose(both.moment, stats.moment, rtol=1e-12)
+    assert both.square == pytest.approx(stats.square, rel=1e-12)
+    np.testing.assert_allclose(stats.moment, [sum(a * b for a, b in zip(column, y, strict=True)) for column in phi.T])
+
+
+@pytest.mark.parametrize(("rows", "terms", "enough"), [(2, 1, False), (3, 1, True), (4, 5, False), (5, 5, True)])
+def test_three_measurements_and_one_for_each_term_are_enough(rows, terms, enough):
+    random = np.random.default_rng(0)
+    stats, names = gram(random.normal(size=(rows, terms)), random.normal(size=rows)), [f"t{i}" for i in range(terms)]
+    if enough:
+        check_gram(stats, names)
+    else:
+        with pytest.raises(InputError, match=f"{rows} measurements for {terms} terms"):
+            check_gram(stats, names)
+
+
+@pytest.mark.parametrize(("apart", "told"), [(1.1, True), (0.9, False)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_regressors_are_too_much_alike_from_a_cosine_on(apart, told, sign):
+    """Two orthogonal directions mixed to a cosine just beyond, or short of, the one from which on they count as proportional."""
+    basis = np.linalg.qr(np.random.default_rng(1).normal(size=(20, 3)))[0]
+    cosine = 1 - (1 - MOST_ALIKE) / apart
+    phi = np.column_stack(
+        [3 * basis[:, 0], basis[:, 2], sign * (cosine * basis[:, 0] + np.sqrt(1 - cosine**2) * basis[:, 1])]
+    )
+    if told:
+        with pytest.raises(InputError, match="of a and c are proportional"):
+            check_gram(gram(phi, basis[:, 0]), "abc")
+    else:
+        check_gram(gram(phi, basis[:, 0]), "abc")
+
+
+def test_scaled_priors_are_wider_by_the_factor():
+    """Deviations times 3: precisions over 9, and nine times the g."""
+    prior = some_prior(3, np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(prior.scaled(3.0).precision, prior.precision / 9)
+    np.testing.assert_array_equal(prior.scaled(3.0).mean, prior.mean)
+    assert GPrior(2.0, 1.5, 0.5).scaled(3.0) == GPrior(18.0, 1.5, 0.5)

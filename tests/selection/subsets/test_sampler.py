@@ -14,13 +14,14 @@ from seatrial.selection.subsets.conjugate import GPrior, physical_prior
 from seatrial.selection.subsets.gram import gram
 from seatrial.selection.subsets.sampler import (
     MAX_PRESENCE_R_HAT,
+    _check_candidates,
     _status,
     half_of,
     presence_r_hat,
     sample_subsets,
     subset_posterior,
 )
-from seatrial.selection.subsets.structure_chains import _alike
+from seatrial.selection.subsets.structure_chains import ALIKE, RUNG, _alike, rungs_between
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
 RULES = RuleMasks(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
@@ -252,13 +253,38 @@ def test_rules_term_by_term_by_a_naive_twin():
     assert closure(chain, 0b1) == 0b1
 
 
-def test_what_the_chains_did_is_counted():
-    """Of 8 chains of 400 moves, 300 of each after warm-up are visits; what is evaluated and covered is at most all."""
+@pytest.mark.parametrize(("chains", "rungs", "walk"), [(4, 1, 4), (8, 1, 8), (4, 3, 8), (32, 3, 10)])
+def test_what_the_chains_did_is_counted(monkeypatch, chains, rungs, walk):
+    """Of so many chains, or ladders of them, at least 8, 300 of 400 moves after warm-up are visits; all 64 structures are held."""
+    monkeypatch.setattr(sampler, "rungs_between", lambda *_: rungs)
     stats, prior = problem(6)[2], some_prior(6)
-    found = sample_subsets(stats, prior, NAMES[:6], chains=8, moves=400).monte_carlo
-    assert found.visits == 8 * 300
+    found = sample_subsets(stats, prior, NAMES[:6], chains=chains, moves=400).monte_carlo
+    assert found.visits == walk * 300
     assert 2 < found.evaluated <= 2**6
-    assert 0.99 < found.covered <= 1.0
+    assert 0.999 < found.covered <= 1.0
+    for errors in (found.inclusion_error, found.mean_error):
+        assert (errors >= 0).all()
+        assert (errors < 1e-3).all()
+
+
+def test_rungs_grow_until_the_hottest_hardly_tells_structures_apart():
+    """Each is hotter by one factor; across the hottest, log evidences differ by no more than counts as alike."""
+    for apart in (0.0, 0.5 * ALIKE, ALIKE, 1.01 * ALIKE, RUNG * ALIKE * 0.99, RUNG * ALIKE * 1.01, 1e4 * ALIKE):
+        needed = next(n for n in range(1, 99) if apart / RUNG ** (n - 1) <= ALIKE)
+        assert rungs_between(-7.0, apart - 7.0) == needed
+
+
+@pytest.mark.parametrize(
+    ("count", "always", "refused"), [(25, 0, False), (26, 0, True), (40, 15, False), (40, 14, True)]
+)
+def test_optional_terms_that_can_be_counted_out(count, always, refused):
+    phi = np.random.default_rng(0).normal(size=(100, count))
+    stats, names = gram(phi, phi[:, 0]), MANY[:count]
+    if refused:
+        with pytest.raises(InputError, match="26 optional terms"):
+            _check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10)
+    else:
+        assert len(_check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10)[0].free) == 25
 
 
 @pytest.mark.parametrize(

@@ -182,7 +182,7 @@ def sample_subsets(
     for term in candidates.free:
         renormalised[term] = weight[evaluated.codes >> np.uint64(term) & np.uint64(1) == 1].sum()
     covered = min(float(np.exp(np.logaddexp.reduce(evaluated.scores) - log_total)), 1.0)
-    held = covered * float(weight[most].sum())
+    held = min(covered * float(weight[most].sum()), 1.0)
     result = _by_visits(candidates, problem, seen, owner, moves)
     errors = result.pop("errors")
     if held >= HELD:

@@ -1,0 +1,272 @@
+"""Limits of free-form inputs without a search: the unit of the levels, projections, starts, margins and what a status says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from seatrial.core.errors import InputError
+from seatrial.design import free_form_climb
+from seatrial.design.cost import PropellerPower, in_joules
+from seatrial.design.free_form import ALIKE, TIGHT, ClimbOutcome, _change, _margin, _status
+from seatrial.design.free_form_climb import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
+from seatrial.design.free_form_course import Course
+from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
+from seatrial.design.motion_limits import StateBound
+from seatrial.design.sweep import LANES
+from seatrial.design.trial_plan import plan_trial
+from seatrial.manoeuvres.free_form import SplineInput, SteppedInput
+from seatrial.manoeuvres.manoeuvre import Limits
+from tests.cases import TRUTH, U0, paper_model
+
+TRIM, LOW, HIGH = 70.0, 60.0, 95.0
+NAMES = ("X_u", "X_uabsu", "T_nabsn")
+VALUES = np.array([TRUTH[name] for name in NAMES])
+
+
+def problem(form=None, rate=None, n=60, **settings):
+    """A minute in samples of one second and levels of five: 10 rad/s below trim and 25 above."""
+    plan = plan_trial(paper_model(*NAMES), [U0], {"u": 0.05}, n, 60.0 / n)
+    form = form or SteppedInput("n", TRIM, 60.0, 0.0, 60.0, 12)
+    given = {"limits": Limits(LOW, HIGH, rate), "points": VALUES[None], "prior_cov": np.diag(VALUES**2)}
+    return FreeFormProblem(plan, form, **given | settings)
+
+
+def climb_of(target, kept=None):
+    draws = target.safe_for.shape[0]
+    return Climb(target, target.setup(), target.watched(), (), np.ones(draws, bool) if kept is None else kept)
+
+
+def test_levels_count_in_the_larger_way_to_a_bound():
+    target = problem()
+    assert target.span == 25.0
+    assert target.box == pytest.approx((-0.4, 1.0))
+    assert problem(limits=Limits(40.0, HIGH)).span == 30.0
+    assert target.block == 5
+    assert problem(n=120).block == 10
+    setup = target.setup()
+    assert (float(setup.trim[0]), float(setup.span[0])) == (TRIM, 25.0)
+    factor = np.asarray(setup.factor)
+    np.testing.assert_allclose(factor @ factor.T, target.prior_cov)
+
+
+@pytest.mark.parametrize(("risk", "left_out"), [(0.0, 0), (0.1, 2), (0.149, 2), (0.15, 3), (0.99, 19)])
+def test_draws_that_may_break_a_bound_are_the_share_rounded_down(risk, left_out):
+    draws = np.tile(VALUES, (20, 1))
+    assert problem(draws=draws, risk=risk).left_out == left_out
+    assert problem(draws=draws).safe_for.shape == (20, 3)
+    np.testing.assert_array_equal(problem().safe_for, VALUES[None])
+
+
+def test_limits_of_a_spline_in_rows():
+    """Every value between the bounds and every rate below its limit: as shares of the span and of the rate."""
+    form = SplineInput("n", TRIM, 60.0, 0.0, 60.0, 8)
+    target = problem(form, rate=2.0)
+    rows, most = target.linear()
+    values, rates = form.values(), form.rates()
+    assert rows.shape == (2 * len(values) + 2 * len(rates), form.size)
+    x = np.random.default_rng(0).uniform(-0.4, 1.0, form.size)
+    level, slope = values @ x, rates @ x * 25.0
+    broken = rows @ x > most + 1e-12
+    expected = np.concatenate([level > 1.0, -level > 0.4, slope > 2.0, -slope > 2.0])
+    np.testing.assert_array_equal(broken, expected)
+    assert problem().linear()[0].shape == (0, 12)
+
+
+def test_gentled_inputs_are_inside_and_near():
+    """Inside inputs stay; others come within a few percent of the nearest point inside, found by a general solver."""
+    form = SplineInput("n", TRIM, 60.0, 0.0, 60.0, 8)
+    target = problem(form, rate=2.0)
+    rows, most = target.linear()
+    low, high = target.box
+    rng = np.random.default_rng(1)
+    small = 0.01 * rng.uniform(-1, 1, form.size)
+    np.testing.assert_allclose(gentled(target, small), small, atol=1e-12)
+    for x in rng.uniform(-2.0, 2.0, (4, form.size)):
+        found = gentled(target, x)
+        assert (rows @ found <= most + 1e-9).all()
+        assert (found >= low - 1e-12).all()
+        assert (found <= high + 1e-12).all()
+        clipped = np.clip(x, low, high)
+        nearest = minimize(
+            lambda y, c=clipped: ((y - c) ** 2).sum(),
+            np.zeros(form.size),
+            bounds=[(low, high)] * form.size,
+            constraints=[{"type": "ineq", "fun": lambda y: most - rows @ y}],
+            method="SLSQP",
+        ).x
+        assert np.linalg.norm(found - nearest) < 0.1 * np.linalg.norm(nearest) + 1e-6
+    both = rng.uniform(-2.0, 2.0, (3, form.size))
+    np.testing.assert_allclose(gentled(target, both), [gentled(target, one) for one in both], atol=1e-12)
+
+
+@pytest.mark.parametrize("m", [1, 2, 5, 6])
+def test_doublets_of_every_period_and_number(m):
+    """Both sides first, half periods of one level on, as many whole doublets as fit."""
+    found = {tuple(row) for row in doublets(m, -0.4, 1.0)}
+    expected = set()
+    for half in range(1, max(m // 2, 1) + 1):
+        for count in range(1, max(m // (2 * half), 1) + 1):
+            for sign in (1, -1):
+                row = [0.0] * m
+                for i in range(min(2 * half * count, m)):
+                    side = sign if (i // half) % 2 == 0 else -sign
+                    row[i] = 1.0 if side > 0 else -0.4
+                expected.add(tuple(row))
+    assert found == expected
+    assert len(doublets(m, -0.4, 1.0)) == len(expected)
+
+
+def test_multisines_are_sums_of_the_lowest_harmonics():
+    """Their largest value is one, and of 48 levels no more than eight harmonics have any part, some fewer."""
+    found = _multisines(48, np.random.default_rng(2))
+    assert found.shape == (LANES, 48)
+    np.testing.assert_allclose(np.abs(found).max(1), 1.0)
+    parts = np.abs(np.fft.rfft(found, axis=1))
+    highest = [int(np.flatnonzero(row > 1e-9 * row.max()).max()) for row in parts]
+    assert max(highest) == 8
+    assert min(highest) < 4
+    for row, last in zip(parts, highest, strict=True):
+        assert row[0] < 1e-9
+        np.testing.assert_allclose(row[1 : last + 1], row[1], rtol=1e-6)
+    assert _multisines(3, np.random.default_rng(2)).shape == (LANES, 3)
+
+
+@pytest.mark.parametrize(
+    ("side", "reached", "left", "active"),
+    [
+        (1.0, 4.0, 1.0, False),
+        (1.0, 5.0 - 0.9 * TIGHT * 10, 0.9 * TIGHT * 10, True),
+        (1.0, 5.0 - 1.1 * TIGHT * 10, 1.1 * TIGHT * 10, False),
+        (1.0, 5.0 + 1e-12, 0.0, True),
+        (-1.0, 6.0, 1.0, False),
+        (-1.0, 5.0, 0.0, True),
+    ],
+)
+def test_margin_is_what_is_left_to_the_bound(side, reached, left, active):
+    found = _margin("a bound", reached, 5.0, side, 10.0)
+    assert (found.limit, found.reached, found.bound, found.active) == ("a bound", reached, 5.0, active)
+    assert found[3] == pytest.approx(left)
+
+
+def test_status_counts_starts_that_end_alike_and_those_that_did_not_settle():
+    outcomes = tuple(
+        ClimbOutcome(name, 1.0, 2.0, utility, np.zeros(1), 3, name != "c")
+        for name, utility in (("a", 5.0), ("b", 5.0 - 0.9 * ALIKE), ("c", 5.0 - 1.1 * ALIKE), ("d", 4.0))
+    )
+    said = _status(outcomes[0], outcomes)
+    assert said.startswith("5.000 nats from a; 2 of 4 starts end within")
+    assert "the worst 1.000 below" in said
+    assert said.endswith("had not settled from c: more steps may help")
+    assert _status(outcomes[0], outcomes[:1]) == "5.000 nats from a"
+
+
+def test_starts_as_changes_from_trim_over_the_span():
+    target = problem()
+    np.testing.assert_allclose(_change(target, "mine", np.full(12, 82.5)), 0.5)
+    with pytest.raises(InputError, match="12 finite levels"):
+        _change(target, "mine", np.zeros(11))
+    with pytest.raises(InputError, match="1 not finite"):
+        _change(target, "mine", np.append(np.zeros(11), np.nan))
+
+
+def test_excess_is_the_share_beyond_the_worst_limit():
+    """Of levels, of which each is its own bound, and of rates; what a share of draws may break does not count."""
+    climb = climb_of(problem())
+    x = np.zeros((3, 12))
+    x[0, 3], x[1, 5], x[2, :] = 1.2, -0.7, 0.3
+    np.testing.assert_allclose(climb.excess(x), [0.2, 0.3, -0.7])
+    assert (climb.draw_excess(x[0]) == -np.inf).all()
+    pulled = climb.pulled_in(1.3 * np.ones(12))
+    np.testing.assert_allclose(pulled, 1.0)
+
+
+def test_excess_of_motion_and_cost_over_the_draws_that_are_kept():
+    """u at most 2 m/s over two draws, the slower of which is kept or not, and a budget in joules."""
+    draws = np.stack([VALUES, VALUES * [1.0, 0.8, 1.0]])
+    cost = in_joules(1.0, PropellerPower(10.0, TRIM), fixed=5.0)
+    target = problem(draws=draws, motion=(StateBound("u", upper=2.5),), cost=cost, budget=900.0, risk=0.5)
+    rooms, x = check_problem(target), np.full(12, 0.4)
+    everyone = replace(climb_of(target), rooms=rooms)
+    course = everyone.course(x)
+    (room,) = rooms
+    speeds = np.asarray(course.highest)[..., 0].max(1)
+    beyond = (speeds - 2.5) / room.scale
+    spent = 5.0 + 60.0 * (1.0 + 10.0 * (80.0 / TRIM) ** 3)
+    np.testing.assert_allclose(np.asarray(course.spent), spent, rtol=1e-6)
+    each = np.maximum(beyond, spent / 900.0 - 1.0)
+    np.testing.assert_allclose(everyone.draw_excess(x), each, rtol=1e-6)
+    levels = np.max([x - 1.0, -0.4 - x])
+    assert everyone.excess(x[None])[0] == pytest.approx(max(each.max(), levels))
+    one = replace(everyone, kept=np.array([True, False]))
+    assert one.excess(x[None])[0] == pytest.approx(max(each[0], levels))
+    assert one.course(x).highest.shape[0] == 1
+
+
+def test_shortfall_of_a_bound():
+    course = Course(*(np.array([[3.0, 7.0], [4.0, 6.0]]) for _ in range(2)), np.zeros(1))
+    upper, lower = Room("u", 1, 1.0, 6.5, 2.0), Room("l", 0, -1.0, 3.5, 0.5)
+    np.testing.assert_allclose(upper.shortfall(course), [0.25, -0.25])
+    np.testing.assert_allclose(lower.shortfall(course), [1.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"limits": Limits(LOW, None)}, "upper limit None"),
+        ({"limits": Limits(75.0, HIGH)}, "lower limit 75 above trim 70 by 5"),
+        ({"limits": Limits(LOW, 65.0)}, "trim 70 above upper limit 65 by 5"),
+        ({"limits": Limits(TRIM, TRIM)}, "both 70"),
+        ({"limits": Limits(LOW, HIGH, 0.0)}, "rate limit 0 per s"),
+        ({"limits": Limits(LOW, HIGH, 5.0)}, "edges of 0 s"),
+        ({"prior_cov": np.diag([1.0, 1.0, 0.0])}, "an eigenvalue of 0 or less"),
+        ({"prior_cov": np.eye(2)}, "shapes"),
+        ({"points": VALUES}, "shapes"),
+        ({"risk": 1.0}, "1"),
+        ({"risk": -0.1}, "-0.1"),
+        ({"budget": 5.0}, "5 with no cost"),
+        ({"form": SteppedInput("n", TRIM, 61.0, 0.0, 61.0, 12)}, "61 s of the input, 60 s of the plan"),
+        ({"form": SteppedInput("delta_r", TRIM, 60.0, 0.0, 60.0, 12)}, "delta_r"),
+        ({"motion": (StateBound("u", upper=1.0),)}, "trim breaks the upper bound 1 m/s of u by"),
+    ],
+)
+def test_problems_that_admit_nothing_or_do_not_fit(change, words):
+    with pytest.raises(InputError) as caught:
+        check_problem(problem(**change))
+    assert words in caught.value.found
+
+
+def test_rooms_are_the_distances_to_the_course_at_trim():
+    """Both bounds of u, the upper as far from the highest speed at trim as the lower from the lowest."""
+    target = problem(motion=(StateBound("u", 1.0, 3.0),))
+    upper, lower = check_problem(target)
+    course = climb_of(target).course(np.zeros(12))
+    assert (upper.side, upper.bound, lower.side, lower.bound) == (1.0, 3.0, -1.0, 1.0)
+    assert upper.scale == pytest.approx(3.0 - float(np.max(course.highest)))
+    assert lower.scale == pytest.approx(float(np.min(course.lowest)) - 1.0)
+    assert ROUNDING < 1e-6
+
+
+def test_the_best_of_several_starts_is_the_most_informative_that_does_not_diverge(monkeypatch):
+    """Inputs are gentled before they are compared; one whose information is no number is never chosen."""
+    target = problem()
+    x = np.stack([0.2 * np.ones(12), -0.3 * np.ones(12), 5.0 * np.ones(12)])
+    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.array([1.0, np.nan, 0.5]),))
+    np.testing.assert_allclose(best_of(target, target.setup(), x), x[0])
+    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.array([1.0, -np.inf, 2.0]),))
+    np.testing.assert_allclose(best_of(target, target.setup(), x), 1.0)
+    assert best_of(target, target.setup(), None) is None
+
+
+def test_starts_are_named_and_on_both_sides_of_trim(monkeypatch):
+    """The best doublet and multisine, and binary levels at the bounds; no multisine where trim is at a bound."""
+    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.arange(len(inside), dtype=float),))
+    target = problem()
+    found = ready_starts(target, target.setup(), np.random.default_rng(3), 2)
+    assert list(found) == ["best doublet", "best multisine", "random binary 1", "random binary 2"]
+    for name in ("random binary 1", "random binary 2"):
+        assert set(np.round(found[name], 9)) == {-0.4, 1.0}
+    assert np.abs(found["best multisine"]).max() == pytest.approx(0.4)
+    edge = problem(limits=Limits(TRIM, HIGH))
+    assert "best multisine" not in ready_starts(edge, edge.setup(), np.random.default_rng(3), 0)
