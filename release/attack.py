@@ -147,6 +147,7 @@ def _in_workers(
     """Run cases in workers; `together` where those may read what would otherwise be read in a process of its own."""
     kind = _kind(name)
     while first < end:
+        begun = first
         command = [sys.executable, __file__, "--only", name, "--seed", str(seed), "--state", str(state)]
         command += ["--work", str(first), str(end), *["--together"] * together]
         environment = {
@@ -168,6 +169,8 @@ def _in_workers(
                     code = process.wait()
                     raise _LostError("abort", f"signal {-code}" if code < 0 else f"exit status {code}")
                 number, what, text = json.loads(line)
+                if what == "bloated" and number > begun:
+                    break  # of this case or of those before it? It is tried again by itself
                 first = number + 1
                 yield number, Outcome(what, text)
                 if what == "bloated":

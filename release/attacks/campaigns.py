@@ -32,7 +32,7 @@ def originals() -> list[tuple[str, str]]:
     from tests.campaign.small import SMALL
     from tests.campaign.yaw_campaign import CAMPAIGN
 
-    templates = ROOT / "src" / "seatrial" / "campaign" / "templates"
+    templates = ROOT / "src" / "seatrial" / "campaign" / "config" / "templates"
     files = [*sorted(templates.glob("*.toml")), *sorted((ROOT / "examples").glob("*/campaign.toml"))]
     texts = [(str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")) for path in files]
     priors = '[prior.Y_v]\ndistribution = "half-normal"\nupper = 0.0\nscale = 1.0\n' + "".join(

@@ -41,6 +41,7 @@ MISTAKES = {
     "no quiet tail": (('active = "20 s"', 'active = "40 s"'), "design.active", "lengthen"),
     "truth of an unknown term": (("X_u = -1.21", "X_w = -1.21"), "truth.X_w", "did you mean"),
     "no noise": (('noise = "0.05 m/s"', 'noise = "0 m/s"'), "sensors.u.noise", "more than 0"),
+    "chains thinned away": (("draws = 1000", "draws = 100\nthin = 10"), "estimation.thin", "10 of 100 draws"),
     "chains that are no multiple": (("warmup = 500", "warmup = 530"), "estimation.warmup", "multiple of 100"),
     "both truth and import": (
         ("[truth]", '[import]\nfit = ["1"]\n[[import.files]]\npath = "log"\nchannels = {}\n[truth]'),

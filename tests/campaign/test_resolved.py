@@ -116,7 +116,7 @@ def test_a_quantity_in_another_unit_leaves_every_result_current(tmp_path, change
 
 DEPENDS = {
     "another name": ({"name": "large"}, ""),
-    "another seed": ({"seed": 4}, "estimate evidence screening"),
+    "another seed": ({"seed": 4}, "design estimate evidence screening"),
     "another worker": ({"compute": ComputeSettings("slurm")}, ""),
     "another goal": ({"goal": Goal(shares={"X_u": 0.1})}, ""),
     "another limit": ({"limits": Limits(0.0, 150.0)}, "design"),

@@ -105,6 +105,12 @@ def test_complaints(change, words):
     assert all(word in said[0] for word in words)
 
 
+def test_chains_of_twenty_draws_are_judged():
+    """Of two draws at the begin the autoregression has an order of one at most."""
+    health = diagnose(np.random.default_rng(0).normal(size=(4, 20, 1)))
+    assert np.isfinite([health.r_hat, health.ess_bulk, health.geweke]).all()
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize(("stuck", "word"), [(4, "never moved"), (1, "disagree")])
 def test_stuck_chains_are_noticed(stuck, word):

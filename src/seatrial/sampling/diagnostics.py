@@ -117,7 +117,7 @@ def variance_of_mean(x: np.ndarray) -> float:
     centred = x - x.mean()
     if not centred.any():
         return 0.0
-    max_order = max(1, int(10 * np.log10(n)))
+    max_order = min(n - 1, max(1, int(10 * np.log10(n))))
     covariances = np.array([centred[: n - lag] @ centred[lag:] / n for lag in range(max_order + 1)])
     variance, coefficients, best = covariances[0], np.empty(0), (n * np.log(covariances[0]), covariances[0])
     for order in range(1, max_order + 1):

@@ -39,6 +39,8 @@ from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
+FEWEST_DRAWS = 20
+"""Draws that are kept of a chain: its first tenth is held against its last half."""
 PROPULSION = {"n": "1200 rpm", "tau_X": "20 N"}
 """Controls that hold a speed, each with an example of a value."""
 
@@ -199,6 +201,13 @@ def _estimation(
                 expected="a coefficient: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
+    if (kept := table.draws // table.thin) < FEWEST_DRAWS:
+        raise InputError(
+            keys.where("estimation.thin"),
+            found=f"one of {table.thin} kept, {kept} of {table.draws} draws of each chain",
+            expected=f"{FEWEST_DRAWS} draws or more of each chain, by which its health is judged",
+            remedy="thin less, or ask for more draws",
+        )
     if table.initial == "estimated" and set(QUATERNION) <= set(model.states):
         raise InputError(
             keys.where("estimation.initial"),

@@ -4,7 +4,10 @@ What is simulated is what is fitted: beside coefficients stand the names of an e
 `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
 """
 
+from collections.abc import Mapping
+
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT
@@ -31,7 +34,7 @@ def beyond_structures(campaign: Campaign) -> set[str]:
 
 def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
     """Return the true coefficients of a simulated campaign, SI: as named, else as published of a whole vehicle, else 0."""
-    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    published = _published(campaign)
     truth = campaign.truth
     return {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
 
@@ -56,7 +59,7 @@ def check_truth(campaign: Campaign) -> None:
             )
     if not truth:
         return
-    published = campaign.vehicle.published if campaign.vehicle.equations(campaign.full) == () else {}
+    published = _published(campaign)
     for term in campaign.rules.always:
         if term not in truth and term not in published:
             raise InputError(
@@ -86,3 +89,8 @@ def check_truth(campaign: Campaign) -> None:
                 if name in spreads
                 else "0 s is none: give the time by which it is late",
             )
+
+
+def _published(campaign: Campaign) -> Mapping[str, float]:
+    """Published coefficients that are true where nothing else is said: those of a whole vehicle."""
+    return campaign.vehicle.published if isinstance(campaign.vehicle, WholeVehicle) else {}
