@@ -449,10 +449,10 @@ class State:
 
 
 def attempt(mutant: Mutant, tree: Path, prefix: list[str], known: State) -> str:
-    """Return how the nearest tests end with a mutant in the copy of the tree; those marked thorough run last."""
+    """Return how the nearest tests end with a mutant in the copy of the tree; those of `make proof` run last."""
     file, tests = tree / mutant.file, mutant.tests
     before = text_of(mutant.file)
-    for marker in ("not thorough", "thorough"):
+    for marker in ("not proof", "proof"):
         file.write_text(mutant.apply(before), encoding="utf-8")
         try:
             failed = failing_test(tree, [*tests, "-m", marker], prefix)

@@ -26,7 +26,7 @@ def test_two_axes_are_screened_together(campaign):
     assert inclusion["N_rabsr"] < 0.1
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_truth_is_inside_the_stated_uncertainty(campaign):
     """The structure that made the data, within 4 standard deviations; the records' own integration steps are fine."""
     true = tuple(one for one in campaign.structures if set(one.terms) == set(SWAY | YAW))

@@ -97,7 +97,7 @@ def cautions(target, mode):
 
 @pytest.mark.parametrize(
     "prior",
-    [Uniform(0.0, 1.0), half_normal(1.0, lower=0.0), pytest.param(LogNormal(1.0, 2.0), marks=pytest.mark.thorough)],
+    [Uniform(0.0, 1.0), half_normal(1.0, lower=0.0), pytest.param(LogNormal(1.0, 2.0), marks=pytest.mark.proof)],
     ids=lambda prior: type(prior).__name__,
 )
 def test_data_on_the_other_side_of_a_bound(prior):
@@ -182,7 +182,7 @@ def test_one_sentence_for_each_kind_of_fault():
     )
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_chains_too_short_are_kept_and_alarm(monkeypatch, capsys, tmp_path):
     """Two chains of a hundred draws: the result is there, the exit code says that it is not to be trusted."""
     short = 'sampler = "adaptive-metropolis"\nchains = 2\nwarmup = 100\ndraws = 100'

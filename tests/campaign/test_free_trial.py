@@ -8,7 +8,7 @@ from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.core.errors import InputError
 from tests.campaign.test_designs import NARROW
 
-pytestmark = pytest.mark.thorough
+pytestmark = pytest.mark.proof
 
 
 def campaign(folder, old="", new=""):

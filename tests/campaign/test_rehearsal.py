@@ -21,7 +21,7 @@ from seatrial.vehicles.catalogue import load_surge
 from tests.apps.test_cli import results, run
 from tests.campaign.small import NO_X_U, write_small
 
-pytestmark = pytest.mark.thorough
+pytestmark = pytest.mark.proof
 
 VEHICLES = 3
 GOAL = ("[truth]", '[goal]\nsd = { X_uabsu = "2.5 %", T_nabsn = "2.5 %" }\ntrials = 3\n\n[truth]')

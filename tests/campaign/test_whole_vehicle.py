@@ -135,7 +135,7 @@ def test_a_body_by_hand_is_the_one_of_the_catalogue(tmp_path):
     np.testing.assert_allclose(rate_of(by_hand, values), rate_of(known, values), rtol=1e-12)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_trial_is_designed_and_simulated_in_pitch(tmp_path):
     """What [truth] does not name is as published; the zigzag is between pitch angles."""
     campaign = pitch(tmp_path)

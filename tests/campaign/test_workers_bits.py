@@ -23,7 +23,7 @@ from seatrial.campaign.store.files import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import NO_X_U, write_small
 
-pytestmark = [pytest.mark.thorough, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.proof, pytest.mark.timeout(600)]
 METHOD, REPLICATES = "independence-metropolis", 16
 GRID = ('period = { from = "2 s", to = "20 s", points = 4 }', 'period = { from = "2 s", to = "20 s", points = 40 }')
 """Of more designs than one block holds."""

@@ -198,8 +198,8 @@ BLOCKS = "sweep", "sweep, arrays"
 @pytest.mark.parametrize(
     ("case", "memory"),
     [
-        *(pytest.param(case, lanes.MEMORY, marks=[pytest.mark.thorough] * (case in SLOW)) for case in CASES),
-        *(pytest.param(case, 1 << 20, marks=pytest.mark.thorough) for case in BLOCKS),
+        *(pytest.param(case, lanes.MEMORY, marks=[pytest.mark.proof] * (case in SLOW)) for case in CASES),
+        *(pytest.param(case, 1 << 20, marks=pytest.mark.proof) for case in BLOCKS),
     ],
 )
 def test_numbers_are_those_of_the_processor(accelerator, case, memory):
@@ -212,7 +212,7 @@ def test_numbers_are_those_of_the_processor(accelerator, case, memory):
         assert found == pytest.approx(reference, rel=ROUNDING, abs=ROUNDING * scale, nan_ok=True)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_runs_are_those_of_the_processor(accelerator):
     """Tempered SMC and tempered chains: their evidence and every particle."""
     target = short_posterior("X_u", "X_uabsu", "T_nabsn")

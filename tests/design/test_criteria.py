@@ -98,7 +98,7 @@ def test_entropy_is_the_mutual_information_of_a_linear_gaussian_model():
     assert criterion("fisher-d")(slope.T @ slope / noise**2) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_gradient_of_entropy_is_half_the_covariance_after():
     information = random_information()
     slope = jax.grad(criterion("fisher-d"))(jnp.asarray(information))
@@ -149,7 +149,7 @@ def test_information_against_differences_of_the_outputs():
     np.testing.assert_allclose(found / np.outer(scale, scale), slope @ slope.T / np.outer(scale, scale), atol=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_information_against_the_spread_of_estimates_over_1000_repeats():
     """Least squares by Gauss-Newton on a plain loop; a variance of 1000 repeats has a relative error of 0.045."""
     sd, truth = 0.01, np.array([X_U, X_UU, THRUST])

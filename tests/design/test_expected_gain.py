@@ -90,7 +90,7 @@ def linear_gain(cov, sd=0.3):
 INDEPENDENT = (Normal(1.0, 0.7), Normal(-2.0, 1.4))
 beliefs = pytest.mark.parametrize(
     "belief",
-    [BELIEF, pytest.param(INDEPENDENT, marks=pytest.mark.thorough)],
+    [BELIEF, pytest.param(INDEPENDENT, marks=pytest.mark.proof)],
     ids=["joint", "independent"],
 )
 
@@ -135,7 +135,7 @@ def quadrature_gain(name, push=1.0):
 
 
 @pytest.mark.parametrize(
-    "name", ["uniform", *(pytest.param(name, marks=pytest.mark.thorough) for name in PRIORS if name != "uniform")]
+    "name", ["uniform", *(pytest.param(name, marks=pytest.mark.proof) for name in PRIORS if name != "uniform")]
 )
 def test_nonlinear_against_quadrature(name):
     """The noise at the unseen samples must not count, and a box cuts the posterior of one draw in four."""
@@ -167,7 +167,7 @@ def test_one_key_gives_the_same_bits_and_sharper_differences():
     assert apart < 0.5 * np.std(gains)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_too_few_inner_draws_are_refused():
     found = importance_gain(linear_plan(), BELIEF, PUSH, KEY, GainSettings(draws=80, outer=80, inner=4))
     assert found.status.startswith("refused: 100% of 80 outer draws rest on fewer than 8 effective of 4 inner draws")
@@ -195,7 +195,7 @@ def test_what_does_not_fit(belief, control, settings, words):
 
 @pytest.mark.parametrize(
     "prior",
-    [PRIORS["uniform"], pytest.param(half_normal(2.0, upper=0.0), marks=pytest.mark.thorough)],
+    [PRIORS["uniform"], pytest.param(half_normal(2.0, upper=0.0), marks=pytest.mark.proof)],
     ids=["uniform", "half-normal"],
 )
 def test_entropy_of_z_against_draws(prior):
@@ -218,7 +218,7 @@ def test_belief_of_posterior_draws():
             normal_belief(bad)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_golden_gain_of_the_paper_doublet():
     """Normal priors of 15 % about the truth; 8.481(15) by Laplace and 8.42(12) by nested Monte Carlo, measured elsewhere."""
     plan = plan_trial(paper_model(), [U0], {"u": SIGMA}, 6000, 0.01)

@@ -28,7 +28,7 @@ from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, THRUST_UNIT, naive_doublets, naive_speed
 
-pytestmark = pytest.mark.thorough
+pytestmark = pytest.mark.proof
 
 SCALE = {"X_u": 1.0, "X_uabsu": 1.0, "T_nabsn": THRUST_UNIT, "X_du3": 1.0}
 """SI value of one printed unit."""
@@ -85,7 +85,7 @@ def test_utility_is_that_of_the_information_at_every_point():
     assert float(batch[0]) == pytest.approx(float(found), abs=1e-9)
 
 
-@pytest.mark.parametrize("block", [12, pytest.param(1000, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("block", [12, pytest.param(1000, marks=pytest.mark.proof)])
 def test_gradient_against_differences_whatever_the_blocks(block):
     """Central differences with steps of 1e-5 of utilities of order 10 are right to about 1e-8."""
     problem = surge_problem(points=POINTS, prior_sd=2.0)
@@ -122,7 +122,7 @@ def test_course_against_a_plain_loop_and_its_slope_against_differences():
         np.testing.assert_allclose(np.asarray(each)[..., 4], (np.asarray(one) - np.asarray(other)) / 2e-6, atol=1e-5)
 
 
-@pytest.mark.parametrize(("m", "terms"), [(9, 2), pytest.param(8, 1, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(("m", "terms"), [(9, 2), pytest.param(8, 1, marks=pytest.mark.proof)])
 def test_first_order_linear_system_against_all_binary_inputs(m, terms):
     """m du/dt = X_u u + tau_X, drag unknown, thrust scale too: the optimum is bang-bang, and the search finds the best of 2^m."""
     fixed = {} if terms == 2 else {"T_tau_X": 1.0}

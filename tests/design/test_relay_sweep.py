@@ -60,7 +60,7 @@ def textbook(method, amplitude, threshold, noise):
     ("method", "naive"),
     [
         (FAST, extended),
-        pytest.param(SquareRootUnscentedKalmanFilter(), unscented, marks=pytest.mark.thorough),
+        pytest.param(SquareRootUnscentedKalmanFilter(), unscented, marks=pytest.mark.proof),
     ],
     ids=["extended", "square root"],
 )
@@ -154,7 +154,7 @@ def half_log_det(control):
     return 0.5 * float(jnp.linalg.slogdet(sensitivity.T @ sensitivity)[1])
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(("period", "golden"), [(10.0, 10.9), (20.0, 11.75)])
 def test_golden_information_of_doublets(period, golden):
     doublet = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
@@ -162,7 +162,7 @@ def test_golden_information_of_doublets(period, golden):
     assert half_log_det(control[:, None]) == pytest.approx(golden, abs=0.02)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(("rpm", "golden", "oscillates"), [(200, 11.3, True), (100, 3.3, False), (150, 4.4, False)])
 def test_golden_information_of_self_oscillation(rpm, golden, oscillates):
     """Relay from the first sample to the last, threshold 0.35 m/s: below some 155 rpm it is never reached."""
@@ -171,7 +171,7 @@ def test_golden_information_of_self_oscillation(rpm, golden, oscillates):
     assert half_log_det(run.control) == pytest.approx(golden, abs=0.05)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_surface_over_amplitude_and_threshold():
     """Where it oscillates more amplitude always helps; without oscillation at least 3 nats are lost."""
     space, amplitudes, thresholds = (

@@ -64,7 +64,7 @@ FILTERS = {
 }
 each_filter = pytest.mark.parametrize(
     ("method", "naive"),
-    [FILTERS["extended"], FILTERS["on arrays"], pytest.param(*FILTERS["square root"], marks=pytest.mark.thorough)],
+    [FILTERS["extended"], FILTERS["on arrays"], pytest.param(*FILTERS["square root"], marks=pytest.mark.proof)],
     ids=FILTERS,
 )
 
@@ -146,7 +146,7 @@ GOLDEN = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
     [
         (ExtendedKalmanFilter(), 0.05),
         (LargeUnscentedKalmanFilter(), 1e-3),
-        pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.thorough),
+        pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.proof),
     ],
     ids=FILTERS,
 )
@@ -177,7 +177,7 @@ def peaks(x):
     return [i for i in range(1, len(x) - 1) if x[i - 1] < x[i] > x[i + 1]]
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(("active", "ridges"), [(40.0, [8, 10, 13]), (20.0, [6, 10]), (58.0, [9, 11, 14, 19])])
 def test_golden_surface(active, ridges):
     """20 x 20 designs: more amplitude is always better; at 200 rpm ridges stand where one more doublet just fits."""

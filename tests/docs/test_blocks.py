@@ -9,7 +9,7 @@ import pytest
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_every_block_runs():
     """One process for all pages, as `python docs/run_blocks.py` does: what one page compiled serves the next."""
     done = subprocess.run([sys.executable, DOCS / "run_blocks.py"], capture_output=True, text=True)

@@ -55,7 +55,7 @@ def uniform(random, k, correlation, replicates=REPLICATES):
 
 @pytest.mark.parametrize(
     ("k", "correlation"),
-    [(1, 0.0), (5, 0.0), (5, 0.9), (28, 0.0), (28, 0.9), pytest.param(100, 0.0, marks=pytest.mark.thorough)],
+    [(1, 0.0), (5, 0.0), (5, 0.9), (28, 0.0), (28, 0.9), pytest.param(100, 0.0, marks=pytest.mark.proof)],
 )
 def test_a_right_posterior_alarms_in_one_of_a_hundred_runs_whatever_the_quantities(k, correlation):
     """Of 500 runs at most 2 % plus chance; of one quantity, or of some that are independent, about 1 %."""

@@ -89,7 +89,7 @@ def test_same_key_same_bits():
     ("model", "means", "sds"),
     [
         ("M-1", [-1.133, -2.962, 6.249], [0.103, 0.068, 0.044]),
-        pytest.param("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84], marks=pytest.mark.thorough),
+        pytest.param("M-0 wide", [-1.683, -2.590, 6.231, -8.7], [0.38, 0.256, 0.045, 5.84], marks=pytest.mark.proof),
     ],
 )
 def test_golden_posterior(model, means, sds):

@@ -119,13 +119,13 @@ def test_golden_surge_coefficients_are_nearly_unbiased_with_honest_errors():
     check_golden(*golden_scores(2.0, 30))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("width", [0.5, 1.0, 2.0, 5.0])
 def test_golden_surge_over_widths(width):
     check_golden(*golden_scores(width, 120))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_windows_without_overlap_waste_the_record():
     values, z = golden_scores(2.0, 100, overlap=False)
     assert values[:, 0].std() > 3 * 0.108

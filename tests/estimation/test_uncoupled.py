@@ -97,7 +97,7 @@ def test_given_the_spread_nothing_is_correlated(problem):
         assert -np.asarray(hessian)[np.ix_(inside, inside)] == pytest.approx(np.eye(4), abs=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_chains_against_quadrature(problem):
     """In its own coordinates the same run has R-hat of 1.2 and more; bounds are 5 Monte Carlo standard errors."""
     posterior, _, target, there = problem

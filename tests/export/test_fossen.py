@@ -53,7 +53,7 @@ def ran(vehicle, tmp_path, rows=(), steps=()):
 
 @pytest.mark.parametrize(
     "name",
-    ["rich", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("remus100_prestero", "bluerov2_heavy"))],
+    ["rich", *(pytest.param(name, marks=pytest.mark.proof) for name in ("remus100_prestero", "bluerov2_heavy"))],
 )
 def test_accelerations_are_ours(name, tmp_path):
     vehicle = rich() if name == "rich" else published(name)

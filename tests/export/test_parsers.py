@@ -61,7 +61,7 @@ def complaints(parser, path, text):
     return [line for line in found.splitlines() if line.strip()]
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_sdf_is_read_without_complaint(parser, tmp_path):
     """Before libsdformat 13 (SDF 1.10) added mass is unknown, and the only thing that is."""
     program, version = parser

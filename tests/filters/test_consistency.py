@@ -37,7 +37,7 @@ def simulated_trials():
     [
         ExtendedKalmanFilter(),
         UnscentedKalmanFilter(),
-        pytest.param(SquareRootUnscentedKalmanFilter(), marks=pytest.mark.thorough),
+        pytest.param(SquareRootUnscentedKalmanFilter(), marks=pytest.mark.proof),
     ],
     ids=["extended", "unscented", "square root"],
 )

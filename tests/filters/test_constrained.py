@@ -58,7 +58,7 @@ def test_without_bounds_the_same_trial_fails_loudly():
     assert int(trace.failures) > 0
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_wide_bounds_change_nothing():
     control, measurement, step = surge_trial()
     free = run_filter(SquareRootUnscentedKalmanFilter(), surge_space(), control, measurement, step)

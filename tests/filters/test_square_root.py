@@ -56,7 +56,7 @@ def test_golden_entropy_gain(method, tolerance):
     assert np.allclose(gain, list(GOLDEN_GAINS.values()), rtol=0, atol=tolerance)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(("alpha", "tolerance"), [(1.0, 2e-8), (1e-3, 1e-5)])
 def test_square_root_and_covariance_form_agree(alpha, tolerance):
     control, exact = noise_free_trial(200, 10.0)

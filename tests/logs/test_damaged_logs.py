@@ -99,7 +99,7 @@ def test_bytes_changed(tmp_path_factory, name):
     check()
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("name", SAFE)
 def test_many_bytes_changed(tmp_path_factory, name):
     @given(EDITS)

@@ -70,7 +70,7 @@ def test_adaptation_forgets_a_wrong_first_covariance(wrong):
     assert nuts.finish(run).acceptance == pytest.approx(nuts.TARGET_ACCEPTANCE, abs=0.12)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_many_parameters_with_gradients_backward():
     d = FORWARD_UP_TO + 1
     problem = linear_gaussian(d)
@@ -80,7 +80,7 @@ def test_many_parameters_with_gradients_backward():
     assert_moments(np.asarray(problem.posterior.constrain(jnp.asarray(draws.z))), mean, np.sqrt(np.diag(cov)))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_golden_posterior():
     target = golden_posterior("M-1")
     mode = find_mode(target, KEY)

@@ -28,7 +28,7 @@ SLOW = [
     ("eight-schools", "de-metropolis"),
     ("eight-schools", "nuts"),
 ]
-CASES = [pytest.param(*case, marks=[pytest.mark.thorough] * (case in SLOW), id=" ".join(case)) for case in QUICK + SLOW]
+CASES = [pytest.param(*case, marks=[pytest.mark.proof] * (case in SLOW), id=" ".join(case)) for case in QUICK + SLOW]
 
 
 def test_every_sampler_and_every_reference_is_tried():

@@ -48,7 +48,7 @@ def test_every_sampler_is_tried_here():
 
 
 @each
-@pytest.mark.parametrize("d", [2, pytest.param(1, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("d", [2, pytest.param(1, marks=pytest.mark.proof)])
 def test_correlated_normal(name, d):
     """More parameters, up to ten, are in test_reference_posteriors.py."""
     problem = linear_gaussian(d)

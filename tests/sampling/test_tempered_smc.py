@@ -95,7 +95,7 @@ def test_progress_rises_to_its_total():
     assert seen[-1] == 1
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_particles_that_fill_no_vectors():
     """Usual numbers are multiples of 64, the particles simulated at once."""
     result = sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(100))

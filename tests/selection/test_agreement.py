@@ -47,7 +47,7 @@ def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", range(3))
 def test_phase_transition_is_weighed_and_alarms(seed):
     """All particles and the search for the mode are on the slab, a hundredth of Z: only cold ones meet the spike."""
@@ -80,7 +80,7 @@ def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch
     assert "could not be cooled" in said
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_value_is_the_other_methods_where_importance_sampling_complains():
     target, exact = short_surge()
     found = agreed_evidence(target, KEYS)

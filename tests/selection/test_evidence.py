@@ -78,7 +78,7 @@ def test_known_evidence(problem):
     assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_golden_evidence():
     """Other methods weigh the other two models in test_importance.py."""
     found = smc_evidence(golden_posterior("M-1"), jax.random.key(1), EvidenceSettings(repeats=2))
@@ -104,7 +104,7 @@ def test_unit_of_the_data_shifts_the_log_evidence_by_its_jacobian():
     assert other.log_value == pytest.approx(one.log_value - 20 * np.log(1e3), abs=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_unit_of_the_parameters_leaves_the_evidence_alone():
     si = linear_gaussian(2)
     scaled = si._replace(design=1e4 * si.design, prior_mean=1e-4 * si.prior_mean, prior_sd=1e-4 * si.prior_sd)

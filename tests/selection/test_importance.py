@@ -40,7 +40,7 @@ def linear(d):
     "problem",
     [
         lambda: linear(2),
-        pytest.param(lambda: linear(10), marks=pytest.mark.thorough),
+        pytest.param(lambda: linear(10), marks=pytest.mark.proof),
         box,
         half_forbidden,
     ],
@@ -54,7 +54,7 @@ def test_known_evidence(problem):
     assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("model", ["M-0 wide", "M-0 narrow"])
 def test_golden_evidence(model):
     """`M-0 narrow` has its mode at the edge of the prior, where the Laplace approximation alone is 4.7 nats off.
@@ -68,7 +68,7 @@ def test_golden_evidence(model):
     assert found.log_value == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.01)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_ridge_that_bends_at_the_prior_is_reported():
     """The ends of a ridge of correlation -0.9999 lie tens of its widths off the proposal: few draws there, of great weight.
 

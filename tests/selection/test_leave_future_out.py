@@ -89,7 +89,7 @@ def test_exact_refits_agree():
     assert abs(difference) < 4 * np.hypot(often.criterion.value.error, seldom.criterion.value.error)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_the_monte_carlo_error_is_honest():
     """Root mean square of 24 errors over what is stated is 1 with an error of 0.14, of which 4 are allowed."""
     exact = -2 * exact_blocks(4).sum()
@@ -179,7 +179,7 @@ def test_blocks_of_a_vehicle_add_up_to_evidence():
     assert error < 0.5
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_long_chains_and_weights_agree():
     """The first block averaged over draws of the first stretch, resampled from its importance weights in twenty batches."""
     past, edges = past_of(surge_posterior, trials()), block_edges(trials(), 4.0, 2.0)
@@ -197,7 +197,7 @@ def test_long_chains_and_weights_agree():
     assert abs(found + 2 * (np.log(mean) + scale)) < 5 * 2 * error / mean + 0.02
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_coloured_residuals_remember_across_the_edge():
     """The block's density is conditional on the last residual before it: evidence again tells."""
 

@@ -28,7 +28,7 @@ def test_known_evidence(problem):
     assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_golden_evidence():
     """Of 500 live points, the other two models take two minutes more and agree as well: +0.24 and -0.14, errors 0.20 and 0.14."""
     model = "M-1"
@@ -38,7 +38,7 @@ def test_golden_evidence():
     assert found.log_value == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.6)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_stated_error_of_one_run_is_honest():
     """Over 30 runs, errors in units of sqrt(H / live): mean 0 within 4 of its errors, root mean square 1 +- 13 %."""
     runs = [sample_nested(PAIR.posterior, jax.random.key(i)) for i in range(30)]

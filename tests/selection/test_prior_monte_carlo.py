@@ -64,12 +64,12 @@ def test_early_stop_changes_nothing():
     check_early_stop(surge("X_u", "X_uabsu", "T_nabsn"), 1000)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_early_stop_changes_nothing_on_the_golden_trial():
     check_early_stop(golden_posterior("M-0 wide"), 20_000)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_early_stop_saves_most_of_the_work(monkeypatch):
     """Of the samples that 20 000 whole simulations have, one in twenty is simulated, counted in pieces of 100 by groups of 64 draws."""
     target, n, done = golden_posterior("M-1"), 20_000, []
@@ -85,7 +85,7 @@ def test_early_stop_saves_most_of_the_work(monkeypatch):
     assert 0.01 * whole < sum(done) < 0.1 * whole
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_listing_one_is_noise():
     """The paper's setting with a fifth of its draws: one or two draws carry everything, tens of nats too low."""
     models = [golden_posterior("M-0 narrow"), golden_posterior("M-1")]

@@ -38,9 +38,9 @@ def exact_ladder(d, b, draws=1000, copies=16, seed=0):
     "problem",
     [
         lambda: linear(2),
-        pytest.param(box, marks=pytest.mark.thorough),
-        pytest.param(half_forbidden, marks=pytest.mark.thorough),
-        pytest.param(lambda: correlated(5), marks=pytest.mark.thorough),
+        pytest.param(box, marks=pytest.mark.proof),
+        pytest.param(half_forbidden, marks=pytest.mark.proof),
+        pytest.param(lambda: correlated(5), marks=pytest.mark.proof),
     ],
     ids=["linear 2", "box", "half forbidden", "correlated 5"],
 )
@@ -53,7 +53,7 @@ def test_known_evidence(problem):
         assert abs(found.log_value - exact) < 4 * found.std_error
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_stated_errors_cover_for_chains():
     """Of 20 runs more than 4 miss by over 2 stated errors in one of 500 trials, if 0.9 are to be expected."""
     target, exact = linear(2)

@@ -109,7 +109,7 @@ CRITERIA = {
 }
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("part", GOLDEN)
 def test_golden_posterior_and_criteria(longer, part):
     """Means within .1 sd, sds within 3 %, criteria within .5 and p_D within .15, as asked, and four Monte Carlo errors besides.
@@ -131,7 +131,7 @@ def test_golden_posterior_and_criteria(longer, part):
     assert bpic == pytest.approx(CRITERIA[part]["DIC"] + CRITERIA[part]["p_D"], abs=0.5)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("method", ["WAIC", "PSIS-LOO"])
 def test_criteria_cannot_tell_the_golden_models_apart(longer, method):
     full, reduced = (longer.part(part)["pointwise"].sel(predictive=method).values for part in GOLDEN)
@@ -142,7 +142,7 @@ def test_criteria_cannot_tell_the_golden_models_apart(longer, method):
     assert "equally well" in found.verdict
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_table_3_by_least_squares(longer):
     """The posterior is nearly normal: mean and sd of a least-squares fit by plain loops, plus the chain's own errors."""
     time = np.arange(6000) * 0.01
@@ -165,7 +165,7 @@ def test_table_3_by_least_squares(longer):
     assert (np.abs(data["sd"] / sd - 1) < 0.03 + 4 / np.sqrt(2 * data["ess"])).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_plain_metropolis_agrees(longer):
     """Metropolis-Hastings draws from the same posterior, far more slowly: differences in units of both Monte Carlo errors."""
     ours, rival = longer.part("chain-3"), longer.part("chain-3-metropolis")

@@ -50,7 +50,7 @@ def test_listing_1_normalises_its_evidences(listing):
     np.testing.assert_allclose(listing["shared_probability"].sum("model"), 1.0, rtol=1e-12)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_golden_evidences_of_table_4(tmp_path, monkeypatch):
     """Importance sampling within .01 and bridge sampling within .05, as asked, or four of their errors.
 
@@ -73,7 +73,7 @@ def test_golden_evidences_of_table_4(tmp_path, monkeypatch):
     assert float(data["wide_log_value"]) == pytest.approx(golden, abs=max(0.01, 4 * float(data["wide_error"])))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("prior", "golden"), [(around(1.0), 6951.290), (None, 6951.396), (wide(A), 6950.354)], ids=["M-0", "M-1", "wide"]
 )
@@ -83,7 +83,7 @@ def test_golden_evidences_of_table_5(prior, golden):
     assert found.std_error < 0.01
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_odds_grow_with_the_true_term(tmp_path):
     """Measured elsewhere over 10 trials: .498 +- .002, .491 +- .018, then .87 on average and .999; one trial here."""
     data = study(tmp_path).part("odds")

@@ -10,7 +10,7 @@ from tests.estimation_cases import naive_doublets
 TIME = np.arange(6000) * 0.01
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_second_trial_tells_the_doubted_term(tmp_path):
     """Standard deviations of X_du3, predicted and fitted: 5.6 after one trial, 4 after the same again, .5 after the best other.
 
@@ -33,7 +33,7 @@ def test_second_trial_tells_the_doubted_term(tmp_path):
     assert (data["probability"].diff("fit") < 0).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_both_readings(tmp_path):
     """Measured elsewhere under B: sds some 1.6 times larger, P(M-0) .499 and .498, log Z of M-1 6952.186."""
     data = study(tmp_path).part("readings")

@@ -147,7 +147,7 @@ run_paper(Path(sys.argv[1]), A, TINY, ["figure-4", "table-3"])
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_killed_in_the_middle_it_ends_with_the_same_bits(tmp_path):
     """Killed while the chain runs: the doublet's file stays as it is, the chain is sampled anew."""
     command = [sys.executable, "-c", KILLED]

@@ -26,7 +26,7 @@ def test_all_structures_against_the_naive_twin(prior):
     agree(all_subsets(stats, prior, NAMES[:8]), naive_all(prior, phi, y))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_ten_terms_against_the_naive_twin():
     phi, y, stats = problem(10)
     agree(all_subsets(stats, some_prior(10), NAMES[:10], top=1024), naive_all(some_prior(10), phi, y))

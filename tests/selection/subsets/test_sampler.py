@@ -12,9 +12,9 @@ from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.conjugate import GPrior, physical_prior
 from seatrial.selection.subsets.gram import gram
+from seatrial.selection.subsets.problem import check_candidates
 from seatrial.selection.subsets.sampler import (
     MAX_PRESENCE_R_HAT,
-    _check_candidates,
     _status,
     half_of,
     presence_r_hat,
@@ -82,7 +82,7 @@ def test_a_collinear_pair_is_swapped():
     agrees(sample_subsets(stats, prior, NAMES[:11], **SHORT), exact)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("rules", [None, RULES])
 def test_twenty_terms_against_all_structures(rules):
     stats = problem(20, n=60, strength=1.0)[2]
@@ -90,7 +90,7 @@ def test_twenty_terms_against_all_structures(rules):
     agrees(sample_subsets(stats, some_prior(20), NAMES[:20], rules=rules), exact, 0.95)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_stated_errors_are_the_spread_of_repeats(monkeypatch):
     """With all covered, the stated variance is s^2 of the chains plus the error e^2 itself: e^2 / (s^2 + e^2), e normal, has mean 0.344."""
     monkeypatch.setattr(sampler, "HELD", 2.0)
@@ -282,9 +282,9 @@ def test_optional_terms_that_can_be_counted_out(count, always, refused):
     stats, names = gram(phi, phi[:, 0]), MANY[:count]
     if refused:
         with pytest.raises(InputError, match="26 optional terms"):
-            _check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10)
+            check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10)
     else:
-        assert len(_check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10)[0].free) == 25
+        assert len(check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10).free) == 25
 
 
 @pytest.mark.parametrize(
