@@ -40,3 +40,18 @@ def test_the_environment_is_set_up_by_hashes():
     makefile = (Path(__file__).parents[1] / "Makefile").read_text()
     assert "--require-hashes --requirement requirements.lock" in makefile
     assert "--generate-hashes" in makefile
+
+
+def test_extras_are_imported_where_they_are_used():
+    """Every module imports without the extras, but for the dashboard's and the cluster's own."""
+    code = """
+import importlib, pkgutil, sys
+for name in ("rosbags", "pymavlink", "pyarrow", "nicegui", "starlette", "distributed", "dask_jobqueue"):
+    sys.modules[name] = None
+import seatrial
+for module in pkgutil.walk_packages(seatrial.__path__, "seatrial."):
+    if not module.name.endswith(("__main__", "mavlink_script", "dask_workers")) and ".dashboard" not in module.name:
+        importlib.import_module(module.name)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-1500:]

@@ -136,7 +136,7 @@ def test_random_steps_are_new_in_every_trial_and_inside_the_limits(small, space)
     drawn = [space.random(vehicle, number).control for vehicle in (0, 1) for number in (1, 2)]
     assert len({control.tobytes() for control in drawn}) == 4
     for control in drawn:
-        assert not small.limits().excess(control, small.family.sample_time)
+        assert not small.limits.excess(control, small.family.sample_time)
         assert np.abs(control - small.family.trim).max() <= space.swing
         assert space.extremes[0, 0] <= control.min() <= control.max() <= space.extremes[1, 0]
 

@@ -11,11 +11,12 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
+from dask_jobqueue.slurm import SLURMCluster
 from distributed import LocalCluster
 
 from seatrial.campaign.compute import dask_workers, place
 from seatrial.campaign.compute.dask_workers import DaskWorkers
-from seatrial.campaign.compute.place import SLURMCluster, job_options, submit_jobs
+from seatrial.campaign.compute.place import job_options, submit_jobs
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.compute.workers import LocalWorkers
 from seatrial.campaign.config.load import load_campaign

@@ -10,8 +10,6 @@ import shutil
 import sys
 from typing import Any
 
-from dask_jobqueue.slurm import SLURMCluster
-
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import SlurmJobs
@@ -38,7 +36,7 @@ def job_options(asked: SlurmJobs) -> dict[str, Any]:
     }
 
 
-def submit_jobs(asked: SlurmJobs) -> SLURMCluster:
+def submit_jobs(asked: SlurmJobs) -> Any:
     """Submit the jobs that are asked for; their workers join as SLURM starts them.
 
     Raises:
@@ -51,6 +49,8 @@ def submit_jobs(asked: SlurmJobs) -> SLURMCluster:
             expected="a machine from which jobs are submitted to SLURM",
             remedy='run on the cluster\'s login node, give the address of a scheduler, or set SEATRIAL_WORKERS="local"',
         )
+    from dask_jobqueue.slurm import SLURMCluster
+
     cluster = SLURMCluster(**job_options(asked))
     cluster.scale(jobs=asked.jobs)
     return cluster
@@ -113,6 +113,8 @@ _JOINED: dict[tuple[str, SlurmJobs | None], Any] = {}
 
 def _joined(place: str, asked: SlurmJobs | None, reporter: Reporter) -> Any:
     try:
+        import dask_jobqueue  # noqa: F401  (needed where jobs are submitted)
+
         from seatrial.campaign.compute.dask_workers import DaskWorkers
     except ImportError as cause:
         raise InputError(
