@@ -30,7 +30,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.progress import SILENT
 
 REPLICATES, WORKERS, REPEATS, IDLE = 400, (1, 2, 4), 2, 2000

@@ -24,7 +24,7 @@ import numpy as np
 import socketio
 from socketio.exceptions import SocketIOError
 
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.dataset_file import open_dataset, write_dataset
 
 VIEWS = ("import", "design", "run", "results", "compare", "report")

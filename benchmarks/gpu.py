@@ -29,7 +29,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core import batching as lanes
 from seatrial.core.engine import cores as usable_cores
 from seatrial.design.sweep import sweep_family

@@ -227,7 +227,7 @@ def _checkpoint(declared: bool) -> Callable[[Path], Callable[[], None]]:
                         stream.write(PIECE)
 
         def work() -> None:
-            from seatrial.campaign.store.files import load_checkpoint
+            from seatrial.campaign.store.stored_result import load_checkpoint
 
             load_checkpoint(path, "a key")
 

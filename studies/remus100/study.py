@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 import jax
 import xarray as xr
 
-from seatrial.campaign.store.files import is_current, key_of, write_dataset
+from seatrial.campaign.store.stored_result import is_current, key_of, write_dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.files import sha256_of_json
 from seatrial.core.progress import SILENT, Progress, Reporter

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from seatrial.campaign.store.files import Store, write_stamped_json
+from seatrial.campaign.store.stored_result import Store, write_stamped_json
 from seatrial.campaign.store.structures import NextTrial, StoredCoefficient
 
 SMALL = """

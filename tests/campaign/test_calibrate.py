@@ -11,7 +11,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import calibration as module
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.estimates import Calibrated
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.report.figure_files import write_calibration_picture

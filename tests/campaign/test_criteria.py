@@ -13,7 +13,7 @@ from seatrial.campaign.selection.criteria import (
     criteria_lines,
     differences,
 )
-from seatrial.campaign.store.files import write_dataset
+from seatrial.campaign.store.stored_result import write_dataset
 from seatrial.campaign.store.structures import read_criteria
 from seatrial.selection.criteria import DevianceCriteria, MonteCarloValue, PredictiveCriterion
 from seatrial.selection.structures import Structure

@@ -10,7 +10,7 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
-from seatrial.campaign.store.files import (
+from seatrial.campaign.store.stored_result import (
     Store,
     is_current,
     load_checkpoint,

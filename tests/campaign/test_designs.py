@@ -6,7 +6,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.compare_utilities import compare_measures
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.store.files import Store, stamp_of
+from seatrial.campaign.store.stored_result import Store, stamp_of
 from seatrial.campaign.workflow.run import run_loop
 from seatrial.core.progress import SilentReporter
 from tests.campaign.small import write_small

@@ -11,7 +11,7 @@ from seatrial.campaign.design.global_search import search_design, search_lines
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.sensors import sensor_table
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.design.safety import judge_safety
 from seatrial.design.trial_plan import plan_trial

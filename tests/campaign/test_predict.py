@@ -4,7 +4,7 @@ import json
 
 from seatrial.campaign.inference.predict import MOST_NAMED, fit_complaints, trial_verdicts
 from seatrial.campaign.store.estimates import Fit
-from seatrial.estimation.predictive_check import judge
+from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.validation import Score
 
 NUMBERS = {"nrmse": 0.5, "rmse": 0.1, "crps": 0.06, "coverage_50": 0.5, "pit": (0.1,) * 10, "pit_distance": 0.01}
@@ -23,7 +23,7 @@ def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, exp
         white=white,
         noise_share=0.1,
     )
-    verdict = judge(score, channel, held_back, False)
+    verdict = judge_fit(score, channel, held_back, False)
     return Fit(**vars(score), record=record, held_back=held_back, channel=channel, **verdict._asdict())
 
 

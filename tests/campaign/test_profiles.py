@@ -9,7 +9,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.profile import _as_json, profile_all
 from seatrial.campaign.store.estimates import read_profiles
-from seatrial.campaign.store.files import write_stamped_json
+from seatrial.campaign.store.stored_result import write_stamped_json
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SilentReporter
 from seatrial.estimation.profile import Profile

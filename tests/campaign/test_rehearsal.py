@@ -15,7 +15,7 @@ from seatrial.campaign.rehearsal.designs import design_space
 from seatrial.campaign.rehearsal.result import Rehearsal
 from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import load_surge
 from tests.apps.test_cli import results, run

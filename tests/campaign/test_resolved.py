@@ -28,9 +28,9 @@ from seatrial.campaign.data.import_logs import Trials, trials_key
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import screening_key
-from seatrial.campaign.store.files import as_json, key_of
+from seatrial.campaign.selection.select_structure import evidence_key
+from seatrial.campaign.store.stored_result import as_json, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.priors import LogUniform, Uniform

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.store.files import Store, stamp_of, write_stamped_json
 from seatrial.campaign.store.results import Results
+from seatrial.campaign.store.stored_result import Store, stamp_of, write_stamped_json
 from seatrial.campaign.workflow.run import run_loop
 from seatrial.campaign.workflow.steps import LOOP, STEPS, Workflow
 from seatrial.core.errors import InputError

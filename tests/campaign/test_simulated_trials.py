@@ -24,7 +24,7 @@ from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.campaign.design.global_search import search_design
 from seatrial.campaign.design.relay import design_relay_trial
 from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.relay import RelayFamily
 from seatrial.manoeuvres.schedule import Schedule

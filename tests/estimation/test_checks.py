@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.mode import find_mode
+from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from tests.estimation_cases import posterior
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.predictive_check import Verdict, judge, worst
+from seatrial.estimation.fit_verdict import FitVerdict, judge_fit, worst
 from seatrial.estimation.validation import score_channel
 
 TIME = np.arange(1200) * 0.05
@@ -30,8 +30,8 @@ def slow(tau, scale=NOISE, seed=1):
     return scale * np.array(e)
 
 
-def verdict(score, held_back=False, coloured=False) -> Verdict:
-    return judge(score, "u", held_back, coloured)
+def verdict(score, held_back=False, coloured=False) -> FitVerdict:
+    return judge_fit(score, "u", held_back, coloured)
 
 
 def test_numbers_by_hand():
@@ -128,7 +128,7 @@ def test_a_measurement_that_never_changes():
 def test_a_channel_without_measurements():
     found = score_channel(TIME, np.full(TIME.size, np.nan), MOTION, np.zeros(TIME.size), NOISE)
     assert found.samples == 0
-    assert verdict(found, held_back=True) == Verdict(
+    assert verdict(found, held_back=True) == FitVerdict(
         "caution", "not measured", "nothing was measured of u: the prediction cannot be judged; check the channel map"
     )
 
@@ -152,10 +152,10 @@ def test_a_prediction_that_diverges_fails():
 
 def test_the_worst_channel_speaks_for_the_trial():
     levels = [
-        Verdict("pass", "", "a"),
-        Verdict("caution", "x", "b"),
-        Verdict("fail", "y", "c"),
-        Verdict("fail", "z", "d"),
+        FitVerdict("pass", "", "a"),
+        FitVerdict("caution", "x", "b"),
+        FitVerdict("fail", "y", "c"),
+        FitVerdict("fail", "z", "d"),
     ]
     assert worst(levels).reason == "c"
     assert worst(levels[:2]).reason == "b"

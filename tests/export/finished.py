@@ -9,7 +9,7 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.store.files import Store, write_dataset
+from seatrial.campaign.store.stored_result import Store, write_dataset
 from seatrial.export import from_campaign
 from tests.campaign.small import write_small, write_summary
 

@@ -16,7 +16,7 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.export.trials.trial import SPEED, EitherWayError, Stick, Trial, read_trial, stick_of
 from seatrial.export.trials.write import write_plain, write_trial

@@ -11,7 +11,7 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.store.files import Store, write_dataset
+from seatrial.campaign.store.stored_result import Store, write_dataset
 from seatrial.core.errors import InputError
 from seatrial.export.trials import bag
 from seatrial.export.trials.trial import read_trial, value_at

@@ -17,7 +17,7 @@ from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.predictive_check import judge
+from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.validation import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
@@ -214,7 +214,7 @@ def _fit(label: str, channel: str) -> Fit:
         numbers = {"explained": 0.4, "nrmse": 0.2254, "rmse": 0.03, "crps": 0.02, "noise_share": 0.1}
         shape = {"coverage_50": 0.3, "coverage": 0.7, "variance": 2.2, "pit": (0.1,) * 10, "pit_distance": 0.02}
         score = Score(150, 20.0, **numbers, **shape, correlation=0.9, interval=0.1, white=1e-9)
-    verdict = judge(score, channel, held_back, False)
+    verdict = judge_fit(score, channel, held_back, False)
     return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())
 
 

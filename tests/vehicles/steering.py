@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import ANGLES, CURRENT, POSITIONS, QUATERNION
+from seatrial.core.signals import ANGLES, CURRENT_COMPONENTS, POSITIONS, QUATERNION
 from seatrial.numerics.rotations import angle_rates, quaternion_of_angles
 from seatrial.vehicles.linearise import Trim, linearise
 from seatrial.vehicles.model import Params, VehicleModel
@@ -47,7 +47,7 @@ def steady_motion(
 
     place = f'vehicle "{model.name}", steady motion'
     names = _unknown(model)
-    allowed = (*names, *(state + "dot" for state in model.states if state not in (*QUATERNION, *CURRENT)))
+    allowed = (*names, *(state + "dot" for state in model.states if state not in (*QUATERNION, *CURRENT_COMPONENTS)))
     for name in held:
         if name not in allowed:
             raise InputError(
@@ -94,7 +94,7 @@ def steady_motion(
 
 def _unknown(model: VehicleModel) -> tuple[str, ...]:
     """Names of what a motion is made of: states without positions and current, roll and pitch for a quaternion, and controls."""
-    apart = (*POSITIONS, *CURRENT, *QUATERNION, "psi")
+    apart = (*POSITIONS, *CURRENT_COMPONENTS, *QUATERNION, "psi")
     angles = ANGLES[:2] if QUATERNION[0] in model.states else ()
     return (*(name for name in model.states if name not in apart), *angles, *model.controls)
 
@@ -112,7 +112,7 @@ def _at(model: VehicleModel, x: Any) -> tuple[tuple, tuple]:
 def _balance(model: VehicleModel, held: tuple[str, ...]) -> tuple[Any, Any]:
     """Rates that must vanish and held values that must be met, and their Jacobian by the unknowns; compiled once."""
     names = _unknown(model)
-    apart = (*POSITIONS, *CURRENT, *QUATERNION, "psi")
+    apart = (*POSITIONS, *CURRENT_COMPONENTS, *QUATERNION, "psi")
 
     def residual(x: Any, values: Any, params: Params) -> Any:
         state, control = _at(model, x)

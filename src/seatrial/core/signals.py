@@ -69,7 +69,7 @@ POSITIONS = ("x", "y", "z")
 ANGLES = ("phi", "theta", "psi")
 QUATERNION = ("q_w", "q_x", "q_y", "q_z")
 """Attitude as a unit quaternion from body to north-east-down axes, scalar part first; q alone is the pitch rate."""
-CURRENT = ("current_x", "current_y", "current_z")
+CURRENT_COMPONENTS = ("current_x", "current_y", "current_z")
 """Velocity of the water over ground, north, east and down; in m/s."""
 OVER_GROUND = ("u_g", "v_g", "w_g")
 """Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
@@ -110,7 +110,7 @@ def _dimension(name: str) -> Dimension:
     for names, dimension in (
         (POSITIONS, Dimension(m=1)),
         (QUATERNION, Dimension()),
-        ((*CURRENT, *OVER_GROUND, *OVER_EARTH), SPEED),
+        ((*CURRENT_COMPONENTS, *OVER_GROUND, *OVER_EARTH), SPEED),
     ):
         if base in names:
             return dimension

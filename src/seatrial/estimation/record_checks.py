@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-Level = Literal["pass", "note", "caution", "fail"]
+RecordLevel = Literal["pass", "note", "caution", "fail"]
 """A note says what was not judged, and why; it casts no doubt on the record."""
 OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
@@ -60,7 +60,7 @@ class RecordFinding:
 
     signal: str
     check: str
-    level: Level
+    level: RecordLevel
     value: str
     threshold: str
     remedy: str = ""

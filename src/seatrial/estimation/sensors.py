@@ -1,4 +1,4 @@
-"""How a sensor shows the motion: with a lag, a bias and the speed of the water, and with noise of one kind or another.
+"""How a sensor shows the motion: with a lag and a bias, over ground or through the water, and with noise of one kind or another.
 
 A lag is of first order, tau dy/dt = x - y. Across a step h over which x is a straight line its solution is
 

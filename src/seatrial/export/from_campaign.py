@@ -17,7 +17,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.selection.screening import with_shortlist
 from seatrial.campaign.store.estimates import Estimate
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest

@@ -235,7 +235,9 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
                 where,
                 found=f'column "{cell[:80]}"' + (f", a second one of {name}" if name else ""),
                 expected=f"the time and controls of the vehicle, each with its unit: {_example(controls)}",
-                remedy=f"leave it out: {nearest(cell.rpartition('_')[0] or cell, known)}",
+                remedy="leave the second one out"
+                if name
+                else f"rename it, or leave it out: {nearest(cell.rpartition('_')[0] or cell, known)}",
             )
         if not (unit := cell[len(name) + 1 :]):
             raise InputError(
@@ -293,5 +295,5 @@ def _check_times(rows: Rows) -> None:
             else "a first row at 0 s",
             remedy="sort the rows, and leave out those that stand twice"
             if at
-            else "count the times from the begin of the trial",
+            else "count the times from the beginning of the trial",
         )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings

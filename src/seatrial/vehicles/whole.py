@@ -18,7 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.signals import ANGLES, CURRENT, OVER_GROUND, POSITIONS, RATES, SIGNALS, thruster_controls
+from seatrial.core.signals import ANGLES, CURRENT_COMPONENTS, OVER_GROUND, POSITIONS, RATES, SIGNALS, thruster_controls
 from seatrial.numerics.rotations import cross, dot, times, total
 from seatrial.vehicles.active_dof import AddedCoriolis, Current, Freedom, acts
 from seatrial.vehicles.actuators import Actuator, with_actuators
@@ -262,7 +262,11 @@ def assemble(
     angles = {angle for name in named for angle in name.signals if angle in ANGLES and angle not in controls}
 
     def known_at(state: tuple, control: tuple) -> dict[str, Any]:
-        still = {} if isinstance(freedom.current, str) else dict(zip(CURRENT, freedom.current or (), strict=False))
+        still = (
+            {}
+            if isinstance(freedom.current, str)
+            else dict(zip(CURRENT_COMPONENTS, freedom.current or (), strict=False))
+        )
         return {**still, **dict(zip(states, state, strict=True)), **dict(zip(controls, control, strict=True))}
 
     def derivative(params: Params, state: tuple, control: tuple) -> tuple:
@@ -294,7 +298,9 @@ def assemble(
                 return pose.euler()[ANGLES.index(name)]
             axis = OVER_GROUND.index(name)
             column = [row[axis] for row in pose.rows]
-            return total((known.get(RATES[axis], 0.0), dot(column, (known.get(part, 0.0) for part in CURRENT))))
+            return total(
+                (known.get(RATES[axis], 0.0), dot(column, (known.get(part, 0.0) for part in CURRENT_COMPONENTS)))
+            )
 
         return value
 
@@ -331,7 +337,7 @@ def _current_components(freedom: Freedom) -> tuple[str, ...]:
     """Return the components of the current; its vertical velocity counts only for a vehicle that may leave its depth."""
     if freedom.current is None:
         return ()
-    return CURRENT if any(rate in freedom.moves for rate in ("w", "p", "q")) else CURRENT[:2]
+    return CURRENT_COMPONENTS if any(rate in freedom.moves for rate in ("w", "p", "q")) else CURRENT_COMPONENTS[:2]
 
 
 def _controls(

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from seatrial.apps.campaign_lock import occupant_of
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from tests.apps.dashboard.served import served
 from tests.campaign.small import NO_X_U, write_small
 

@@ -7,7 +7,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.store.files import Store, write_stamped_json
+from seatrial.campaign.store.stored_result import Store, write_stamped_json
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError

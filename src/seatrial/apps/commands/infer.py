@@ -68,7 +68,7 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
     """Decide which terms the data support."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.selection.evidence import agreement_words
+        from seatrial.campaign.selection.select_structure import agreement_words
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_select_picture
 
@@ -121,7 +121,7 @@ def criteria(
             future_edges,
             nested_pairs,
         )
-        from seatrial.campaign.selection.evidence import current_selection
+        from seatrial.campaign.selection.select_structure import current_selection
         from seatrial.campaign.workflow.steps import Workflow
 
         lengths = {"from_time": _seconds(first, "--first"), "block": _seconds(block, "--block")}

@@ -43,7 +43,7 @@ def next_trial(
     def work(campaign: Any, reporter: Any) -> Exit:
         from seatrial.campaign.data.simulate import add_trial, check_simulated
         from seatrial.campaign.design.schedule import write_schedule
-        from seatrial.campaign.store.files import Store
+        from seatrial.campaign.store.stored_result import Store
         from seatrial.campaign.workflow.next_trial import propose
         from seatrial.campaign.workflow.run import run_loop
 

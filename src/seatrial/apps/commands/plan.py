@@ -77,7 +77,7 @@ def design(
     """Find the most informative trial of the families, inside the limits."""
 
     def work(campaign: Any, reporter: Any) -> Exit:
-        from seatrial.campaign.store.files import Store
+        from seatrial.campaign.store.stored_result import Store
         from seatrial.campaign.workflow.steps import Workflow
 
         _check_options(campaign, free_form, self_oscillation, trials, search, compare)

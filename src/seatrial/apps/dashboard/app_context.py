@@ -15,7 +15,7 @@ from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Job, Jobs
 from seatrial.apps.dashboard.view_models import FormData, Stage, words_of
 from seatrial.apps.dashboard.worker_pool import WorkerPool
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 
 PATIENCE = 0.35

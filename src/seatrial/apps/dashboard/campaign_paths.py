@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.apps.campaign_text import CAMPAIGN
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int
 
-from seatrial.campaign.store.files import text_of
+from seatrial.campaign.store.stored_result import text_of
 from seatrial.core.dataset_file import stored
 
 COLUMNS = 720

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from seatrial.apps.campaign_lock import Occupant, occupant_of
 from seatrial.apps.cli import COMMANDS
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 
 STARTED = {name: command.makes for name, command in COMMANDS.items() if command.makes}

@@ -26,7 +26,7 @@ from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import read_designs
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import read_estimate
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError

@@ -11,7 +11,7 @@ from pathlib import Path
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.schema import PriorTable, VehicleTable
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError

@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.settings import Imports, LogFile
 from seatrial.campaign.data.simulate import check_simulated, no_record, simulated_records
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, located
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record, Role

@@ -12,7 +12,14 @@ from seatrial.campaign.data.true_vehicle import FIRST, true_vehicle
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.files import Store, is_current, key_of, read_json, write_dataset, write_stamped_json
+from seatrial.campaign.store.stored_result import (
+    Store,
+    is_current,
+    key_of,
+    read_json,
+    write_dataset,
+    write_stamped_json,
+)
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.progress import SILENT, Reporter
@@ -276,7 +283,10 @@ def ask_for(
     else:
         asked = () if design is None else designed_trials(campaign, design, label, reporter)
         asked += () if schedule is None else (own_trial(campaign, schedule, label, reporter),)
+        labels = {one.label for one in later_trials(campaign) if isinstance(one, Scheduled)}
         for number, trial in enumerate(asked):
+            if trial.label in labels and not alone:
+                reporter.say(f"caution: {trial.label} takes the place of the trial of that label; --label keeps both")
             add_trial(campaign, trial, alone and number == 0)
     if alone and before > 1:
         reporter.say(

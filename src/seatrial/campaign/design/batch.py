@@ -11,7 +11,7 @@ from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.batch import Batch, plan_batch
 from seatrial.design.robust import information_table

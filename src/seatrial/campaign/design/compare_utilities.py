@@ -16,7 +16,7 @@ from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import EXPECTED, Measures, read_measures
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.expected_gain import GainSettings, importance_gain

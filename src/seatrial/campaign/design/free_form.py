@@ -15,7 +15,7 @@ from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import FreeTrial, read_free_trial
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter

@@ -14,7 +14,7 @@ from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import Searched, read_searched
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.global_search import search_globally

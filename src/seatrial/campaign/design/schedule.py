@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.files import write_json, write_text

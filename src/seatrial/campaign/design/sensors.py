@@ -21,7 +21,7 @@ RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False)
-class SensorTable:
+class SensorComparison:
     """What the best design would teach with other sensors.
 
     Attributes:
@@ -52,7 +52,7 @@ class SensorTable:
         return lines
 
 
-def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorTable:
+def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorComparison:
     """Weigh other sensors on the best design, over draws of the priors.
 
     Raises:
@@ -74,7 +74,7 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorTable
         meets = tuple(
             not goal.unmet({name: (mean[i], worth.sd[i]) for i, name in enumerate(plan.names)}) for worth in found
         )
-    return SensorTable(plan.names, units, tuple(zip(words, found, strict=True)), meets)
+    return SensorComparison(plan.names, units, tuple(zip(words, found, strict=True)), meets)
 
 
 def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: float) -> list[tuple[str, SensorChoice]]:

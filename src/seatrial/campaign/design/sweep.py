@@ -19,7 +19,7 @@ from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Estimate, OfStructure
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.batching import on_accelerator
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian

@@ -18,7 +18,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import Calibrated, HasKey, read_calibration
-from seatrial.campaign.store.files import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Progress, Reporter

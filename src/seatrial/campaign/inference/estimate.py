@@ -16,13 +16,13 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
-from seatrial.campaign.store.files import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.progress import SILENT, Progress, Reporter
-from seatrial.estimation.checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,

@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.campaign.store.estimates import Estimate, OfStructure
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record

@@ -15,7 +15,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, OfStructure, read_known
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.identifiability import Identifiability, identifiability_of_design, identify

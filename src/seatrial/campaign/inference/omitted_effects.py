@@ -14,7 +14,7 @@ from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.estimates import Estimate, LeftOut, OfStructure, read_left_out
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.omitted_effects import Omitted, score_effects

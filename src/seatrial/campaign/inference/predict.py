@@ -15,12 +15,12 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key
 from seatrial.campaign.store.estimates import Estimate, Fit, HasKey, OfStructure, read_predictions
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
+from seatrial.estimation.fit_verdict import LEVELS, FitVerdict, judge_fit, worst
 from seatrial.estimation.output_error import initial_name
 from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws
-from seatrial.estimation.predictive_check import LEVELS, Verdict, judge, worst
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.sensors import correlation_name
 from seatrial.estimation.validation import score_channel
@@ -105,7 +105,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
     return stored_predictions(campaign, estimate, trials).read_or_make(predict)
 
 
-def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Verdict]:
+def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
     """Verdict of each record, by its label: the gravest of its channels."""
     return {
         label: worst([fit.verdict for fit in fits if fit.record == label])
@@ -175,6 +175,6 @@ def _fits(
             noise_sd=float(piece["noise"][column]),
             correlation_time=float(np.median(drawn.draws([tau]))) if coloured else None,
         )
-        verdict = judge(score, channel, held_back, coloured)
+        verdict = judge_fit(score, channel, held_back, coloured)
         found.append(Fit(**vars(score), record=record.label, held_back=held_back, channel=channel, **verdict._asdict()))
     return found

@@ -13,7 +13,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.store.estimates import HasKey, read_profiles
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.mode import find_mode

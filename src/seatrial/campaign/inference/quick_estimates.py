@@ -19,7 +19,6 @@ from seatrial.campaign.store.estimates import Fit
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
-from seatrial.estimation.checks import check_prior_contains_data
 from seatrial.estimation.equation_error import (
     Accelerations,
     Regression,
@@ -29,6 +28,7 @@ from seatrial.estimation.equation_error import (
 )
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prior_checks import check_prior_contains_data
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel

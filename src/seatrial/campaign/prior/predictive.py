@@ -19,7 +19,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.progress import SILENT, Reporter

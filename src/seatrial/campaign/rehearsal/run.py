@@ -27,7 +27,7 @@ from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.rehearsal.designs import RANDOM, Design, DesignSpace, design_space
 from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal, read_rehearsal
 from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record

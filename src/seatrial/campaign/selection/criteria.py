@@ -19,7 +19,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import StoredCriteria, read_criteria
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.progress import SILENT, Progress, Reporter, no_progress, run_side_by_side

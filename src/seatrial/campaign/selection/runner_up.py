@@ -20,7 +20,7 @@ from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.posterior import build_likelihood
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Contenders, largest_of, read_contenders
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter

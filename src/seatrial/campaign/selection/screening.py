@@ -10,7 +10,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.inference.quick_estimates import left_out
 from seatrial.campaign.store.estimates import HasKey
-from seatrial.campaign.store.files import Store, StoredResult, key_of
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened, read_screening
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from seatrial.campaign.store.files import decoding, read_json
+from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.design.utility_agreement import Agreement, compare_utilities

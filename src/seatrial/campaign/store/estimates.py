@@ -10,12 +10,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from seatrial.campaign.store.files import decoding, read_json, text_of
+from seatrial.campaign.store.stored_result import decoding, read_json, text_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset_file import open_dataset, stored
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration
-from seatrial.estimation.predictive_check import Level, Verdict
+from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.remedies import measured, percent
 from seatrial.estimation.validation import Score
 from seatrial.selection.structures import Structure
@@ -243,14 +243,14 @@ class Fit(Score):
     record: str
     held_back: bool
     channel: str
-    level: Level
+    level: FitLevel
     about: str
     reason: str
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> FitVerdict:
         """Level, subject and reason."""
-        return Verdict(self.level, self.about, self.reason)
+        return FitVerdict(self.level, self.about, self.reason)
 
 
 MANY_REFUSED = 0.05

@@ -40,7 +40,7 @@ from seatrial.campaign.store.estimates import (
     read_predictions,
     read_profiles,
 )
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
     Contenders,
     Screened,

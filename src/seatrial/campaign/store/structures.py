@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
-from seatrial.campaign.store.files import decoding, read_json
+from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
 
 if TYPE_CHECKING:

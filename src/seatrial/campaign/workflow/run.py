@@ -13,7 +13,7 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.predict import fit_complaints
-from seatrial.campaign.selection.evidence import structure_rows
+from seatrial.campaign.selection.select_structure import structure_rows
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary

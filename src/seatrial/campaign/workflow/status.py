@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.store.files import State, Store
+from seatrial.campaign.store.stored_result import State, Store
 from seatrial.campaign.workflow.steps import LOOP, NotCurrent, Workflow, stored_summary
 
 

@@ -35,10 +35,10 @@ from seatrial.campaign.inference.profile import profile_all, stored_profiles
 from seatrial.campaign.prior.predictive import predict_from_prior
 from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
 from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
-from seatrial.campaign.selection.evidence import current_selection, select_structure, stored_selection
 from seatrial.campaign.selection.runner_up import contending, find_contenders, stored_contenders
 from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening, with_shortlist
-from seatrial.campaign.store.files import State, Store, StoredResult, key_of
+from seatrial.campaign.selection.select_structure import current_selection, select_structure, stored_selection
+from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Summary, read_summary
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter

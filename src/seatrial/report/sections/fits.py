@@ -10,7 +10,7 @@ from seatrial.campaign.store.estimates import Fit
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.estimation.predictive_check import NARROW, POOR
+from seatrial.estimation.fit_verdict import NARROW, POOR
 from seatrial.report.drawing import Drawing, draw, labels_of, record_curves, truth_of, units_of
 from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.figures.traces import coefficient_trace

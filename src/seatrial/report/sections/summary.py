@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from seatrial.campaign.config.campaign import FILE_NAME
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.run import ENOUGH, Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.manoeuvres.shapes import SHAPES

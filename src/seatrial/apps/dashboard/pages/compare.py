@@ -8,7 +8,7 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.page_layout import section, table
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_summary
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html

@@ -13,7 +13,7 @@ from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.page_layout import button, figure, section, table
 from seatrial.apps.dashboard.pages.work import begin, live_view
 from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Plot, Swept
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short
 

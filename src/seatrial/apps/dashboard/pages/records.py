@@ -16,7 +16,7 @@ from seatrial.apps.dashboard.edits import with_map
 from seatrial.apps.dashboard.page_layout import button, section, table
 from seatrial.apps.dashboard.pages.work import begin, live_view
 from seatrial.apps.dashboard.view_models import FormData, Recorded
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 
 FEW = 20

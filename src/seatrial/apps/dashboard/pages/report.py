@@ -9,7 +9,7 @@ from seatrial.apps.dashboard.app_context import AppContext, markup
 from seatrial.apps.dashboard.campaign_paths import DOWNLOADS
 from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 
 TARGETS = {
     "gz": "vehicle: Gazebo (gz-sim)",

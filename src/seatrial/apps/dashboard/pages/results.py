@@ -9,7 +9,7 @@ from nicegui import ui
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.page_layout import figure, link, section, table
 from seatrial.campaign.store.estimates import Predictions
-from seatrial.campaign.store.files import Store
+from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import SeatrialError

@@ -14,7 +14,7 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
-from seatrial.campaign.store.files import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings

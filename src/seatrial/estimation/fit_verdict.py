@@ -13,8 +13,8 @@ from scipy.stats import chi2
 
 from seatrial.estimation.validation import DIVERGES, Score
 
-Level = Literal["pass", "caution", "fail"]
-LEVELS: tuple[Level, ...] = ("pass", "caution", "fail")
+FitLevel = Literal["pass", "caution", "fail"]
+LEVELS: tuple[FitLevel, ...] = ("pass", "caution", "fail")
 
 POOR = 0.5
 """Share of variance explained below which less is known of the motion than is not."""
@@ -34,25 +34,25 @@ KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
 
-class Verdict(NamedTuple):
+class FitVerdict(NamedTuple):
     """A level, what it is about in a few words, and the reason: what was found, what it means and what to do."""
 
-    level: Level
+    level: FitLevel
     about: str
     reason: str
 
 
-def judge(score: Score, channel: str, held_back: bool, coloured: bool) -> Verdict:
+def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool) -> FitVerdict:
     """Say what the scores of one channel mean; of several departures the first in order of gravity."""
     use = "prediction" if held_back else "fit"
     if not score.samples:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "not measured",
             f"nothing was measured of {channel}: the {use} cannot be judged; check the channel map",
         )
     if score.missing == DIVERGES:
-        return Verdict(
+        return FitVerdict(
             "fail",
             "diverges",
             f"the simulated {channel} grows without bound: the model cannot move as this trial did; "
@@ -63,16 +63,16 @@ def judge(score: Score, channel: str, held_back: bool, coloured: bool) -> Verdic
         or _motion(score, channel, held_back)
         or _colour(score, channel, coloured)
         or _shape(score, channel)
-        or Verdict("pass", "", _praise(score, channel))
+        or FitVerdict("pass", "", _praise(score, channel))
     )
 
 
-def worst(verdicts: Sequence[Verdict]) -> Verdict:
+def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     """Return the gravest verdict of a trial's channels, the first of them where several are as grave."""
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _sizes(score: Score, channel: str, held_back: bool) -> Verdict | None:
+def _sizes(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
     short = score.coverage < 0.9 and betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
@@ -85,12 +85,14 @@ def _sizes(score: Score, channel: str, held_back: bool) -> Verdict | None:
             if held_back
             else "look at its residuals for outliers, a wrong unit or a missing term"
         )
-        return Verdict("fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty; {do}")
+        return FitVerdict(
+            "fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty; {do}"
+        )
     if (short and score.coverage < NARROW) or (large and score.variance > SPREAD):
         do = "fit more trials like it, or add a term" if held_back else "look for outliers or a missing term"
-        return Verdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small; {do}")
+        return FitVerdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small; {do}")
     if small and not score.missing and score.variance < TAME and score.coverage > WIDE:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "band too wide",
             f"{result}: this trial was quieter than the stated noise; the band promises less than the model can do, "
@@ -99,10 +101,10 @@ def _sizes(score: Score, channel: str, held_back: bool) -> Verdict | None:
     return None
 
 
-def _motion(score: Score, channel: str, held_back: bool) -> Verdict | None:
+def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
     """Little of the motion explained, and why: noise, ignorance or a wrong model, which sizes let through as honestly stated."""
     if score.missing:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "never changes",
             f"the measured {channel} never changes: its errors are as stated, but how much motion is explained has no meaning; "
@@ -112,47 +114,47 @@ def _motion(score: Score, channel: str, held_back: bool) -> Verdict | None:
         return None
     result = f"{score.explained:.0%} of the variance of {channel} is explained"
     if score.noise_share > POOR:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "noise hides the motion",
             f"{result}, the rest is as large as the noise of the fit: this trial tests little; use one that moves more, or "
             "add a term if the sensor is better than that",
         )
     if held_back:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "predicted poorly",
             f"{result}, though within the stated uncertainty: the coefficients are not known well enough to predict it; "
             "run the next trial that is proposed",
         )
-    return Verdict(
+    return FitVerdict(
         "caution",
         "fitted poorly",
         f"{result}: the model misses most of what moved; add a term, a delay or an estimated initial state",
     )
 
 
-def _colour(score: Score, channel: str, coloured: bool) -> Verdict | None:
+def _colour(score: Score, channel: str, coloured: bool) -> FitVerdict | None:
     """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
     result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
     if coloured:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "correlated beyond the model",
             f"{result} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
             "deviations are rough; look for a missing term",
         )
     if score.correlation < 0:
-        return Verdict(
+        return FitVerdict(
             "caution",
             "correlated residuals",
             f"{result}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
             "too large; check whether the sensor or the import filtered or differenced the channel",
         )
     rho = min(score.correlation, 0.999)
-    return Verdict(
+    return FitVerdict(
         "caution",
         "correlated residuals",
         f"{result}, which white noise is not: stated standard deviations are too small, by a factor of about "
@@ -160,13 +162,13 @@ def _colour(score: Score, channel: str, coloured: bool) -> Verdict | None:
     )
 
 
-def _shape(score: Score, channel: str) -> Verdict | None:
+def _shape(score: Score, channel: str) -> FitVerdict | None:
     """Return the errors of the right size that are not normal, or lie to one side."""
     if score.pit_distance <= max(MISSHAPEN, KS_CHANCE / np.sqrt(max(score.effective, 1.0))):
         return None
     below = sum(score.pit[: len(score.pit) // 2])
     side = f", {max(below, 1 - below):.0%} of it on one side of the prediction" if abs(below - 0.5) > MISSHAPEN else ""
-    return Verdict(
+    return FitVerdict(
         "caution",
         "errors not normal",
         f"errors of {channel} are not spread as stated (off by {score.pit_distance:.2f}{side}): probabilities are rough; "
