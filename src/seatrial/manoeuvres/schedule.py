@@ -231,13 +231,12 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
         # Of tau_X_N and n_1_rpm the longest name that is known is meant.
         name = max((one for one in known if cell == one or cell.startswith(f"{one}_")), key=len, default="")
         if not name or name in found:
+            meant = nearest(cell.rpartition("_")[0] or cell, known)
             raise InputError(
                 where,
                 found=f'column "{cell[:80]}"' + (f", a second one of {name}" if name else ""),
                 expected=f"the time and controls of the vehicle, each with its unit: {_example(controls)}",
-                remedy="leave the second one out"
-                if name
-                else f"rename it, or leave it out: {nearest(cell.rpartition('_')[0] or cell, known)}",
+                remedy="leave the second one out" if name else f"rename it, or leave it out: {meant}",
             )
         if not (unit := cell[len(name) + 1 :]):
             raise InputError(
