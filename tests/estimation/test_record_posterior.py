@@ -203,3 +203,21 @@ def test_a_density_of_ones_own_predicts_no_record(draws, record):
     own = st.posterior_of_density(lambda p: p["a"], {"a": st.Normal(0.0, 1.0)})
     with pytest.raises(st.InputError, match="a log density of one's own"):
         st.predict(own, draws, record)
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [
+        st.Uniform(1.0, -5.0),
+        st.Uniform(np.nan, 0.0),
+        st.Uniform(-np.inf, 0.0),
+        st.Normal(-3.0, -1.0),
+        st.Normal(0.0, 0.0),
+        1.0,
+    ],
+)
+def test_what_is_no_prior_is_refused_by_name(prior):
+    with pytest.raises(st.InputError) as refused:
+        st.posterior_of_density(lambda values: -(values["a"] ** 2), {"a": prior})
+    assert 'priors["a"]' in str(refused.value)
+    assert "remedy" in str(refused.value)

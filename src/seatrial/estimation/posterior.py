@@ -108,6 +108,30 @@ class _OfValues:
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
 
+def check_priors(priors: Mapping[str, Prior]) -> None:
+    """Refuse what is no prior, or has no spread.
+
+    Raises:
+        InputError: the first of them.
+    """
+    for name, prior in priors.items():
+        place, remedy = f'priors["{name}"]', "for example Uniform(lower, upper) or Normal(mean, sd)"
+        if not (hasattr(prior, "bounds") and hasattr(prior, "log_density")):
+            raise InputError(place, found=repr(prior)[:80], expected="a prior", remedy=remedy)
+        try:
+            (low, high), sd = map(float, prior.bounds), float(prior.sd)
+            sound = low < high and 0 < sd < np.inf
+        except (ArithmeticError, TypeError, ValueError):
+            sound = False
+        if not sound:
+            raise InputError(
+                place,
+                found=repr(prior)[:80],
+                expected="a lower bound below the upper one, and a finite standard deviation above 0",
+                remedy=remedy,
+            )
+
+
 def posterior_of_density(
     log_density: Callable[[dict[str, Any]], Any], priors: Mapping[str, Prior], units: Mapping[str, str] | None = None
 ) -> Posterior:
@@ -126,6 +150,7 @@ def posterior_of_density(
         raise InputError(
             "priors", found="none", expected="one parameter at least", remedy='for example {"a": Normal(0, 1)}'
         )
+    check_priors(priors)
     _check_density(log_density, tuple(priors))
     known = units or {}
     parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())

@@ -25,7 +25,7 @@ from seatrial.estimation.output_error import (
     own_name,
     spread_name,
 )
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior import Parameter, Posterior, check_priors
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT
@@ -70,6 +70,7 @@ def make_posterior(
     """
     records = [records] if isinstance(records, Record) else list(records)
     chosen = sensors_of(model, records, sensors)
+    check_priors(priors)
     labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
     unknown = _unknowns(model, chosen, stated)
     each = (*own, *(one.name for one in unknown if one.is_initial))
