@@ -5,19 +5,25 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
 
-.PHONY: run test proof lint types imports examples bench figures docs dist lock clean
+.PHONY: run test quick thorough proof lint types imports examples bench figures docs dist lock clean
 
 run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
 	@$(BIN)/seatrial run $(DEMO)
 
-# A process for each of two cores, a file of tests at a time.
+# Both halves at once: each keeps about one core busy.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not proof" --durations=25
+	$(MAKE) --no-print-directory -j2 --output-sync=target quick thorough
+
+quick: $(VENV)/ready
+	$(BIN)/python -m pytest -m "not thorough and not proof" --durations=25
+
+thorough: $(VENV)/ready
+	$(BIN)/python -m pytest -m thorough --durations=25
 
 # Long sweeps that rarely break: golden numbers, reference posteriors, calibrations, damaged logs, the study at full size, code of the docs.
 proof: $(VENV)/ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m proof --durations=25
+	$(BIN)/python -m pytest -m proof --durations=25
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -36,6 +36,7 @@ def test_a_regression_is_printed_and_not_kept(monkeypatch, capsys, tmp_path):
     assert not [path for path in results(tmp_path) if "posterior" in path]
 
 
+@pytest.mark.thorough
 def test_everything_the_records_say(monkeypatch, capsys, tmp_path):
     write_small(tmp_path)
     code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "--by", "mode", "-q")

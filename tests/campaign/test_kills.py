@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
@@ -50,6 +51,7 @@ def assert_same_datasets(whole: Path, killed: Path, *names: str) -> None:
     assert not list(killed.rglob("*.npz"))
 
 
+@pytest.mark.thorough
 def test_killed_in_the_chains_and_in_the_evidence_the_loop_ends_with_the_same_bits(tmp_path):
     whole, killed = write_small(tmp_path / "whole", *NO_X_U), write_small(tmp_path / "killed", *NO_X_U)
     run_loop(load_campaign(whole))

@@ -217,6 +217,7 @@ def gone_on(designed, tmp_path_factory):
     return folder, before, run_loop(load_campaign(folder))
 
 
+@pytest.mark.thorough
 def test_a_log_goes_on_with_the_design(gone_on):
     folder, before, outcome = gone_on
     store = Store(folder)
@@ -238,6 +239,7 @@ def test_a_log_goes_on_with_the_design(gone_on):
     }
 
 
+@pytest.mark.thorough
 def test_the_report_has_both_the_design_and_the_log(gone_on):
     section, page = trial_section(gone_on[2]), write_report(gone_on[2]).read_text()
     assert [row["name"] for row in section["design"]["rows"]] == ["X_uabsu", "T_nabsn"]
@@ -249,6 +251,7 @@ def test_the_report_has_both_the_design_and_the_log(gone_on):
         assert words in page
 
 
+@pytest.mark.thorough
 def test_vehicles_of_the_priors_rehearse_it(tmp_path):
     goal = ("[estimation]", '[goal]\nsd = { X_uabsu = "6 %" }\ntrials = 2\n\n[estimation]')
     found = rehearse(load_campaign(write_without_data(tmp_path, goal)), 2)

@@ -1,11 +1,14 @@
 """A long log in pieces, whose commands are pulse widths: each piece starts where the vehicle was."""
 
+import pytest
+
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from tests.campaign.test_check import write
 
 
+@pytest.mark.thorough
 def test_pieces_are_fitted_jointly(tmp_path):
     write(tmp_path / "a", "1.0")
     path = tmp_path / "a" / "campaign.toml"

@@ -1,6 +1,7 @@
 """A vehicle that runs away without its autopilot: filter error finds its coefficients from a log of a closed loop."""
 
 import numpy as np
+import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
@@ -61,6 +62,7 @@ def turning(c, mass, inertia):
     return rates
 
 
+@pytest.mark.thorough
 def test_a_closed_loop_on_an_unstable_vehicle(tmp_path):
     vehicle = load_vehicle("remus100_hall_anstee")
     rates = turning({**vehicle.hull.fixed, **vehicle.coefficients}, vehicle.hull.mass, vehicle.hull.inertia[2])

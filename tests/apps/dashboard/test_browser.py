@@ -22,6 +22,7 @@ SLOW = 60_000
 """Milliseconds that anything may take on a busy machine."""
 
 pytestmark = [
+    pytest.mark.thorough,
     pytest.mark.skipif(not BROWSER.exists(), reason=f"no {BROWSER}: the browser test is skipped"),
 ]
 

@@ -154,6 +154,7 @@ def test_stopping_interrupts_whoever_is_at_work(tmp_path, other):
         Jobs().stop(tmp_path)
 
 
+@pytest.mark.thorough
 def test_a_command_that_fails_says_why_in_its_output(tmp_path):
     (tmp_path / "campaign.toml").write_text("[campaign]\nname = 3\n")
     jobs = Jobs()

@@ -134,6 +134,7 @@ def test_a_question_in_its_own_process_is_kept_small_short_and_worded():
         isolated("x", token_for, "0.0.0.0", "short")
 
 
+@pytest.mark.thorough
 def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
     cases = {"noise.mat": b"MATLAB 5.0 MAT-file" + np.random.default_rng(5).bytes(20_000), "line.csv": b"a," * 500_000}
     for name, content in cases.items():

@@ -30,6 +30,7 @@ def test_the_server_keeps_all_it_starts_to_what_it_serves(tmp_path, monkeypatch,
     assert f"read files below {tmp_path}/served and {tmp_path}/records only" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, "")
     (tmp_path / "secret.txt").write_text("the secret\n1,2\n3,4\n")
