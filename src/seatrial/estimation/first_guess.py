@@ -29,7 +29,11 @@ _INDEPENDENT = 0.1
 
 
 def first_guess(
-    model: VehicleModel, records: Sequence[Record], starts: Sequence[Sequence[float]], priors: Mapping[str, Prior]
+    model: VehicleModel,
+    records: Sequence[Record],
+    starts: Sequence[Sequence[float]],
+    priors: Mapping[str, Prior],
+    terms: Sequence[str] | None = None,
 ) -> dict[str, float]:
     """Return the coefficients that explain the measured velocities of several trials, drawn to the means of their priors.
 
@@ -38,11 +42,14 @@ def first_guess(
         records: trials.
         starts: a state of each, SI, whose value is taken for what is not measured.
         priors: of every coefficient.
+        terms: coefficients that are not zero; None for all.
 
     Returns:
         each coefficient inside the support of its prior; none where no velocity is measured, or where the motion has no end.
     """
-    names = tuple(str(term) for term in model.coefficients)
+    every = tuple(str(term) for term in model.coefficients)
+    at = [i for i, name in enumerate(every) if terms is None or name in terms]
+    names = tuple(every[i] for i in at)
     mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
     trials = [_motion(model, record, start) for record, start in zip(records, starts, strict=True)]
     rates = tuple(i for i, state in enumerate(model.states) if state in RATES and _measured_by_all(state, records))
@@ -50,7 +57,7 @@ def first_guess(
         return {}
     values = mean
     for _ in range(STEPS):
-        parts = [_rows(model, rates, trial, values) for trial in trials]
+        parts = [_rows(model, rates, trial, values, at) for trial in trials]
         target, design = (np.concatenate(column, axis=0) for column in zip(*parts, strict=True))
         known = np.isfinite(target).all(1) & np.isfinite(design).all((1, 2))
         target, design = target[known], design[known]
@@ -100,13 +107,13 @@ def _motion(model: VehicleModel, record: Record, start: Sequence[float]) -> _Mot
 
 
 def _rows(
-    model: VehicleModel, rates: tuple[int, ...], motion: _Motion, values: np.ndarray
+    model: VehicleModel, rates: tuple[int, ...], motion: _Motion, values: np.ndarray, at: Sequence[int]
 ) -> tuple[Float[np.ndarray, "w r"], Float[np.ndarray, "w r k"]]:
-    """Change of each velocity over each window less what no coefficient makes, and its derivatives, at some coefficients."""
-    rate, slope = map(
-        np.asarray,
-        _linearised(model, rates)(jnp.asarray(values), jnp.asarray(motion.state), jnp.asarray(motion.control)),
-    )
+    """Change of each velocity over each window less what no coefficient makes, and its derivatives; `values` are at `at`, the rest 0."""
+    everywhere = np.zeros(len(model.coefficients))
+    everywhere[at] = values
+    rate, slope = map(np.asarray, _linearised(model, rates)(everywhere, motion.state, motion.control))
+    slope = slope[..., at]
     step = np.diff(motion.time)
     begins = np.arange(0, step.size, SAMPLES)
     made = np.add.reduceat(step[:, None] * rate, begins)

@@ -245,21 +245,22 @@ def identifiability_of_fit(
 
     Args:
         posterior: posterior.
-        mode: its mode.
-        draws: posterior draws in the parameters' own units; without them the covariance is that of the mode's curvature.
+        mode: its mode, of the parameters that are present.
+        draws: posterior draws of them in their own units; without them the covariance is that of the mode's curvature.
         at: operating point, signal name to SI value.
     """
     information = likelihood_information(posterior, mode.values)
     if draws is None:
-        z = jnp.asarray(mode.z)
-        rising = np.sign(np.asarray(posterior.constrain(z + 0.01) - posterior.constrain(z - 0.01)))
+        places = posterior.places
+        z = jnp.zeros(posterior.dim).at[places].set(mode.z)
+        rising = np.sign(np.asarray(posterior.constrain(z + 0.01) - posterior.constrain(z - 0.01)))[places]
         slope = rising * mode.sd / np.sqrt(np.diag(mode.cov))
         # The curvature inside a box can promise more spread than the box has.
-        slope = slope * np.minimum(1.0, [p.prior.sd for p in posterior.parameters] / np.maximum(mode.sd, 1e-300))
+        slope = slope * np.minimum(1.0, [p.prior.sd for p in posterior.present_parameters] / np.maximum(mode.sd, 1e-300))
         cov = mode.cov * np.outer(slope, slope)
     else:
         cov = np.atleast_2d(np.cov(draws.T))
-    return identify(posterior.parameters, mode.values, information, cov=cov, at=at)
+    return identify(posterior.present_parameters, mode.values, information, cov=cov, at=at)
 
 
 def identifiability_of_plan(
@@ -283,10 +284,11 @@ def identifiability_of_plan(
             expected="one whose measurements can be simulated without the data",
             remedy="plan with output error, or judge the fit after the trial",
         )
-    point = _prior_means(posterior.parameters) if values is None else np.asarray(values, float)
+    parameters = posterior.present_parameters
+    point = _prior_means(parameters) if values is None else np.asarray(values, float)
     motion = np.flatnonzero(~is_noise(posterior))
     information = likelihood_information(posterior, point)[np.ix_(motion, motion)]
-    return identify([posterior.parameters[i] for i in motion], point[motion], information, at=at)
+    return identify([parameters[i] for i in motion], point[motion], information, at=at)
 
 
 def identifiability_of_design(

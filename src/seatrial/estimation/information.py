@@ -36,11 +36,19 @@ def expand_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) ->
     """Return the log-likelihood with its first and second derivatives at points that need not lie inside the prior.
 
     Memory does not grow with the number of time steps, and one compiled program serves any number of points.
+
+    Args:
+        posterior: whose likelihood is expanded, about the parameters that are present.
+        values: the points, in the parameters' own units, shape (n, d).
     """
-    n, size = values.shape[0], lanes_at_once(partial(_expand, posterior), values, cpu=VECTOR)
+    at, n = posterior.places, values.shape[0]
+    points = np.zeros((n, posterior.dim))
+    points[:, at] = values
+    size = lanes_at_once(partial(_expand, posterior), points, cpu=VECTOR)
     blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
-    parts = [_expand(posterior, jnp.asarray(values[block])) for block in blocks]
-    return Expansion(*(np.concatenate([np.asarray(part[i]) for part in parts])[:n] for i in range(3)))
+    parts = [_expand(posterior, jnp.asarray(points[block])) for block in blocks]
+    value, gradient, hessian = (np.concatenate([np.asarray(part[i]) for part in parts])[:n] for i in range(3))
+    return Expansion(value, gradient[:, at], hessian[:, at[:, None], at])
 
 
 def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]) -> Float[np.ndarray, "d d"]:
@@ -53,7 +61,9 @@ def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]
     point = np.asarray(values, float)[None]
     if not isinstance(posterior.likelihood, OutputError):
         return _of_hierarchy(posterior) - expand_likelihood(posterior, point).hessian[0]
-    information = -expand_likelihood(_with_simulated_data(posterior, jnp.asarray(point[0])), point).hessian[0]
+    everywhere = np.zeros(posterior.dim)
+    everywhere[posterior.places] = point[0]
+    information = -expand_likelihood(_with_simulated_data(posterior, jnp.asarray(everywhere)), point).hessian[0]
     noise = np.flatnonzero(is_noise(posterior))
     if noise.size:
         about_noise = -expand_likelihood(posterior, point).hessian[0]
@@ -63,14 +73,14 @@ def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]
 
 def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:
     """That deviations are standard normal belongs to the model: without it only common value plus deviation would be known."""
-    return np.diag([float(is_deviation(name)) for name in posterior.names])
+    return np.diag([float(is_deviation(name)) for name in posterior.present_names])
 
 
 def is_noise(posterior: Posterior) -> np.ndarray:
     """Return which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
     kinds = (noise_name, correlation_name, dof_name)
     names = {kind(channel) for channel in posterior.likelihood.channels for kind in kinds}
-    return np.array([name in names for name in posterior.names])
+    return np.array([name in names for name in posterior.present_names])
 
 
 def coefficient_information(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
@@ -54,6 +54,26 @@ class Mode(NamedTuple):
     def by_name(self) -> dict[str, float]:
         """The mode by parameter name, SI."""
         return dict(zip(self.names, map(float, self.values), strict=True))
+
+    def only(self, at: Int[np.ndarray, " k"]) -> "Mode":
+        """Return the mode without the parameters that are absent, of which the density is the standard normal one.
+
+        Args:
+            at: places of those that are present, `Posterior.places`.
+        """
+        absent, block = self.z.size - at.size, np.ix_(at, at)
+        return Mode(
+            self.z[at],
+            self.precision[block],
+            self.cov[block],
+            self.log_density + 0.5 * absent * float(np.log(2 * np.pi)),
+            self.log_evidence,
+            self.values[at],
+            self.sd[at],
+            self.flat,
+            tuple(self.names[i] for i in at),
+            tuple(self.units[i] for i in at),
+        )
 
     def summary(self) -> "DataFrame":
         """Return a table with a row for each parameter: unit, value at the mode, and standard deviation of the normal approximation."""
@@ -215,8 +235,8 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _point(posterior: Posterior, z: np.ndarray) -> str:
     """Return the values of the parameters there, in words."""
-    values = np.asarray(posterior.constrain(jnp.asarray(z)))
-    return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.names, values, strict=True))
+    values = np.asarray(posterior.constrain(jnp.asarray(z)))[posterior.places]
+    return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.present_names, values, strict=True))
 
 
 def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:

@@ -142,7 +142,9 @@ def uncouple(posterior: Posterior, mode: Mode) -> tuple[Target, Mode]:
     # at the mode the likelihood's slope along d is d, which balances the prior's
     at = mu + tau * (d + np.where(known, d / about_d, 0.0)) - slope @ mode.z
     scale = mode.sd[common] / np.sqrt(np.diag(mode.cov))[common]
-    arrays = (mu[:, 0] - scale * mode.z[common], scale, at, slope, np.where(known, about_d / tau**2, 0.0))
+    scale = np.where(scale > 0, scale, 1.0)  # an absent value has none, and its trials know nothing
+    information = np.where(known, about_d, 0.0) / np.where(known, tau, 1.0) ** 2
+    arrays = (mu[:, 0] - scale * mode.z[common], scale, at, slope, information)
     target = Uncoupled(posterior, tuple(common), tuple(spread), tuple(deviation), *map(jnp.asarray, arrays))
     return target, uncoupled_mode(target, mode)
 

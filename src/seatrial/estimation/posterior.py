@@ -1,4 +1,9 @@
-"""A posterior: named parameters with priors, and a log-likelihood of the data; densities act on the unconstrained vector."""
+"""A posterior: named parameters with priors, and a log-likelihood of the data; densities act on the unconstrained vector.
+
+Structures of one vehicle share a posterior, and so all that is compiled of it: an absent term is a parameter of value 0 whose z is
+standard normal. It is independent of everything else, so that the posterior of the others and the evidence are what they are without
+it (Carlin and Chib, Journal of the Royal Statistical Society B 57, 1995), and the normal approximation is exact in it.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -8,7 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError
 from seatrial.core.pytrees import compiled_tree
@@ -46,12 +51,14 @@ class Posterior:
         likelihood: `likelihood(values, data)`, values by name in SI; -inf where the model diverges, never NaN.
         data: arrays the likelihood needs.
         guess: parameters near which there may be a mode, SI, NaN where nothing is guessed, shape (d,); None for no guess at all.
+        present: 1 for each parameter that the structure has, 0 for one that is absent, shape (d,); None where all are present.
     """
 
     parameters: tuple[Parameter, ...]
     likelihood: LogLikelihood
     data: Any
     guess: Float[np.ndarray, " d"] | None = None
+    present: Float[np.ndarray, " d"] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -60,29 +67,51 @@ class Posterior:
 
     @property
     def dim(self) -> int:
-        """Number of parameters."""
+        """Number of parameters, those that are absent among them."""
         return len(self.parameters)
+
+    @property
+    def places(self) -> Int[np.ndarray, " k"]:
+        """Places among all parameters of those that the structure has."""
+        return np.arange(self.dim) if self.present is None else np.flatnonzero(self.present)
+
+    @property
+    def present_parameters(self) -> tuple[Parameter, ...]:
+        """Parameters that the structure has."""
+        return tuple(self.parameters[i] for i in self.places)
+
+    @property
+    def present_names(self) -> tuple[str, ...]:
+        """Names of the parameters that the structure has."""
+        return tuple(self.names[i] for i in self.places)
 
     @jax.jit
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Parameter values, SI, of unconstrained vectors."""
-        return jnp.stack([parameter.prior.constrain(z[..., i]) for i, parameter in enumerate(self.parameters)], -1)
+        """Parameter values, SI, of unconstrained vectors; 0 for what is absent."""
+        values = [parameter.prior.constrain(z[..., i]) for i, parameter in enumerate(self.parameters)]
+        return self._where_present(jnp.stack(values, -1), 0.0)
 
     @jax.jit
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Unconstrained vectors of parameter values inside the support."""
-        return jnp.stack(
-            [parameter.prior.unconstrain(values[..., i]) for i, parameter in enumerate(self.parameters)], -1
-        )
+        """Unconstrained vectors of parameter values inside the support; 0 for what is absent."""
+        z = [parameter.prior.unconstrain(values[..., i]) for i, parameter in enumerate(self.parameters)]
+        return self._where_present(jnp.stack(z, -1), 0.0)
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log prior density of z, the log-Jacobian included."""
-        return sum((parameter.prior.log_density(z[i]) for i, parameter in enumerate(self.parameters)), jnp.zeros(()))
+        """Log prior density of z, the log-Jacobian included; standard normal in what is absent."""
+        known = self._where_present(z, 0.0)
+        densities = [parameter.prior.log_density(known[i]) for i, parameter in enumerate(self.parameters)]
+        if self.present is None:
+            return sum(densities, jnp.zeros(()))
+        return self._where_present(jnp.stack(densities), -0.5 * z * z - _HALF_LOG_TWO_PI).sum()
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
         """Log-likelihood of the data."""
-        values = {parameter.name: parameter.prior.constrain(z[i]) for i, parameter in enumerate(self.parameters)}
-        return self.likelihood(values, self.data)
+        known = self._where_present(z, 0.0)
+        values = [parameter.prior.constrain(known[i]) for i, parameter in enumerate(self.parameters)]
+        if self.present is not None:
+            values = [here * value for here, value in zip(self.present, values, strict=True)]
+        return self.likelihood(dict(zip(self.names, values, strict=True)), self.data)
 
     def log_density(self, z: Float[Array, " d"]) -> Float[Array, ""]:
         """Unnormalised log posterior density of z."""
@@ -92,9 +121,16 @@ class Posterior:
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
         """Unconstrained draws from the prior."""
         keys = jax.random.split(key, self.dim)
-        return jnp.stack(
-            [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)], -1
-        )
+        draws = [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)]
+        absent = jax.random.normal(jax.random.fold_in(key, self.dim), (n, self.dim))
+        return self._where_present(jnp.stack(draws, -1), absent)
+
+    def _where_present(self, values: Any, absent: Any) -> Any:
+        """Return values of all parameters, the last axis, where these are present, and others where they are not."""
+        return values if self.present is None else jnp.where(self.present > 0, values, absent)
+
+
+_HALF_LOG_TWO_PI = 0.5 * float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -158,10 +194,19 @@ def posterior_of_density(
 
 
 def named_draws(posterior: Posterior, draws: Draws) -> Draws:
-    """Return draws of a posterior's z by its names and in its units."""
+    """Return draws of a posterior's z by its names and in its units, without what is absent."""
     values = np.asarray(posterior.constrain(jnp.asarray(draws.z)))
-    units = tuple(parameter.unit for parameter in posterior.parameters)
-    return replace(draws, names=posterior.names, units=units, values=values)
+    at, units = posterior.places, tuple(parameter.unit for parameter in posterior.present_parameters)
+    absent = np.delete(draws.z, at, axis=-1)
+    log_density = draws.log_density + np.sum(0.5 * absent * absent + _HALF_LOG_TWO_PI, axis=-1)
+    return replace(
+        draws,
+        z=draws.z[..., at],
+        log_density=log_density,
+        names=posterior.present_names,
+        units=units,
+        values=values[..., at],
+    )
 
 
 def as_key(key: jax.Array | int) -> jax.Array:

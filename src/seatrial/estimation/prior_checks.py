@@ -40,7 +40,7 @@ def check_prior_contains_data(
 
     Args:
         posterior: posterior.
-        mode: its mode.
+        mode: its mode, of the parameters that are present.
         where: names a key of the configuration file, for the error.
         whole: whether the model has every term in question. One that lacks a real term has to call it noise, and is judged by its
             evidence: its noise may push against the bound.
@@ -48,7 +48,7 @@ def check_prior_contains_data(
     Raises:
         InputError: naming the parameter, its bound and the gain beyond it.
     """
-    for index, parameter in enumerate(posterior.parameters):
+    for index, parameter in enumerate(posterior.present_parameters):
         if not whole and parameter.name.startswith("sigma_"):
             continue
         for bound, beyond in _suspect_bounds(parameter, float(mode.values[index])):
@@ -70,14 +70,14 @@ def information_complaints(
 
     Args:
         posterior: posterior.
-        mode: its mode.
+        mode: its mode, of the parameters that are present.
         draws: posterior draws in the parameters' own units.
         at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
     said = identifiability_of_fit(posterior, mode, draws, at).cautions() + [
         f"the posterior of {parameter.name} leans on the bound {bound:.4g} {parameter.unit} of its prior ({share:.0%} of it within "
         f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or say why it ends there"
-        for parameter, column in zip(posterior.parameters, draws.T, strict=True)
+        for parameter, column in zip(posterior.present_parameters, draws.T, strict=True)
         for bound, share in _leaning(parameter, column)
     ]
     return said + _contradictions(posterior, mode) + _lost_region(posterior)
@@ -102,7 +102,7 @@ def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
     return [
         f"prior and data contradict each other about {parameter.name}: the data pull it to {value:.4g} {parameter.unit}, where its "
         "prior has less than one chance in 10 000; the result is a truce: widen the prior, or check units and signs"
-        for parameter, value, z in zip(posterior.parameters, mode.values, mode.z, strict=True)
+        for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
         if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
     ]
 
@@ -113,8 +113,8 @@ def _lost_region(posterior: Posterior) -> list[str]:
     lost = ~np.isfinite(evaluate(posterior, z))
     if not SOME < lost.mean() < 1.0:
         return []
-    values = np.asarray(posterior.constrain(z))
-    example = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.names, values[lost][0], strict=True))
+    values = np.asarray(posterior.constrain(z))[:, posterior.places]
+    example = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.present_names, values[lost][0], strict=True))
     return [
         f"the model cannot be simulated in {lost.mean():.0%} of the prior, for example at {example}{_where(posterior, values, lost)}; "
         "such values count as impossible: narrow the prior if that is not meant"
@@ -128,7 +128,7 @@ def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np
     worst = int(np.argmax(np.abs(apart)))
     if abs(apart[worst]) < APART:
         return ""
-    parameter, column, above = posterior.parameters[worst], values[lost, worst], apart[worst] > 0
+    parameter, column, above = posterior.present_parameters[worst], values[lost, worst], apart[worst] > 0
     edge = np.quantile(column, 0.05 if above else 0.95)
     return f", nearly always with {parameter.name} {'above' if above else 'below'} {edge:.4g} {parameter.unit}"
 

@@ -7,7 +7,7 @@ from threading import Lock
 from typing import Any, TypeVar
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.campaign.inference.posterior import build_posterior, narrow_posterior, widest
 from seatrial.core.engine import cores
 from seatrial.core.record import Record
 from seatrial.estimation.posterior import Posterior
@@ -38,10 +38,14 @@ class Study:
         return Study, (replace(self.campaign), self.records, self.extra)
 
     def posterior(self, structure: Structure) -> Posterior:
-        """Posterior of a structure given the records; errors as `build_posterior`."""
-        return self.once(
-            ("posterior", structure.terms), lambda: build_posterior(self.campaign, structure, self.records)
-        )
+        """Posterior of a structure given the records, by programs that all structures share; errors as `build_posterior`."""
+        campaign, records = self.campaign, self.records
+
+        def narrow() -> Posterior:
+            wide = self.once("posterior", lambda: build_posterior(campaign, widest(campaign.structures), records))
+            return narrow_posterior(campaign, wide, structure, records)
+
+        return self.once(("posterior", structure.terms), narrow)
 
     def once(self, name: Hashable, build: Callable[[], Built]) -> Built:
         """What goes by this name; built where it is not there, by one thread while others wait for it."""

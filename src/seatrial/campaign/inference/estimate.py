@@ -22,6 +22,7 @@ from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.priors import Prior
 from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
@@ -143,6 +144,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
             return _Unended(structure, arrays_of_run(run))
     draws = in_posterior(target, sampler.finish(run))
+    mode = mode.only(posterior.places)
     return _Ended(_dataset(posterior, mode, draws, campaign.hull.trim))
 
 
@@ -150,17 +152,18 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Targe
     """Posterior and mode of a structure, and both in the coordinates in which it is sampled."""
     campaign, posterior = study.campaign, study.posterior(structure)
     mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
-    check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
+    own = mode.only(posterior.places)
+    check_prior_contains_data(posterior, own, campaign.where, is_whole(campaign, structure))
     return posterior, mode, *uncouple(posterior, mode)
 
 
 def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, float]) -> xr.Dataset:
     values = draws.values
     health = diagnose(values)
-    parameters = posterior.parameters
+    parameters, names = posterior.present_parameters, posterior.present_names
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     sd = values.std(axis=(0, 1))
-    cautions = information_complaints(posterior, mode, values.reshape(-1, posterior.dim), at)
+    cautions = information_complaints(posterior, mode, values.reshape(-1, len(names)), at)
     per_parameter = {
         "mode": mode.values,
         "laplace_sd": mode.sd,
@@ -184,7 +187,7 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
             **prior_curves(posterior),
         },
         coords={
-            "parameter": list(posterior.names),
+            "parameter": list(names),
             "unit": ("parameter", [p.unit for p in parameters]),
             "label": ("parameter", [p.label for p in parameters]),
             "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
@@ -192,7 +195,7 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
         attrs={
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
-            "alarms": json.dumps(complaints(posterior.names, health) + complaints_of_draws(draws)),
+            "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),
             "cautions": json.dumps(cautions),
         },
     )
@@ -200,15 +203,24 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
 
 def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
     """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
-    z = jnp.broadcast_to(jnp.linspace(-4.0, 4.0, CURVE)[:, None], (CURVE, posterior.dim))
-    values, slopes = (
-        np.asarray(x).T for x in jax.jit(jax.jvp, static_argnums=0)(posterior.constrain, (z,), (jnp.ones_like(z),))
-    )
-    log_density = np.stack([np.asarray(p.prior.log_density(z[:, i])) for i, p in enumerate(posterior.parameters)])
-    density = np.exp(log_density) / np.abs(slopes)
+    values, log_density = (np.asarray(x).T[posterior.places] for x in _prior_curves(posterior))
+    density = np.exp(log_density)
     order = np.argsort(values, axis=1)
     across = ("parameter", "point")
     return {
         "prior_value": (across, np.take_along_axis(values, order, 1)),
         "prior_density": (across, np.take_along_axis(density, order, 1)),
     }
+
+
+@jax.jit
+def _prior_curves(posterior: Posterior) -> tuple[jax.Array, jax.Array]:
+    """Return values of every parameter along z, and their log prior densities per unit of the value, shape (points, d)."""
+    z = jnp.linspace(-4.0, 4.0, CURVE)
+
+    def curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
+        value, slope = jax.jvp(prior.constrain, (z,), (jnp.ones_like(z),))
+        return value, prior.log_density(z) - jnp.log(jnp.abs(slope))
+
+    values, log_density = zip(*(curve(parameter.prior) for parameter in posterior.parameters), strict=True)
+    return jnp.stack(values, -1), jnp.stack(log_density, -1)

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -24,6 +25,8 @@ from seatrial.vehicles.model import VehicleModel
 
 WIDEST = 1e30
 """Standard deviation of a prior, SI, beyond which squares of it leave double precision."""
+SHARED = 0.5
+"""Share of the parameters of all structures together from which a structure is computed by the programs of all."""
 NARROWEST = 1e-9
 """Standard deviation over value of a prior below which rounding is felt."""
 
@@ -42,22 +45,65 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     """
     model = campaign.model(structure)
     parameters = build_parameters(campaign, model, records)
+    _check_parameters(campaign, parameters, records)
+    guess = _guess(campaign, model, records, parameters)
+    return Posterior(parameters, *build_likelihood(campaign, model, records), guess)
+
+
+def widest(structures: Sequence[Structure]) -> Structure:
+    """Return the structure that has every term of several; one of them where that has all."""
+    terms = tuple(dict.fromkeys(term for one in structures for term in one.terms))
+    whole = next((one for one in structures if set(one.terms) == set(terms)), None)
+    return whole or Structure("all", terms)
+
+
+def shared_model(campaign: Campaign, structure: Structure) -> VehicleModel:
+    """Return the model of all structures, if under this one the vehicle has the same states and controls; else this one's own."""
+    own, wide = campaign.model(structure), campaign.model(widest(campaign.structures))
+    return wide if (wide.states, wide.controls) == (own.states, own.controls) else own
+
+
+def narrow_posterior(campaign: Campaign, wide: Posterior, structure: Structure, records: Sequence[Record]) -> Posterior:
+    """Return the posterior of a structure as that of a wider one in which some parameters are absent; errors as `build_posterior`.
+
+    Both share all that is compiled. One of its own is built where the structure has less than `SHARED` of the parameters, or another
+    motion: states or controls that go with the terms.
+    """
+    model = campaign.model(structure)
+    parameters = build_parameters(campaign, model, records)
+    _check_parameters(campaign, parameters, records)
+    names = {parameter.name for parameter in parameters}
+    known = {parameter.name: parameter for parameter in wide.parameters}
+    same = shared_model(campaign, structure) == wide.likelihood.model
+    same = same and all(known.get(parameter.name) == parameter for parameter in parameters)
+    if not same or len(parameters) < SHARED * wide.dim:
+        return build_posterior(campaign, structure, records)
+    guess = wide.guess
+    if guess is not None:
+        terms = tuple(term.text for term in model.coefficients)
+        guess = _guess(campaign, wide.likelihood.model, records, wide.parameters, terms)
+    return replace(wide, present=np.array([float(name in names) for name in wide.names]), guess=guess)
+
+
+def _check_parameters(campaign: Campaign, parameters: Sequence[Parameter], records: Sequence[Record]) -> None:
     _check_widths(parameters, campaign.where)
     _check_trials(campaign, records)
     _check_enough(campaign.channels, records, len(parameters))
-    return Posterior(
-        parameters, *build_likelihood(campaign, model, records), _guess(campaign, model, records, parameters)
-    )
 
 
 def _guess(
-    campaign: Campaign, model: VehicleModel, records: Sequence[Record], parameters: Sequence[Parameter]
+    campaign: Campaign,
+    model: VehicleModel,
+    records: Sequence[Record],
+    parameters: Sequence[Parameter],
+    terms: Sequence[str] | None = None,
 ) -> np.ndarray | None:
-    """Coefficients from the measured motion; in surge alone draws from the prior do as well."""
+    """Coefficients from the measured motion, of some terms only where these are given; in surge alone draws from the prior do as well."""
     if campaign.vehicle.is_surge:
         return None
     priors = {parameter.name: parameter.prior for parameter in parameters}
-    found = first_guess(model, records, [initial_state(campaign, model, record) for record in records], priors)
+    starts = [initial_state(campaign, model, record) for record in records]
+    found = first_guess(model, records, starts, priors, terms)
     return np.array([found.get(parameter.name, np.nan) for parameter in parameters])
 
 

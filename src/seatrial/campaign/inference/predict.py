@@ -13,7 +13,7 @@ import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key
+from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
 from seatrial.campaign.store.estimates import Estimate, Fit, HasKey, OfStructure, read_predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
@@ -129,7 +129,7 @@ def fit_complaints(fits: Sequence[Fit]) -> list[str]:
 
 def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.ndarray]:
     """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
-    model = campaign.model(drawn.structure)
+    model = shared_model(campaign, drawn.structure)
     table = drawn.draws()
     table = table[:: max(1, table.shape[0] // N_DRAWS)][:N_DRAWS]
     known = dict(zip(drawn.names, table.T, strict=True))
@@ -139,10 +139,14 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
     keys = jax.random.split(random_key(campaign.seed, f"predict {record.label}"), 1 + len(table))
     starts = {initial_name(state, ANY): first_sd(campaign.noise, state) for state in model.states}
     values = {}
+    there = {one.name for one in build_parameters(campaign, campaign.model(drawn.structure), [anonymous])}
     for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
+        if parameter.name not in there:
+            values[parameter.name] = np.zeros(len(table))
+            continue
         name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
         if name in known:
-            values[parameter.name] = jnp.asarray(known[name])
+            values[parameter.name] = np.asarray(known[name])
             continue
         if parameter.name in starts:
             prior = Normal(prior.mean, starts[parameter.name])

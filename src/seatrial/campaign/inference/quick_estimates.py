@@ -13,7 +13,8 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import build_posterior, is_whole, random_key
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.predict import N_DRAWS, predict_held_back
 from seatrial.campaign.store.estimates import Fit
 from seatrial.core.errors import NumericalError
@@ -106,9 +107,10 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     Raises:
         InputError: a prior against whose bound the data push.
     """
+    study = Study(campaign, trials.fit)
     return run_side_by_side(
         [
-            partial(_mode, campaign, structure, trials, reporter.progress(f"mode {structure.label}"))
+            partial(_mode, study, structure, trials, reporter.progress(f"mode {structure.label}"))
             for structure in campaign.structures
         ]
     )
@@ -130,8 +132,8 @@ def regressions(campaign: Campaign, trials: Trials, window: float | None = None)
     return [_regression(campaign, structure, trials, None if measured else width) for structure in campaign.structures]
 
 
-def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) -> FirstAnswer:
-    posterior = build_posterior(campaign, structure, trials.fit)
+def _mode(study: Study, structure: Structure, trials: Trials, progress) -> FirstAnswer:
+    campaign, posterior = study.campaign, study.posterior(structure)
     progress(0, 1)
     try:
         mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
@@ -139,10 +141,11 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
         progress(1, 1)
+    drawn, mode = _drawn(campaign.seed, structure, posterior, mode), mode.only(posterior.places)
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
-        for parameter, value, sd in zip(posterior.parameters, mode.values, mode.sd, strict=True)
+        for parameter, value, sd in zip(posterior.present_parameters, mode.values, mode.sd, strict=True)
     )
     caution = (
         f"{structure.label}: in one direction the posterior is flat, and its standard deviations are those of the prior there"
@@ -150,14 +153,15 @@ def _mode(campaign: Campaign, structure: Structure, trials: Trials, progress) ->
         else ""
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
-    held_back = predict_held_back(campaign, _drawn(campaign.seed, structure, posterior, mode), trials)
+    held_back = predict_held_back(campaign, drawn, trials)
     return FirstAnswer(structure, rows, ("mode",), note, caution=caution, held_back=tuple(held_back))
 
 
 def _drawn(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
     key = random_key(seed, f"about the mode {structure.terms}")
     z = jax.random.multivariate_normal(key, mode.z, mode.cov, (N_DRAWS,), method="eigh")
-    return _NormalPosterior(structure, posterior.names, np.asarray(posterior.constrain(z)))
+    values = np.asarray(posterior.constrain(z))[:, posterior.places]
+    return _NormalPosterior(structure, posterior.present_names, values)
 
 
 def _regression(campaign: Campaign, structure: Structure, trials: Trials, window: float | None) -> FirstAnswer:
