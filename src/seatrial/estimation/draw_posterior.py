@@ -18,7 +18,7 @@ from seatrial.sampling.names import DEFAULT, METHODS
 from seatrial.sampling.nested import sample_nested
 from seatrial.sampling.run import ChainSettings, Draws, unnamed_draws
 from seatrial.sampling.sampler import SAMPLERS
-from seatrial.sampling.target import Target, evaluate, log_densities
+from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
 
@@ -101,12 +101,12 @@ def _sample_small(name: str, posterior: Posterior, key: jax.Array) -> Draws:
     return sample(posterior, name, SIZES[name], key)
 
 
-def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> jax.Array:
+def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> np.ndarray:
     """Positions spread wider than the normal approximation, so that R-hat can see chains that do not meet, shape (chains, d)."""
-    noise = jax.random.normal(key, (chains, target.dim))
-    starts = jnp.asarray(mode.z) + SPREAD * noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T
-    finite = jnp.isfinite(log_densities(target, starts))
-    return jnp.where(finite[:, None], starts, jnp.asarray(mode.z))
+    noise = np.asarray(jax.random.normal(key, (chains, target.dim)))
+    starts = mode.z + SPREAD * noise @ np.linalg.cholesky(mode.cov).T
+    finite = np.isfinite(evaluate(target, starts))
+    return np.where(finite[:, None], starts, mode.z)
 
 
 def _check_method(name: str) -> None:

@@ -20,7 +20,6 @@ from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.numerics.integrate import rk4_step
-from seatrial.sampling.target import VECTOR
 from seatrial.vehicles.model import VehicleModel
 
 
@@ -41,14 +40,22 @@ def expand_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) ->
         posterior: whose likelihood is expanded, about the parameters that are present.
         values: the points, in the parameters' own units, shape (n, d).
     """
-    at, n = posterior.places, values.shape[0]
-    points = np.zeros((n, posterior.dim))
+    at = posterior.places
+    points = np.zeros((len(values), posterior.dim))
     points[:, at] = values
-    size = lanes_at_once(partial(_expand, posterior), points, cpu=VECTOR)
-    blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
-    parts = [_expand(posterior, jnp.asarray(points[block])) for block in blocks]
-    value, gradient, hessian = (np.concatenate([np.asarray(part[i]) for part in parts])[:n] for i in range(3))
+    value, gradient, hessian = expand_everywhere(posterior, points)
     return Expansion(value, gradient[:, at], hessian[:, at[:, None], at])
+
+
+def expand_everywhere(posterior: Posterior, points: Float[np.ndarray, "n d"]) -> Expansion:
+    """Return the same about all parameters of a posterior, those that are absent among them.
+
+    On a processor one point after the other: its d^2 derivatives fill the vector units.
+    """
+    n, size = len(points), lanes_at_once(partial(_expand, posterior), points, cpu=1)
+    blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
+    parts = [_expand(posterior, points[block]) for block in blocks]
+    return Expansion(*(np.concatenate([np.asarray(part[i]) for part in parts])[:n] for i in range(3)))
 
 
 def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]) -> Float[np.ndarray, "d d"]:

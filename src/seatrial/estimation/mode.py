@@ -3,6 +3,7 @@
 Derivatives are forward: through thousands of time steps and a handful of parameters they cost a few simulations and no memory.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,7 +14,8 @@ from jaxtyping import Array, Float, Int
 from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.posterior import Posterior, as_key
+from seatrial.estimation.information import expand_everywhere
+from seatrial.estimation.posterior import Posterior, as_key, values_of
 from seatrial.sampling.target import AT_ONCE, evaluate
 
 if TYPE_CHECKING:
@@ -143,18 +145,17 @@ def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.nd
 
 def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
     """Normal approximation about a mode."""
-    hessian = np.asarray(_expand(posterior, jnp.asarray(z)).hessian)
-    precision = -0.5 * (hessian + hessian.T)
+    there = _expand(posterior, z)
+    precision = -0.5 * (there.hessian + there.hessian.T)
     cov, log_volume, flat = _invert(precision)
-    slope = np.asarray(_slope(posterior, jnp.asarray(z)))
     return Mode(
         z,
         precision,
         cov,
         log_density,
         log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
-        np.asarray(posterior.constrain(jnp.asarray(z))),
-        np.abs(slope) * np.sqrt(np.diag(cov)),
+        there.values,
+        np.abs(there.slope) * np.sqrt(np.diag(cov)),
         flat,
         posterior.names,
         tuple(parameter.unit for parameter in posterior.parameters),
@@ -172,51 +173,72 @@ def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
     if posterior.guess is None or np.isnan(posterior.guess).all():
         return candidates[:0]
     known = ~np.isnan(posterior.guess)
-    z = np.asarray(posterior.unconstrain(jnp.where(known, posterior.guess, posterior.constrain(candidates[0]))))
+    z = np.asarray(posterior.unconstrain(np.where(known, posterior.guess, values_of(posterior, candidates[0]))))
     moved = np.where(known, z, candidates)
     return moved[_best(evaluate(posterior, moved))[:1]]
 
 
 class _Expansion(NamedTuple):
-    """Log density at one point, its gradient, shape (d,), and its Hessian, shape (d, d)."""
+    """What is needed of one point.
 
-    value: Array
-    gradient: Array
-    hessian: Array
+    Attributes:
+        value: log density.
+        gradient: of the log density, shape (d,).
+        hessian: of the log density, shape (d, d).
+        values: of the parameters in their own units, shape (d,).
+        slope: derivative of each value with respect to its own z, shape (d,).
+    """
+
+    value: float
+    gradient: Float[np.ndarray, " d"]
+    hessian: Float[np.ndarray, "d d"]
+    values: Float[np.ndarray, " d"]
+    slope: Float[np.ndarray, " d"]
+
+
+def _expand(posterior: Posterior, z: Float[np.ndarray, " d"]) -> _Expansion:
+    """Return the expansion at a point: that of the likelihood in the parameters' own units, by the chain rule, and the prior's.
+
+    Each value depends on its own z alone, and taking derivatives of that together with the simulation would be most of the compiling.
+    """
+    prior, values, slope, curvature = (np.asarray(one) for one in _expand_prior(posterior, z))
+    value, gradient, hessian = (one[0] for one in expand_everywhere(posterior, values[None]))
+    return _Expansion(
+        float(prior[0].sum() + value),
+        prior[1] + slope * gradient,
+        np.diag(prior[2] + curvature * gradient) + np.outer(slope, slope) * hessian,
+        values,
+        slope,
+    )
 
 
 @jax.jit
-def _expand(posterior: Posterior, z: Array) -> _Expansion:
-    """Return all three at once: one program to compile instead of three, and compiling is most of the time."""
+def _expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
+    """Return log prior densities with two derivatives, shape (3, d), and values with two derivatives, shape (d,) each."""
+    prior, value = posterior.log_priors, posterior.constrain
+    along = jnp.ones_like(z)
 
-    def value_twice(z: Array) -> tuple[Array, Array]:
-        value = posterior.log_density(z)
-        return value, value
+    def slope(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
+        return lambda x: jax.jvp(function, (x,), (along,))[1]
 
-    def gradient_twice(z: Array) -> tuple[Array, tuple[Array, Array]]:
-        gradient, value = jax.jacfwd(value_twice, has_aux=True)(z)
-        return gradient, (gradient, value)
-
-    hessian, (gradient, value) = jax.jacfwd(gradient_twice, has_aux=True)(z)
-    return _Expansion(value, gradient, hessian)
-
-
-@jax.jit
-def _slope(posterior: Posterior, z: Array) -> Array:
-    """Return the derivative of each parameter's value with respect to its own z."""
-    return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))[1]
+    return (
+        jnp.stack([prior(z), slope(prior)(z), slope(slope(prior))(z)]),
+        value(z),
+        slope(value)(z),
+        slope(slope(value))(z),
+    )
 
 
 def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
     """Follow one start to its maximum; steps that end where the likelihood is zero are refused by the trust region."""
-    expand = lru_cache(maxsize=2)(lambda z: _expand(posterior, jnp.asarray(z)))
+    expand = lru_cache(maxsize=2)(lambda z: _expand(posterior, np.array(z)))
 
     def height(z: np.ndarray) -> float:
-        density = float(expand(tuple(z)).value)
+        density = expand(tuple(z)).value
         return -density if np.isfinite(density) else 1e100
 
     def derivative(z: np.ndarray, order: str) -> np.ndarray:
-        values = -np.asarray(getattr(expand(tuple(z)), order))
+        values = -getattr(expand(tuple(z)), order)
         if not np.isfinite(values).all():
             at = _point(posterior, z)
             raise NumericalError(f"the log-likelihood has no finite derivative at {at}; narrow the priors around there")
@@ -235,7 +257,7 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _point(posterior: Posterior, z: np.ndarray) -> str:
     """Return the values of the parameters there, in words."""
-    values = np.asarray(posterior.constrain(jnp.asarray(z)))[posterior.places]
+    values = values_of(posterior, z)[posterior.places]
     return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.present_names, values, strict=True))
 
 

@@ -19,6 +19,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws
+from seatrial.sampling.target import AT_ONCE
 
 LogLikelihood = Callable[[dict[str, Any], Any], Any]
 
@@ -88,22 +89,22 @@ class Posterior:
     @jax.jit
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Parameter values, SI, of unconstrained vectors; 0 for what is absent."""
-        values = [parameter.prior.constrain(z[..., i]) for i, parameter in enumerate(self.parameters)]
-        return self._where_present(jnp.stack(values, -1), 0.0)
+        return self._where_present(self._by_kind(lambda prior, x: prior.constrain(x), z), 0.0)
 
     @jax.jit
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Unconstrained vectors of parameter values inside the support; 0 for what is absent."""
-        z = [parameter.prior.unconstrain(values[..., i]) for i, parameter in enumerate(self.parameters)]
-        return self._where_present(jnp.stack(z, -1), 0.0)
+        return self._where_present(self._by_kind(lambda prior, x: prior.unconstrain(x), values), 0.0)
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
         """Log prior density of z, the log-Jacobian included; standard normal in what is absent."""
+        return self.log_priors(z).sum()
+
+    def log_priors(self, z: Float[Array, " d"]) -> Float[Array, " d"]:
+        """Return the log prior density of each component of z, which are independent."""
         known = self._where_present(z, 0.0)
-        densities = [parameter.prior.log_density(known[i]) for i, parameter in enumerate(self.parameters)]
-        if self.present is None:
-            return sum(densities, jnp.zeros(()))
-        return self._where_present(jnp.stack(densities), -0.5 * z * z - _HALF_LOG_TWO_PI).sum()
+        densities = self._by_kind(lambda prior, x: prior.log_density(x), known)
+        return densities if self.present is None else self._where_present(densities, -0.5 * z * z - _HALF_LOG_TWO_PI)
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
         """Log-likelihood of the data."""
@@ -120,10 +121,22 @@ class Posterior:
     @partial(jax.jit, static_argnames="n")
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
         """Unconstrained draws from the prior."""
-        keys = jax.random.split(key, self.dim)
-        draws = [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)]
-        absent = jax.random.normal(jax.random.fold_in(key, self.dim), (n, self.dim))
-        return self._where_present(jnp.stack(draws, -1), absent)
+        draws = self._by_kind(lambda prior, key: prior.sample(key, (n,)), jax.random.split(key, self.dim))
+        if self.present is None:
+            return draws
+        return self._where_present(draws, jax.random.normal(jax.random.fold_in(key, self.dim), (n, self.dim)))
+
+    def _by_kind(self, function: Callable[[Prior, Any], Any], columns: Array) -> Array:
+        """Return a function of each prior and its own column, the last axis, compiled once for each kind of prior and not for each."""
+        kinds: dict[Any, list[int]] = {}
+        for i, parameter in enumerate(self.parameters):
+            kinds.setdefault(jax.tree.structure(parameter.prior), []).append(i)
+        order = np.argsort([i for members in kinds.values() for i in members])
+        parts = []
+        for members in kinds.values():
+            numbers = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self.parameters[i].prior for i in members))
+            parts.append(jax.vmap(function, (0, -1), -1)(numbers, columns[..., np.array(members)]))
+        return jnp.concatenate(parts, -1)[..., order]
 
     def _where_present(self, values: Any, absent: Any) -> Any:
         """Return values of all parameters, the last axis, where these are present, and others where they are not."""
@@ -193,9 +206,17 @@ def posterior_of_density(
     return Posterior(parameters, _OfValues(log_density), ())
 
 
+def values_of(posterior: Posterior, z: Float[np.ndarray, "*batch d"]) -> Float[np.ndarray, "*batch d"]:
+    """Return the parameters' values, SI, at any number of places; one program to compile, whatever their number."""
+    flat = np.reshape(z, (-1, posterior.dim))
+    blocks = np.minimum(np.arange(-(-len(flat) // AT_ONCE) * AT_ONCE), len(flat) - 1).reshape(-1, AT_ONCE)
+    values = np.concatenate([np.asarray(posterior.constrain(flat[block])) for block in blocks])
+    return values[: len(flat)].reshape(np.shape(z))
+
+
 def named_draws(posterior: Posterior, draws: Draws) -> Draws:
     """Return draws of a posterior's z by its names and in its units, without what is absent."""
-    values = np.asarray(posterior.constrain(jnp.asarray(draws.z)))
+    values = values_of(posterior, draws.z)
     at, units = posterior.places, tuple(parameter.unit for parameter in posterior.present_parameters)
     absent = np.delete(draws.z, at, axis=-1)
     log_density = draws.log_density + np.sum(0.5 * absent * absent + _HALF_LOG_TWO_PI, axis=-1)

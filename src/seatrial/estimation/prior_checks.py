@@ -12,7 +12,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.identifiability import identifiability_of_fit
 from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior import Parameter, Posterior, values_of
 from seatrial.estimation.priors import LogUniform
 from seatrial.estimation.remedies import is_coefficient
 from seatrial.sampling.target import AT_ONCE, evaluate
@@ -113,7 +113,7 @@ def _lost_region(posterior: Posterior) -> list[str]:
     lost = ~np.isfinite(evaluate(posterior, z))
     if not SOME < lost.mean() < 1.0:
         return []
-    values = np.asarray(posterior.constrain(z))[:, posterior.places]
+    values = values_of(posterior, z)[:, posterior.places]
     example = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.present_names, values[lost][0], strict=True))
     return [
         f"the model cannot be simulated in {lost.mean():.0%} of the prior, for example at {example}{_where(posterior, values, lost)}; "

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
@@ -36,7 +37,7 @@ from seatrial.sampling.walk import (
 
 PRIOR_WEIGHT, PACE = 100, 6.0
 """Iterations' worth of trust in what was given, and the pace at which it is forgotten: after t of them, (100 / (t + 100))^6."""
-FREEDOM = 5.0
+FREEDOM = 5
 """Degrees of freedom of the fresh draws: tails that the posterior's cannot exceed for long."""
 FIRST, LEAST, MOST = 0.5, 0.1, 0.9
 """Share of fresh draws at the start, and its bounds: both moves are always made."""
@@ -76,7 +77,7 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     Raises:
         NumericalError: a start of zero density.
     """
-    log_density, fresh = live_densities(target, starts), jnp.asarray(FIRST)
+    log_density, fresh = live_densities(target, starts), FIRST
     return begin(IndependenceState(starts, log_density, starts.mean(0), cov, fresh, first_log_scale(target.dim)))
 
 
@@ -90,16 +91,17 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSett
 def _block(target: Target, state: IndependenceState, key: jax.Array, start: int, warmup: int):
     def iterate(state: IndependenceState, t: Array):
         chains, d = state.z.shape
-        move_key, step_key, tail_key, accept_key = jax.random.split(jax.random.fold_in(key, t), 4)
-        fresh = jax.random.uniform(move_key) < state.fresh
         factor = step_factor(state.cov)
-        step = jax.random.normal(step_key, (chains, d)) @ factor.T
-        widened = jnp.sqrt(0.5 * FREEDOM / jax.random.gamma(tail_key, 0.5 * FREEDOM, (chains, 1)))
+        # Every random number of an iteration comes from one array of normal ones: each way to draw is a program of its own to compile.
+        noise = jax.random.normal(jax.random.fold_in(key, t), (chains, d + FREEDOM + 2))
+        step, square = noise[:, :d] @ factor.T, (noise[:, d:-2] ** 2).sum(1, keepdims=True)
+        chance, fresh = ndtr(noise[:, -2]), ndtr(noise[0, -1]) < state.fresh
+        widened = jnp.sqrt(FREEDOM / square)
         proposal = jnp.where(fresh, state.mean + widened * step, state.z + jnp.exp(state.log_scale) * step)
         log_density = log_densities(target, proposal)
         correction = _log_fresh(state.z, state.mean, factor) - _log_fresh(proposal, state.mean, factor)
         log_ratio = log_ratio_of(log_density, state.log_density) + jnp.where(fresh, correction, 0.0)
-        accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
+        accepted = chance < jnp.exp(log_ratio)
         z = jnp.where(accepted[:, None], proposal, state.z)
         kept = jnp.where(accepted, log_density, state.log_density)
         acceptance = mean_acceptance(log_ratio)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -191,7 +190,7 @@ def unnamed_draws(
 
 def begin(state: Any) -> Run:
     """Begin a run at a state; its arrays get types that no block changes, so that one program serves all blocks."""
-    state = jax.tree.map(lambda x: jnp.asarray(x, x.dtype), state)
+    state = jax.device_put(jax.tree.map(np.asarray, state))
     chains, d = state.z.shape
     return Run(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
 
@@ -266,5 +265,5 @@ def run_from_arrays(state: type, arrays: Mapping[str, np.ndarray]) -> Run:
     Raises:
         KeyError: arrays of another sampler.
     """
-    restored = state(*(jnp.asarray(arrays[f"state {name}"]) for name in state._fields))
+    restored = jax.device_put(state(*(arrays[f"state {name}"] for name in state._fields)))
     return Run(restored, int(arrays["iteration"]), *(arrays[name] for name in Run._fields[2:]))

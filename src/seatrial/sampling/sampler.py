@@ -1,12 +1,14 @@
 """Markov chain samplers behind one protocol: every module of the family is a sampler, chosen by name from one table."""
 
-from typing import Any, Protocol
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any, Protocol, cast, get_args
 
 import jax
 from jaxtyping import Array, Float
 
 from seatrial.core.progress import Progress, no_progress
-from seatrial.sampling import adaptive_metropolis, de_metropolis, independence_metropolis, metropolis, nuts
+from seatrial.sampling.names import SamplerName
 from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
 from seatrial.sampling.target import Target
 
@@ -36,13 +38,22 @@ class Sampler(Protocol):
         ...
 
 
-SAMPLERS: dict[str, Sampler] = {
-    "independence-metropolis": independence_metropolis,
-    "adaptive-metropolis": adaptive_metropolis,
-    "metropolis": metropolis,
-    "de-metropolis": de_metropolis,
-    "nuts": nuts,
-}
+class _Samplers(Mapping[str, Sampler]):
+    """The modules of the family by name, each imported when it is looked up: the No-U-Turn sampler brings a library of its own."""
+
+    def __getitem__(self, name: str) -> Sampler:
+        if name not in get_args(SamplerName):
+            raise KeyError(name)
+        return cast(Sampler, import_module(f"seatrial.sampling.{name.replace('-', '_')}"))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(get_args(SamplerName))
+
+    def __len__(self) -> int:
+        return len(get_args(SamplerName))
+
+
+SAMPLERS = _Samplers()
 
 
 def sample(

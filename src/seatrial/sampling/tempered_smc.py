@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import blackjax
-import blackjax.smc.resampling
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +19,7 @@ from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
-from seatrial.sampling.target import LANES, Target
+from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
 
 _FLOOR = -1e100
 """Stands for log 0 while tempering: 0 * (-inf) would be NaN."""
@@ -54,10 +52,11 @@ class SMCSettings:
 
 
 class Start(NamedTuple):
-    """Equally weighted draws from p(z) L(z)^b, shape (particles, d), and b."""
+    """Equally weighted draws from p(z) L(z)^b, shape (particles, d), b, and the share of the prior where the likelihood is not zero."""
 
     particles: Float[np.ndarray, "particles d"]
     temperature: float
+    alive: float = 1.0
 
 
 class SMCResult(NamedTuple):
@@ -81,6 +80,18 @@ class SMCResult(NamedTuple):
     expected_variance: float
 
 
+def prior_particles(target: Target, key: Array, n: int) -> Start:
+    """Return draws from the prior, those whose likelihood is zero replaced by others."""
+    draw_key, pick_key = jax.random.split(key)
+    blocks = [target.sample_prior(jax.random.fold_in(draw_key, i), AT_ONCE) for i in range(-(-n // AT_ONCE))]
+    drawn = np.concatenate([np.asarray(block) for block in blocks])[:n]
+    alive = np.flatnonzero(np.isfinite(evaluate(target, drawn)))
+    if alive.size == 0:
+        return Start(drawn, _START, 0.0)
+    offset = np.random.default_rng(np.asarray(jax.random.key_data(pick_key))).uniform()
+    return Start(drawn[alive[(alive.size * (np.arange(n) + offset) / n).astype(int)]], _START, alive.size / n)
+
+
 def sample_tempered_smc(
     target: Target,
     key: jax.Array,
@@ -95,13 +106,10 @@ def sample_tempered_smc(
         NumericalError: the temperature stopped advancing, because almost no particle has a finite likelihood.
     """
     start_key, key = jax.random.split(key)
-    draw, begin, step = _steps(settings, target.dim)
-    if start is None:
-        particles, share = draw(target, start_key)
-        start, alive = Start(particles, _START), float(share)
-    else:
-        alive = 1.0
-    state = begin(target, jnp.asarray(start.particles), start.temperature)
+    begin, step, resample = _steps(settings, target.dim)
+    start = start or prior_particles(target, start_key, settings.particles)
+    alive = start.alive
+    state = begin(target, start.particles, start.temperature)
     if alive == 0.0:
         raise NumericalError(
             f"none of {settings.particles} draws from the prior has a finite likelihood: under this prior the model "
@@ -118,7 +126,7 @@ def sample_tempered_smc(
         acceptance.append(float(accepted))
         progress(round(1000 * (1 + np.log10(max(temperature, 1e-9)) / 9)), 1000)
         if temperature >= 1.0:
-            resampled = _resample(state.sampler_state, jax.random.fold_in(key, max_steps))
+            resampled = resample(state.sampler_state, jax.random.fold_in(key, max_steps))
             lost = len(temperatures) * (1.0 / settings.target_ess - 1.0) + (1.0 / alive - 1.0)
             return SMCResult(
                 log_evidence,
@@ -139,6 +147,9 @@ def sample_tempered_smc(
 
 @lru_cache(maxsize=8)
 def _steps(settings: SMCSettings, dim: int):
+    import blackjax
+    import blackjax.smc.resampling
+
     walk = blackjax.additive_step_random_walk.build_kernel()
     scale = 2.38 / np.sqrt(dim)
 
@@ -177,17 +188,6 @@ def _steps(settings: SMCSettings, dim: int):
         )
 
     @jax.jit
-    def draw(target: Target, key: Array):
-        draw_key, pick_key = jax.random.split(key)
-        drawn = target.sample_prior(draw_key, settings.particles)
-        alive = jnp.isfinite(jax.lax.map(target.log_likelihood, drawn, batch_size=lanes(target)))
-        share = jnp.mean(alive)
-        picked = blackjax.smc.resampling.systematic(
-            pick_key, jnp.where(share > 0, alive / jnp.sum(alive), 1.0 / alive.size), alive.size
-        )
-        return drawn[picked], share
-
-    @jax.jit
     def begin(target: Target, particles: Array, temperature: Array):
         state = kernel(target).init(particles)
         begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature, float))
@@ -201,9 +201,8 @@ def _steps(settings: SMCSettings, dim: int):
         tuned = {"factor": jnp.exp(log_scale) * state.parameter_override["factor"]}
         return state._replace(parameter_override=tuned), log_scale, info.log_likelihood_increment, acceptance
 
-    return draw, begin, step
+    @jax.jit
+    def resample(state: Any, key: Array) -> Array:
+        return state.particles[blackjax.smc.resampling.systematic(key, state.weights, state.particles.shape[0])]
 
-
-@jax.jit
-def _resample(state: Any, key: Array) -> Array:
-    return state.particles[blackjax.smc.resampling.systematic(key, state.weights, state.particles.shape[0])]
+    return begin, step, resample

@@ -5,26 +5,26 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.sampling.run import refuse_dead_starts
-from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.target import Target, evaluate
 
 TARGET_ACCEPTANCE = 0.234
 """Of a step in many dimensions (Roberts, Gelman and Gilks, Ann. Appl. Probab. 7, 1997)."""
 
 
-def live_densities(target: Target, starts: Float[Array, "chains d"]) -> Float[Array, " chains"]:
+def live_densities(target: Target, starts: Float[Array, "chains d"]) -> Float[np.ndarray, " chains"]:
     """Return the log densities where chains start.
 
     Raises:
         NumericalError: a start of zero density.
     """
-    log_density = log_densities(target, starts)
+    log_density = evaluate(target, np.asarray(starts))
     refuse_dead_starts(log_density)
     return log_density
 
 
-def first_log_scale(dim: int) -> Float[Array, ""]:
+def first_log_scale(dim: int) -> float:
     """Return the log of 2.38 / sqrt(d), the best scale of a normal step on a normal density of d dimensions."""
-    return jnp.asarray(np.log(2.38 / np.sqrt(dim)))
+    return float(np.log(2.38 / np.sqrt(dim)))
 
 
 def step_factor(cov: Float[Array, "d d"]) -> Float[Array, "d d"]:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import stats
@@ -26,7 +25,7 @@ from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
 from seatrial.estimation.posterior import Posterior, as_key
 from seatrial.sampling.target import Target, evaluate
-from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, sample_tempered_smc
+from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
 from seatrial.selection.importance import distance, importance_evidence, laplace_proposal
 
@@ -77,7 +76,9 @@ class Cooled:
 
 def sample_warm(target: Target, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress) -> SMCResult:
     """Run tempered SMC as it is, by the program that `sample_cold` goes on with; errors as `sample_tempered_smc`."""
-    return sample_tempered_smc(Cooled(target, jnp.ones(())), key, settings, progress)
+    start_key, key = jax.random.split(key)
+    start = prior_particles(target, start_key, settings.particles)
+    return sample_tempered_smc(Cooled(target, np.ones(())), key, settings, progress, start=start)
 
 
 def sample_cold(
@@ -86,7 +87,7 @@ def sample_cold(
     """Cool the particles of a run ten times further, and return where they are then; errors as `sample_tempered_smc`."""
     start = Start(warm.particles, 1.0 / COLD)
     return sample_tempered_smc(
-        Cooled(target, jnp.full((), COLD, float)), key, settings, progress, start=start
+        Cooled(target, np.full((), COLD)), key, settings, progress, start=start
     ).particles
 
 

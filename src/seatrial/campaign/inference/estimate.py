@@ -22,8 +22,8 @@ from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.priors import Prior
 from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.priors import Prior
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,

@@ -11,9 +11,9 @@ from functools import partial
 import jax
 import numpy as np
 
+from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.predict import N_DRAWS, predict_held_back
 from seatrial.campaign.store.estimates import Fit
@@ -28,7 +28,7 @@ from seatrial.estimation.equation_error import (
     smoothed_accelerations,
 )
 from seatrial.estimation.mode import Mode, find_mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prior_checks import check_prior_contains_data
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.selection.structures import Structure
@@ -159,8 +159,9 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
 
 def _drawn(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
     key = random_key(seed, f"about the mode {structure.terms}")
-    z = jax.random.multivariate_normal(key, mode.z, mode.cov, (N_DRAWS,), method="eigh")
-    values = np.asarray(posterior.constrain(z))[:, posterior.places]
+    random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+    z = random.multivariate_normal(mode.z, mode.cov, N_DRAWS, method="eigh")
+    values = values_of(posterior, z)[:, posterior.places]
     return _NormalPosterior(structure, posterior.present_names, values)
 
 
