@@ -23,7 +23,7 @@ def test_coloured_residuals_are_jointly_normal(complete):
     shape = Coloured(sd, np.bincount(kinds), memory, 1 / (1 - memory**2))
     carry = shape.empty()
     for k in range(30):
-        carry = shape.absorb(carry, e[k], present[k], kind[k], complete)
+        carry = shape.absorb(carry, e[k], present[k], kind[k])
     cov = sd**2 * np.exp(-np.abs(np.subtract.outer(time[at], time[at])) / tau)
     exact = stats.multivariate_normal(np.zeros(at.size), cov).logpdf(e[at])
     assert float(shape.log_likelihood(carry)) == pytest.approx(exact, abs=1e-9)
@@ -45,6 +45,6 @@ def test_independent_residuals_are_sums_of_their_log_densities(shape, law, compl
     e, present = (e[:7], present[:7]) if complete else (e, present)
     total = shape.empty()
     for one, there in zip(e, present, strict=True):
-        total = shape.absorb(total, one, there, 0, complete)
+        total = shape.absorb(total, one, there, 0)
     assert int(present.sum()) == 7
     assert float(shape.log_likelihood(total)) == pytest.approx(law.logpdf(e[present > 0]).sum(), rel=1e-12)

@@ -256,7 +256,9 @@ def identifiability_of_fit(
         rising = np.sign(np.asarray(posterior.constrain(z + 0.01) - posterior.constrain(z - 0.01)))[places]
         slope = rising * mode.sd / np.sqrt(np.diag(mode.cov))
         # The curvature inside a box can promise more spread than the box has.
-        slope = slope * np.minimum(1.0, [p.prior.sd for p in posterior.present_parameters] / np.maximum(mode.sd, 1e-300))
+        slope = slope * np.minimum(
+            1.0, [p.prior.sd for p in posterior.present_parameters] / np.maximum(mode.sd, 1e-300)
+        )
         cov = mode.cov * np.outer(slope, slope)
     else:
         cov = np.atleast_2d(np.cov(draws.T))

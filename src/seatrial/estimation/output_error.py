@@ -32,7 +32,6 @@ class OutputError:
 
     Attributes:
         simulator: vehicle and sensors.
-        complete: for each channel, whether every sample of every trial is present.
         labels: trial labels.
         free_initial: whether initial states are estimated, as parameters `u_0[label]`.
         own: names of which every trial has its own, as parameters `name[label]`.
@@ -41,7 +40,6 @@ class OutputError:
     """
 
     simulator: Simulator
-    complete: tuple[bool, ...]
     labels: tuple[str, ...]
     free_initial: bool = False
     own: tuple[str, ...] = ()
@@ -62,7 +60,7 @@ class OutputError:
     def is_plain(self) -> bool:
         """Whether residuals are white and nothing but coefficients and noise is unknown."""
         plain = (Sensor(channel) for channel in self.channels)
-        return self == OutputError(Simulator(self.model, tuple(plain)), self.complete, self.labels)
+        return self == OutputError(Simulator(self.model, tuple(plain)), self.labels)
 
     @property
     def independent(self) -> bool:
@@ -123,10 +121,8 @@ class OutputError:
 
         def absorb(sums: tuple, shown: tuple, channels: tuple) -> tuple[tuple, None]:
             sums = tuple(
-                noise.absorb(total, y - x, present, kind, complete)
-                for noise, total, x, (y, present, kind), complete in zip(
-                    noises, sums, shown, channels, self.complete, strict=True
-                )
+                noise.absorb(total, y - x, present, kind)
+                for noise, total, x, (y, present, kind) in zip(noises, sums, shown, channels, strict=True)
             )
             return sums, None
 
@@ -212,9 +208,8 @@ def output_error(
         _check_even(record)
     if current:
         _check_current(model, chosen)
-    complete = tuple(bool(np.asarray(channel.present).all()) for channel in data.channels)
     simulator = Simulator(model, chosen, delay, current)
-    return OutputError(simulator, complete, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
+    return OutputError(simulator, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
 
 
 def _check_even(record: Record) -> None:

@@ -115,9 +115,9 @@ def predict(
     keys = jax.random.split(as_key(key), 1 + len(table))
     known = dict(zip(draws.names, table.T, strict=True))
     values = _values_of(posterior, record.label, dict(zip(likelihood.model.states, first, strict=True)), known, keys[0])
-    anonymous = replace(output, labels=(ANY,), complete=(False,) * len(sensors))
+    anonymous = replace(output, labels=(ANY,))
     alone = anonymous if isinstance(likelihood, OutputError) else replace(likelihood, output=anonymous)
-    shown = np.asarray(outputs_of_draws(alone)(values, data, keys[1:]))
+    shown = np.asarray(outputs_of_draws(alone)(values, data, keys[1:]))[:, : record.time.size]
     noise = np.column_stack([noise_sd(sensor, values) for sensor in sensors])
     times = [correlation_name(sensor.channel) for sensor in sensors]
     return Prediction(

@@ -19,9 +19,9 @@ class White(NamedTuple):
         """Return the sum before the first sample."""
         return jnp.zeros(())
 
-    def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
-        """Add the residual `e` of one sample; `complete` where no sample of the channel is missing."""
-        return total + (e * e if complete else present * (e * e))
+    def absorb(self, total: Any, e: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
+        return total + present * (e * e)
 
     def log_likelihood(self, total: Any) -> Any:
         """Return the log density of all residuals."""
@@ -42,10 +42,10 @@ class Heavy(NamedTuple):
         """Return the sum before the first sample."""
         return jnp.zeros(())
 
-    def absorb(self, total: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
-        """Add the residual `e` of one sample; `complete` where no sample of the channel is missing."""
+    def absorb(self, total: Any, e: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
         loss = jnp.log1p(e * e / (self.dof * self.sd * self.sd))
-        return total + (loss if complete else present * loss)
+        return total + present * loss
 
     def log_likelihood(self, total: Any) -> Any:
         """Return the log density of all residuals."""
@@ -73,13 +73,11 @@ class Coloured(NamedTuple):
         """Return the sum before the first sample."""
         return (jnp.zeros(()), jnp.zeros(()))
 
-    def absorb(self, carry: Any, e: Any, present: Any, kind: Any, complete: bool) -> Any:
-        """Add the residual `e` of one sample; `complete` where no sample of the channel is missing."""
+    def absorb(self, carry: Any, e: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
         before, total = carry
         innovation = e - self.memory[kind] * before
         gain = self.weight[kind] * (innovation * innovation)
-        if complete:
-            return e, total + gain
         return before + present * (e - before), total + present * gain
 
     def log_likelihood(self, carry: Any) -> Any:

@@ -56,13 +56,13 @@ def simulate(
     made = replicate(likelihood, dict(values), data, as_key(key))
     columns = dict(controls)
     for sensor, channel in zip(chosen, made.channels, strict=True):
-        shown = np.asarray(channel.measured[0])
+        shown, present = (np.asarray(column[0])[: time.size] for column in (channel.measured, channel.present))
         if not np.isfinite(shown).all():
             raise NumericalError(
                 f"the simulated vehicle runs away: {sensor.channel} is no number from {time[np.argmin(np.isfinite(shown))]:g} s on; "
                 "check the signs of the damping: negative coefficients dissipate"
             )
-        columns[sensor.channel] = np.where(np.asarray(channel.present[0]) > 0, shown, np.nan)
+        columns[sensor.channel] = np.where(present > 0, shown, np.nan)
     told = {"values": dict(values), "start": dict(start or {}), "rates": dict(rates or {})}
     return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(told), told), label)
 

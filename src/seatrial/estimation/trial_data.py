@@ -1,4 +1,7 @@
-"""Trials as arrays: several of them stacked, the shorter ones padded with samples that take no time and measure nothing."""
+"""Trials as arrays: several of them stacked, all padded to one length with samples that take no time and measure nothing.
+
+There are eight such lengths between a power of two and the next, so that trials of about one length share compiled code.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -51,7 +54,7 @@ class TrialData(NamedTuple):
 def stack_trials(
     records: Sequence[Record], model: VehicleModel, channels: Sequence[str], initial: Sequence[Sequence[float]]
 ) -> TrialData:
-    """Return the arrays of several trials, so that compiled code does not grow with their number.
+    """Return the arrays of several trials, of `padded_length` samples each, so that compiled code does not grow with their number.
 
     Args:
         records: trials, of any lengths.
@@ -62,24 +65,44 @@ def stack_trials(
     Raises:
         InputError: a control or channel a record does not have.
     """
-    trials = [_trial(record, model, channels, start) for record, start in zip(records, initial, strict=True)]
+    samples = padded_length(max(record.time.size for record in records))
+    trials = [_trial(record, model, channels, start, samples) for record, start in zip(records, initial, strict=True)]
 
-    def pad(*arrays: np.ndarray) -> np.ndarray:
-        length = max(array.size for array in arrays)
-        return np.stack([np.pad(array, (0, length - array.size)) for array in arrays])
+    def stack(*arrays: np.ndarray) -> np.ndarray:
+        return np.stack([_padded(array, max(array.size for array in arrays)) for array in arrays])
 
-    stacked = jax.tree.map(pad, *trials)
-    channels = tuple(one._replace(gaps=np.where(one.counts > 0, one.gaps, FOREVER)) for one in stacked.channels)
-    return jax.device_put(stacked._replace(channels=channels))
+    stacked = jax.tree.map(stack, *trials)
+    channels_of_all = tuple(one._replace(gaps=np.where(one.counts > 0, one.gaps, FOREVER)) for one in stacked.channels)
+    return jax.device_put(stacked._replace(channels=channels_of_all))
 
 
-def _trial(record: Record, model: VehicleModel, channels: Sequence[str], initial: Sequence[float]) -> TrialData:
+def padded_length(samples: int) -> int:
+    """Return the smallest of the lengths to which trials are padded that holds so many samples: at most an eighth longer."""
+    grain = max(1, (1 << (samples - 1).bit_length()) // 16)
+    return -(-samples // grain) * grain
+
+
+def _trial(
+    record: Record, model: VehicleModel, channels: Sequence[str], initial: Sequence[float], samples: int
+) -> TrialData:
+    shown = [channel_data(record.time, np.asarray(record.channel(name))) for name in channels]
     return TrialData(
-        control=tuple(np.asarray(record.channel(name)) for name in model.controls),
-        channels=tuple(channel_data(record.time, np.asarray(record.channel(name))) for name in channels),
-        step=np.asarray(record.step),
+        control=tuple(_padded(np.asarray(record.channel(name)), samples) for name in model.controls),
+        channels=tuple(
+            one._replace(
+                measured=_padded(one.measured, samples),
+                present=_padded(one.present, samples),
+                kind=_padded(one.kind, samples),
+            )
+            for one in shown
+        ),
+        step=_padded(np.asarray(record.step), samples),
         initial=np.asarray(initial, float),
     )
+
+
+def _padded(array: np.ndarray, length: int) -> np.ndarray:
+    return np.pad(array, (0, length - array.size))
 
 
 def channel_data(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:

@@ -86,9 +86,7 @@ def sample_cold(
 ) -> Float[np.ndarray, "particles d"]:
     """Cool the particles of a run ten times further, and return where they are then; errors as `sample_tempered_smc`."""
     start = Start(warm.particles, 1.0 / COLD)
-    return sample_tempered_smc(
-        Cooled(target, np.full((), COLD)), key, settings, progress, start=start
-    ).particles
+    return sample_tempered_smc(Cooled(target, np.full((), COLD)), key, settings, progress, start=start).particles
 
 
 def further_modes(

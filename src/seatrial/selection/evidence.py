@@ -41,7 +41,7 @@ class Evidence:
 class EvidenceSettings:
     """Independent repeats of the sampler, and its settings."""
 
-    repeats: int = 4
+    repeats: int = 2
     smc: SMCSettings = SMCSettings()
 
 

@@ -310,7 +310,7 @@ class SelectionTable(Table):
     """`[selection]`: particles and independent repeats of the tempered SMC behind each evidence."""
 
     particles: int = Field(default=1024, ge=64, le=1_000_000)
-    repeats: int = Field(default=4, ge=2, le=1000)
+    repeats: int = Field(default=2, ge=2, le=1000)
 
 
 class SlurmTable(Table):

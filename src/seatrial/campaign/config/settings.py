@@ -253,7 +253,7 @@ class SelectionSettings:
     """Particles and independent repeats behind each evidence."""
 
     particles: int = 1024
-    repeats: int = 4
+    repeats: int = 2
 
 
 @dataclass(frozen=True)

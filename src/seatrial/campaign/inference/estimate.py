@@ -14,7 +14,7 @@ from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import is_whole, random_key
+from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.progress import SILENT, Progress, Reporter
@@ -81,12 +81,14 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
         total = campaign.estimation.warmup + campaign.estimation.draws
         shown = [reporter.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]
 
+        checkpoint_keys = {one: key_of("chains", kept[one].key, widest(campaign.structures).terms) for one in missing}
+
         def done(index: int, result: _Ended | _Unended) -> _Unended | None:
             """Keep what is there: a finished posterior, or the chains so far, from which its next piece goes on."""
             structure = missing[index]
             checkpoint = store.checkpoint(f"posterior-{structure.label}")
             if isinstance(result, _Unended):
-                save_checkpoint(checkpoint, kept[structure].key, result.run)
+                save_checkpoint(checkpoint, checkpoint_keys[structure], result.run)
                 shown[index](int(result.run["iteration"]), total)
                 return result
             kept[structure].write(result.data)
@@ -98,7 +100,8 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
             shown[index](done, total)
 
         begun = [
-            _Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), kept[one].key)) for one in missing
+            _Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), checkpoint_keys[one]))
+            for one in missing
         ]
         workers_of(campaign, reporter).run(_advance, Study(campaign, trials.fit), begun, done, on_progress)
     return [result.read(result.path) for result in kept.values()]

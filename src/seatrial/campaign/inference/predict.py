@@ -150,7 +150,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
         if parameter.name in starts:
             prior = Normal(prior.mean, starts[parameter.name])
         values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
-    outputs = np.asarray(outputs_of_draws(likelihood)(values, data, keys[1:]))
+    outputs = np.asarray(outputs_of_draws(likelihood)(values, data, keys[1:]))[:, : record.time.size]
     noise = np.column_stack([noise_sd(sensor, values) for sensor in campaign.sensor_models])
     noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)

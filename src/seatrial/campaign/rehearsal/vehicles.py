@@ -18,7 +18,6 @@ from seatrial.campaign.prior.predictive import speeds
 from seatrial.core.errors import NumericalError
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import initial_name
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
@@ -97,8 +96,12 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
     own |= {name: value for name, value in starts.items() if name in own}
     data = posterior.data._replace(initial=jnp.asarray(trim)[None])
     shown = replicate(posterior.likelihood, vehicle.values | own, data, noise_key).channels
-    measured = np.stack([np.where(channel.present[0] > 0, channel.measured[0], np.nan) for channel in shown], -1)
-    if not (np.isfinite(measured) == (np.stack([channel.present[0] for channel in shown], -1) > 0)).all():
+    present, measured = (
+        np.stack([np.asarray(column)[0, : control.size] for column in columns], -1)
+        for columns in zip(*((channel.present, channel.measured) for channel in shown), strict=True)
+    )
+    measured = np.where(present > 0, measured, np.nan)
+    if not (np.isfinite(measured) == (present > 0)).all():
         raise NumericalError(f"a vehicle drawn from the prior runs away in its trial {number}: narrow the priors")
     columns = dict(zip((campaign.family.control, *campaign.channels), (control, *measured.T), strict=True))
     provenance = Provenance("rehearsed", "", {"trial": number})
@@ -122,7 +125,7 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
     size = min(most, max(FEWEST, 1 << (n - 1).bit_length()))
     unused = [replace(records[0], label=str(i + 1)) for i in range(n, size)]
     posterior = build_posterior(campaign, campaign.full, [*records, *unused])
-    likelihood, data = posterior.likelihood, posterior.data
+    data = posterior.data
     used = jnp.asarray(np.arange(size) < n, float)[:, None]
     channels = tuple(
         channel._replace(
@@ -133,9 +136,7 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
         )
         for channel in data.channels
     )
-    if not isinstance(likelihood, FilterError):
-        likelihood = replace(likelihood, complete=(False,) * len(channels))
-    return replace(posterior, likelihood=likelihood, data=data._replace(channels=channels))
+    return replace(posterior, data=data._replace(channels=channels))
 
 
 def _posterior_of_one(campaign: Campaign, control: np.ndarray) -> Posterior:

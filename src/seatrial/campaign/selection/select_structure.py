@@ -11,7 +11,7 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.inference.posterior import random_key, widest
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
@@ -136,12 +136,13 @@ class _Kept:
     """What is gathered for one structure, its repeats kept on disk until the selection is written."""
 
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
-        self.campaign, self.structure, self.key = campaign, structure, key
+        self.campaign, self.structure = campaign, structure
         self.gathering = Gathering(campaign.selection.repeats)
         self.shares = np.zeros(self.gathering.most)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
+        self.checkpoint_key = key_of("repeat", key, widest(campaign.structures).terms)
         for repeat in range(self.gathering.most):
-            if (stored := load_checkpoint(self._checkpoint(repeat), key)) is not None:
+            if (stored := load_checkpoint(self._checkpoint(repeat), self.checkpoint_key)) is not None:
                 cold = stored.pop("cold")
                 smc = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
                 self.gathering.runs[repeat] = EvidenceRun(repeat, smc, cold)
@@ -151,7 +152,7 @@ class _Kept:
         """Add what was found, a repeat also on disk, and return what can be done now."""
         if isinstance(found, EvidenceRun):
             arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
-            save_checkpoint(self._checkpoint(found.repeat), self.key, arrays)
+            save_checkpoint(self._checkpoint(found.repeat), self.checkpoint_key, arrays)
             self.show(found.repeat, 1.0)
         return self.gathering.add(found)
 
