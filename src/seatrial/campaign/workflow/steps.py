@@ -41,6 +41,7 @@ from seatrial.campaign.selection.select_structure import current_selection, sele
 from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Summary, read_summary
 from seatrial.core.errors import InputError
+from seatrial.core.files import depend_on
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record_file import read_record
 from seatrial.logs.formats.registry import hash_of_log
@@ -219,6 +220,7 @@ def _promised(campaign: Campaign, first: Any) -> Any:
 
 def _hash_of(path: Path) -> str:
     """Return the hash of a log, kept while its size and time of change stay."""
+    depend_on(path)
     if not path.is_file():
         return hash_of_log(path)
     there = path.stat()
