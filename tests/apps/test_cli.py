@@ -144,5 +144,5 @@ def test_work_on_a_campaign_begins_by_removing_what_a_killed_one_left(tmp_path):
     left.parent.mkdir(parents=True)
     left.write_text("half")
     there = []
-    with_campaign(tmp_path, True, lambda campaign, reporter: there.append(left.exists()) or Exit.OK)
+    with_campaign(tmp_path, True, lambda *_: there.append(left.exists()) or Exit.OK)
     assert there == [False]

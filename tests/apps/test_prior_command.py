@@ -14,7 +14,7 @@ def test_the_priors_are_shown_in_metres_per_second(monkeypatch, capsys, tmp_path
     assert err.startswith("caution: the prior is wide")
     for word in ("X_uabsu", "kg/m", "steady speed at n = 1194 rpm", "time constant", "diverge: 0%", "prior.svg"):
         assert word in out
-    assert results(tmp_path) == ["campaign.toml", "prior.svg"]
+    assert results(tmp_path) == ["campaign.toml", "prior.svg", "results/answers/prior.json"]
     picture = (tmp_path / "prior.svg").read_text()
     ElementTree.fromstring(picture)
     assert "90 % of draws" in picture

@@ -1,5 +1,8 @@
 """A campaign small enough for tests: two seconds of chains instead of a minute."""
 
+import os
+import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
@@ -92,3 +95,29 @@ def write_summary(folder: Path, terms: tuple[str, ...] = (), chosen: str = "M-0"
     content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}
     following = dict.fromkeys(NextTrial.__dataclass_fields__)
     write_stamped_json(Store(folder).summary, {**blank, **content, "next_trial": following}, "any")
+
+
+# Which files are opened, as Python itself tells it.
+
+_OPENED: list[set[Path]] = []
+
+
+def _hear(event, about):
+    if _OPENED and event in ("open", "os.listdir", "os.scandir") and isinstance(about[0], str | os.PathLike):
+        _OPENED[0].add(Path(about[0]).absolute())
+
+
+sys.addaudithook(_hear)
+
+
+@contextmanager
+def hearing_of_files(folder):
+    """Files and folders below a folder that Python opens in the block, beside temporary ones and checkpoints."""
+    found = set()
+    _OPENED.append(found)
+    try:
+        yield found
+    finally:
+        _OPENED.clear()
+        passing = {path for path in found if path.suffix in (".part", ".npz") or (path.is_dir() and path.name != "bag")}
+        found -= {path for path in found if not path.is_relative_to(folder)} | passing

@@ -10,8 +10,10 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.stored_result import Store, stamp_of
 from seatrial.campaign.workflow.run import run_loop
+from seatrial.core.files import watching_files
 from seatrial.core.progress import SilentReporter
-from tests.campaign.small import write_small
+from seatrial.report.page import write_report
+from tests.campaign.small import hearing_of_files, write_small
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +66,16 @@ def test_a_second_run_computes_nothing(finished):
     before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
     run_loop(load_campaign(folder), SilentReporter())
     assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
+
+
+def test_what_is_said_rests_on_every_file_that_was_opened(finished):
+    folder, _ = finished
+    with watching_files() as seen, hearing_of_files(folder) as opened:
+        write_report(run_loop(load_campaign(folder), SilentReporter()))
+    assert {"campaign.toml", "M-0.nc", "selection.json", "trial.nc", "next_schedule.csv"} <= {
+        path.name for path in opened
+    }
+    assert opened <= set(seen)
 
 
 def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):

@@ -133,9 +133,9 @@ def test_an_earlier_campaign_outside_is_refused_and_so_is_one_by_a_link(here):
 
 def test_a_command_says_where_it_reads_outside(here, capsys):
     folder = boat(here, f"{here}/elsewhere/log.csv")
-    with_campaign(folder, False, lambda campaign, reporter: Exit.OK)
+    with_campaign(folder, False, lambda *_: Exit.OK)
     assert str(here / "elsewhere") in "".join(capsys.readouterr().err.split())
-    with_campaign(boat(here), False, lambda campaign, reporter: Exit.OK)
+    with_campaign(boat(here), False, lambda *_: Exit.OK)
     assert "outside" not in capsys.readouterr().err
 
 

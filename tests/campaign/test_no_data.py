@@ -95,7 +95,7 @@ def test_what_needs_a_record_says_what_is_missing(monkeypatch, capsys, tmp_path,
     Store(folder).record("trial").parent.mkdir()
     Store(folder).record("trial").write_text("left behind by a truth that was removed")
     if command in ("next", "report"):
-        monkeypatch.setattr("seatrial.campaign.workflow.steps.design_first", lambda campaign, reporter: None)
+        monkeypatch.setattr("seatrial.campaign.design.sweep.design_first", lambda campaign, reporter: None)
     code, out, err = run(monkeypatch, capsys, command, folder, "--quiet")
     assert (code, out) == (Exit.BAD_INPUT, "")
     assert "neither [import] nor [truth]: no trial has been run" in err

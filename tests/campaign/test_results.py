@@ -1,9 +1,12 @@
 """Stored results read by those who have only the folder: typed, without JAX, and each decoded in one place."""
 
+import ast
 import json
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store, stamp_of, write_stamped_json
+from seatrial.campaign.workflow import steps
 from seatrial.campaign.workflow.run import run_loop
 from seatrial.campaign.workflow.steps import LOOP, STEPS, Workflow
 from seatrial.core.errors import InputError
@@ -129,3 +133,13 @@ def test_steps_need_only_steps_before_them_and_settings():
     for step in STEPS.values():
         assert set(step.needs) <= known | settings, step.name
         known.add(step.name)
+
+
+def test_every_function_of_a_step_exists():
+    tree = ast.parse(Path(steps.__file__).read_text())
+    named = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
+    later = [(getattr(steps, node.value.id, None), node.attr) for node in named]
+    found = {(module._name, name) for module, name in later if isinstance(module, steps._Module)}
+    assert len(found) > 40
+    for module, name in found:
+        assert callable(getattr(import_module(module), name))

@@ -1,4 +1,4 @@
-"""What every command shares: exit codes, arguments, a campaign with a reporter on it, and an end that can be resumed."""
+"""What every command shares: exit codes, arguments, a campaign with a reporter on it, an answer, and an end that can be resumed."""
 
 import os
 import signal
@@ -26,28 +26,90 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campa
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only results and errors.")]
 
 
-def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -> None:
+class Answer:
+    """What a command says of a campaign: its results on standard output, cautions and alarms on standard error."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[str, bool]] = []
+
+    def say(self, text: str, err: bool = False) -> None:
+        """Print some lines, and remember them."""
+        typer.echo(text, err=err)
+        self.said.append((text, err))
+
+    def finish(self, alarms: list[str], cautions: list[str]) -> Exit:
+        """Print what is wrong to standard error, and say by the exit code whether results may be used."""
+        for text in cautions:
+            self.say(f"caution: {text}", err=True)
+        for text in alarms:
+            self.say(f"alarm: {text}", err=True)
+        return Exit.ALARMS if alarms else Exit.OK
+
+
+Work = Callable[[Any, Any, Answer], Exit]
+"""What a command does with a campaign: it is given the campaign, a reporter, and the answer to speak through."""
+
+
+def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | None = None) -> None:
     """Read a folder's campaign, do work on it under a reporter, and end with the exit code of the work.
+
+    Args:
+        folder: of the campaign, or its file.
+        quiet: whether only results and errors are shown.
+        work: of the command.
+        asked: command and options, by which the answer is kept, and given again for as long as nothing has changed that it was made
+            from; None of a command that changes what it begins from, or keeps nothing.
 
     Raises:
         InputError: no campaign, or another process at work on it.
     """
     from seatrial.apps.campaign_lock import occupying
-    from seatrial.campaign.config.load import load_campaign
-    from seatrial.campaign.config.named_files import folders_outside
+    from seatrial.campaign.store.stored_result import campaign_folder
     from seatrial.core.files import remove_orphans
 
+    home = campaign_folder(folder)
+
     def alone(reporter: Any) -> Exit:
-        campaign = load_campaign(folder)
-        with occupying(campaign.folder) as held:
+        with occupying(home) as held:
             if held is not None:
                 reporter.also = held.progress
-                remove_orphans(campaign.folder)
-            for outside in folders_outside(campaign.folder, campaign.known_from, campaign.imports):
-                reporter.say(f"reads files outside the campaign's folder, in {outside}")
-            return work(campaign, reporter)
+                remove_orphans(home)
+            if asked is None:
+                return _worked(home, reporter, work, Answer())
+            return _answered(home, reporter, work, asked)
 
     watched(quiet, alone)
+
+
+def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context) -> Exit:
+    """Give the answer that was kept, or do the work and keep what it says."""
+    from seatrial.campaign.store.answers import keep, key_of_answer, recall
+    from seatrial.campaign.store.stored_result import FILE_NAME, Store
+    from seatrial.core.files import is_there, watching_files
+
+    options = {name: str(value) for name, value in asked.params.items() if name != "quiet"}
+    path, answer = Store(home).answer(str(asked.info_name)), Answer()
+    with watching_files() as seen:
+        file = home / FILE_NAME
+        text = file.read_text(encoding="utf-8", errors="replace") if is_there(file) else ""
+        key = key_of_answer(home, text, {"command": asked.info_name, **options})
+        if (said := recall(path, key)) is not None:
+            for text, err in said["lines"]:
+                answer.say(text, err=err)
+            return Exit(said["exit"])
+        code = _worked(home, reporter, work, answer)
+    keep(path, key, {"lines": answer.said, "exit": int(code)}, seen)
+    return code
+
+
+def _worked(home: Path, reporter: Any, work: Work, answer: Answer) -> Exit:
+    from seatrial.campaign.config.load import load_campaign
+    from seatrial.campaign.config.named_files import folders_outside
+
+    campaign = load_campaign(home)
+    for outside in folders_outside(campaign.folder, campaign.known_from, campaign.imports):
+        reporter.say(f"reads files outside the campaign's folder, in {outside}")
+    return work(campaign, reporter, answer)
 
 
 def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
@@ -83,15 +145,6 @@ def run_app(app: typer.Typer) -> None:
     except OSError as error:
         fail(str(file_error(error)))
         sys.exit(Exit.BAD_INPUT)
-
-
-def finish(alarms: list[str], cautions: list[str]) -> Exit:
-    """Print what is wrong to standard error, and say by the exit code whether results may be used."""
-    for text in cautions:
-        typer.echo(f"caution: {text}", err=True)
-    for text in alarms:
-        typer.echo(f"alarm: {text}", err=True)
-    return Exit.ALARMS if alarms else Exit.OK
 
 
 def _stop(reporter: Any) -> None:

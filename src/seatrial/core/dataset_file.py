@@ -11,14 +11,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-import xarray as xr
 
 from seatrial.core.errors import InputError
-from seatrial.core.files import atomic_path
+from seatrial.core.files import atomic_path, depend_on
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SEAL = "sha256_of_content"
 _MARK = b"\nsha256 of all above: "
@@ -27,7 +29,7 @@ _HEAP = b"GCOL\x01\0\0\0"
 _PIECE = 1 << 24
 
 
-def write_dataset(path: Path, dataset: xr.Dataset) -> None:
+def write_dataset(path: Path, dataset: "xr.Dataset") -> None:
     """Write a NetCDF file atomically, with the hash of its content as the attribute `sha256_of_content`, and of its bytes behind them.
 
     HDF5 writes to memory: where a disk is full it would break the interpreter at its end.
@@ -38,7 +40,7 @@ def write_dataset(path: Path, dataset: xr.Dataset) -> None:
         stream.write(_MARK + hashlib.sha256(content).hexdigest().encode() + b"\n")
 
 
-def open_dataset(path: Path) -> xr.Dataset:
+def open_dataset(path: Path) -> "xr.Dataset":
     """Load a whole NetCDF file into memory and close it.
 
     Raises:
@@ -46,6 +48,8 @@ def open_dataset(path: Path) -> xr.Dataset:
     """
     with stored(path) as file:
         file.visititems(lambda _, item: dict(item.attrs) and None)  # what is broken fails here, not in a destructor
+    import xarray as xr  # with pandas half a second, which whoever reads no more than a stamp need not wait for
+
     with _sound(path):
         dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
         seal = dataset.attrs.pop(SEAL, None)
@@ -62,6 +66,7 @@ def stored(path: Path) -> Iterator[h5py.File]:
     Raises:
         InputError: as `open_dataset`, where the bytes behind the file tell; or what is read in the block is not there.
     """
+    depend_on(path)
     if not path.is_file():
         raise InputError(
             str(path),
@@ -150,7 +155,7 @@ def _is_changed(path: Path, size: int, at: int) -> bool:
     return tail != _MARK + digest.hexdigest().encode() + b"\n"
 
 
-def _hash(dataset: xr.Dataset) -> str:
+def _hash(dataset: "xr.Dataset") -> str:
     """Hash of variables and attributes, the same before and after a round trip through a file."""
     digest = hashlib.sha256(_text(dataset.attrs))
     for name in sorted(map(str, dataset.variables)):

@@ -1,7 +1,8 @@
 """Files that are either whole or absent: every result is written beside its place and then moved there.
 
 Whoever writes in a folder holds a shared lock on the folder, which the system drops with the process: a temporary file in a folder that
-nobody holds was left by a process that was killed.
+nobody holds was left by a process that was killed. What reads or writes files of a campaign tells so, for those who keep an answer for as
+long as what it was made from stays the same.
 """
 
 import hashlib
@@ -23,6 +24,41 @@ except ImportError:
 _TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 _UNFINISHED: set[Path] = set()
 """Temporary files being written in this process."""
+Look = tuple[int, int, int] | None
+"""A file at first sight, by inode, size and time of change; None where there is none."""
+_WATCHERS: list[dict[Path, Look]] = []
+
+
+@contextmanager
+def watching_files() -> Iterator[dict[Path, Look]]:
+    """Yield what is made of the files that work in the block depends on: each as it was first seen, or last written by the work."""
+    seen: dict[Path, Look] = {}
+    _WATCHERS.append(seen)
+    try:
+        yield seen
+    finally:
+        _WATCHERS[:] = [one for one in _WATCHERS if one is not seen]
+
+
+def depend_on(path: Path) -> None:
+    """Tell whoever watches that the work depends on a file or a folder as it is, or on there being none."""
+    for seen in _WATCHERS:
+        seen.setdefault(path.absolute(), look_of(path))
+
+
+def is_there(path: Path) -> bool:
+    """Return whether there is a file, on which the work depends."""
+    depend_on(path)
+    return path.is_file()
+
+
+def look_of(path: Path) -> Look:
+    """Return by what a change of a file is noticed without reading it."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 @contextmanager
@@ -39,6 +75,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
             os.chmod(temporary, 0o644)
             _flush(temporary)
             os.replace(temporary, path)
+            for seen in _WATCHERS:
+                seen[path.absolute()] = look_of(path)
         finally:
             temporary.unlink(missing_ok=True)
             _UNFINISHED.discard(temporary)
@@ -97,6 +135,7 @@ def set_aside(path: Path, found: str) -> None:
 
 def sha256_of(path: Path) -> str:
     """Hash of a file's bytes, read in blocks."""
+    depend_on(path)
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

@@ -2,19 +2,24 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, Record, make_record
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 FORMAT = "seatrial record 1"
 
 
-def record_dataset(record: Record) -> xr.Dataset:
+def record_dataset(record: Record) -> "xr.Dataset":
     """Return the record as a dataset over `time`, with unit and role of each channel as attributes."""
+    import xarray as xr  # see `open_dataset`
+
     columns = {
         channel.name: ("time", record.channel(channel.name), {"units": channel.unit, "role": channel.role})
         for channel in record.channels

@@ -16,8 +16,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Bool, Float, Int
-from scipy.stats import beta
 
 from seatrial.core.errors import InputError
 from seatrial.design.integrals import follow_joint
@@ -210,7 +210,7 @@ def least_rooms(
 
 def probability_at_least(held: Int[np.ndarray, "*any"], draws: int, confidence: float) -> Float[np.ndarray, "*any"]:
     """Lower bound of the probability of what held in so many of the draws (Clopper and Pearson, one-sided)."""
-    return np.where(held > 0, beta.ppf(1 - confidence, np.maximum(held, 1), draws - held + 1), 0.0)
+    return np.where(held > 0, scipy.stats.beta.ppf(1 - confidence, np.maximum(held, 1), draws - held + 1), 0.0)
 
 
 def check_runs(

@@ -10,9 +10,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.optimize import brentq
-from scipy.stats import rankdata
 
 from seatrial.core.errors import InputError
 
@@ -95,7 +94,7 @@ def compare_utilities(
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the correlation of the ranks in every row, ties sharing their mean rank; NaN where a row has no spread."""
-    a, b = (rankdata(values, axis=1) for values in (x, y))
+    a, b = (scipy.stats.rankdata(values, axis=1) for values in (x, y))
     a, b = a - a.mean(1, keepdims=True), b - b.mean(1, keepdims=True)
     scale = np.sqrt((a * a).sum(1) * (b * b).sum(1))
     return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 0)
@@ -119,7 +118,7 @@ def _least(designs: int) -> float:
     def beyond(r: float) -> float:
         return float(np.mean(_spearman(x, r * x + np.sqrt(1.0 - r * r) * e) > 1.0 - 1e-9)) - (0.5 - LEVEL / 2)
 
-    r: Any = brentq(beyond, -0.99, 1.0 - 1e-9, xtol=1e-4)
+    r: Any = scipy.optimize.brentq(beyond, -0.99, 1.0 - 1e-9, xtol=1e-4)
     return float(6.0 / np.pi * np.arcsin(r / 2.0))
 
 

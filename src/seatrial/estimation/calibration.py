@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy import stats
 
 DRAWS = 99
 """Posterior draws that a rank is taken among: ranks run from 0 to 99."""
@@ -43,7 +43,7 @@ class Calibration:
     def count_band(self) -> tuple[int, int]:
         """Return the counts between which all bins of all quantities lie with probability 0.99 if ranks are uniform."""
         tail = 0.5 * FALSE_ALARMS / (BINS * len(self.names))
-        low, high = stats.binom(len(self.ranks), 1 / BINS).ppf([tail, 1 - tail])
+        low, high = scipy.stats.binom(len(self.ranks), 1 / BINS).ppf([tail, 1 - tail])
         return int(low), int(high)
 
     def p_values(self) -> Float[np.ndarray, " k"]:
@@ -73,7 +73,7 @@ class Calibration:
     def lines(self) -> list[str]:
         """Return what the ranks say, in words."""
         r, k, tail = len(self.ranks), len(self.names), 0.5 * FALSE_ALARMS / len(self.names)
-        low, high = stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
+        low, high = scipy.stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
         said = [
             f"{name}: the 90 % interval holds the truth in {share:.1%} of {r} replicates (chance allows {low:.1%} to {high:.1%}), "
             f"p = {value:.3f} for ranks so uneven"
@@ -106,13 +106,13 @@ def stays_within(replicates: int, width: float) -> float:
     mean, sd = replicates * AT, replicates * _sd(replicates)
     low = np.maximum(np.ceil(mean - width * sd), 0).astype(int)
     high = np.minimum(np.floor(mean + width * sd), replicates).astype(int)
-    before, weight, step = 0, np.ones(1), stats.poisson.pmf(np.arange(replicates + 1), replicates / (DRAWS + 1))
+    before, weight, step = 0, np.ones(1), scipy.stats.poisson.pmf(np.arange(replicates + 1), replicates / (DRAWS + 1))
     for first, last in zip([*low, replicates], [*high, replicates], strict=True):
         if first > last:
             return 0.0
         weight = np.convolve(weight, step[: last - before + 1])[first - before : last - before + 1]
         before = first
-    return float(weight[0] / stats.poisson.pmf(replicates, replicates))
+    return float(weight[0] / scipy.stats.poisson.pmf(replicates, replicates))
 
 
 @lru_cache(maxsize=64)
@@ -132,8 +132,8 @@ def _sd(replicates: int) -> Float[np.ndarray, " ranks"]:
 
 def _shape(ranks: Int[np.ndarray, " r"]) -> str:
     """Return what a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
-    scores = stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
-    even = stats.norm.ppf((np.arange(DRAWS + 1) + 0.5) / (DRAWS + 1)).std()
+    scores = scipy.stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
+    even = scipy.stats.norm.ppf((np.arange(DRAWS + 1) + 0.5) / (DRAWS + 1)).std()
     shift, width = float(scores.mean()), float(scores.std() / even)
     said = []
     if abs(shift) * np.sqrt(ranks.size) > CLEAR:

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import betainc
-from scipy.stats import chi2
+import scipy
 
 from seatrial.estimation.validation import DIVERGES, Score
 
@@ -75,9 +74,9 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
 def _sizes(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
-    short = score.coverage < 0.9 and betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
-    large = chi2.sf(n * score.variance, n) < RARE
-    small = chi2.cdf(n * score.variance, n) < RARE
+    short = score.coverage < 0.9 and scipy.special.betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
+    large = scipy.stats.chi2.sf(n * score.variance, n) < RARE
+    small = scipy.stats.chi2.cdf(n * score.variance, n) < RARE
     result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
     if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
         do = (

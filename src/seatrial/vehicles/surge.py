@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import copysign, isfinite
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
@@ -93,7 +93,11 @@ def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], li
             expected="drag that balances the thrust at some speed",
             remedy="check the signs of the damping coefficients: negative dissipates",
         )
-    return float(brentq(rate, speeds[beyond - 1], speeds[beyond], xtol=1e-14, rtol=1e-14)) if beyond else 0.0
+    return (
+        float(scipy.optimize.brentq(rate, speeds[beyond - 1], speeds[beyond], xtol=1e-14, rtol=1e-14))
+        if beyond
+        else 0.0
+    )
 
 
 def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:

@@ -4,16 +4,16 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
+from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 from seatrial.sampling.names import DEFAULT, METHODS
 
 
-def check(folder: Folder, quiet: Quiet = False) -> None:
+def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Judge the records: direction, size, delay, outliers, and what each can tell; raw plots are always written."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         if not campaign.has_records:
-            return _say_what_is_missing(campaign)
+            return _say_what_is_missing(campaign, answer)
         from seatrial.campaign.data.check import check_records
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_check_picture
@@ -22,44 +22,45 @@ def check(folder: Folder, quiet: Quiet = False) -> None:
         pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
         judged = check_records(campaign, trials)
         for one, picture in zip(judged, pictures, strict=True):
-            typer.echo("\n".join(one.lines()))
-            typer.echo(f"  raw plot: {picture}")
+            answer.say("\n".join(one.lines()))
+            answer.say(f"  raw plot: {picture}")
         return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
-def _say_what_is_missing(campaign: Any) -> Exit:
+def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
     """Of a campaign without a record: that its file can be used, whether it is designed, and how it goes on."""
     from seatrial.campaign.data.simulate import no_record
     from seatrial.campaign.workflow.status import standing
 
-    typer.echo(f"{campaign.path} can be used; there is no record to judge yet")
+    answer.say(f"{campaign.path} can be used; there is no record to judge yet")
     design, records, *_ = standing(campaign.folder)
-    typer.echo(f"  {design.name}: {design.state}; {records.name}: {records.state}")
-    typer.echo(f"to go on: {no_record(campaign).remedy}")
+    answer.say(f"  {design.name}: {design.state}; {records.name}: {records.state}")
+    answer.say(f"to go on: {no_record(campaign).remedy}")
     return Exit.OK
 
 
-def tuning(folder: Folder, quiet: Quiet = False) -> None:
+def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Check the tuning of the filter along each fitted record, and say which of P, Q and R to change."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
         from seatrial.campaign.workflow.steps import Workflow
 
         flow = Workflow(campaign, reporter)
         checks = check_filter(campaign, flow.get("full"), flow.get("trials"))
         for check in checks:
-            typer.echo(f"record {check.record.label}")
-            typer.echo("\n".join(check.lines()))
-        typer.echo(WHERE)
+            answer.say(f"record {check.record.label}")
+            answer.say("\n".join(check.lines()))
+        answer.say(WHERE)
         return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
 def calibrate(
+    context: typer.Context,
     folder: Folder,
     replicates: Annotated[
         int, typer.Option(min=20, max=100_000, help="How many truths are drawn and found again.")
@@ -72,13 +73,13 @@ def calibrate(
 ) -> None:
     """Check that stated uncertainty is right: truths from the priors, data from them, and their ranks in the posteriors."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_calibration_picture
 
         found = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
-        typer.echo("\n".join(found.lines()))
-        typer.echo(f"picture: {write_calibration_picture(campaign.folder, campaign.name, found)}")
+        answer.say("\n".join(found.lines()))
+        answer.say(f"picture: {write_calibration_picture(campaign.folder, campaign.name, found)}")
         return Exit.ALARMS if found.calibration.outside() else Exit.OK
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)

@@ -5,10 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Folder, Quiet, with_campaign
+from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
 def simulate(
+    context: typer.Context,
     folder: Folder,
     design: Annotated[
         str | None,
@@ -37,17 +38,20 @@ def simulate(
     A trial that is added stays: later commands estimate from its record too.
     """
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.import_logs import simulate_trials
         from seatrial.campaign.data.simulate import ask_for
 
         ask_for(campaign, design, schedule, label, alone, reporter)
-        return _say_trials(simulate_trials(campaign, reporter))
+        return _say_trials(answer, simulate_trials(campaign, reporter))
 
-    with_campaign(folder, quiet, work)
+    with_campaign(
+        folder, quiet, work, context if (design, schedule, label, alone) == (None, None, None, False) else None
+    )
 
 
 def import_logs(
+    context: typer.Context,
     folder: Folder,
     run: Annotated[
         str | None, typer.Option(help="With --start or --end: only this run; all runs if not given.")
@@ -71,22 +75,22 @@ def import_logs(
 ) -> None:
     """Read real logs into records, by the campaign's channel map."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.import_logs import import_trials
         from seatrial.core.errors import InputError
 
         if start is not None or end is not None:
-            return _say_trials(_trim(campaign, run, start, end, reporter), campaign, accelerations)
+            return _say_trials(answer, _trim(campaign, run, start, end, reporter, answer), campaign, accelerations)
         if run is not None:
             raise InputError(
                 "--run", found=run, expected="--start or --end with it", remedy="give one, or leave it out"
             )
-        return _say_trials(import_trials(campaign, reporter), campaign, accelerations)
+        return _say_trials(answer, import_trials(campaign, reporter), campaign, accelerations)
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context if start is None and end is None else None)
 
 
-def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, reporter: Any) -> Any:
+def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, reporter: Any, answer: Answer) -> Any:
     """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
     from seatrial.apps.campaign_text import read_file, with_trim, write_file
     from seatrial.campaign.config.load import check_text
@@ -117,24 +121,24 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     trials = import_trials(check_text(campaign.folder, text), reporter)
     write_file(campaign.folder, text, seen)
     for own in campaign.imports.own_ends if run is None else ():
-        typer.echo(f"caution: run {own} keeps ends of its own; --run {own} changes them", err=True)
+        answer.say(f"caution: run {own} keeps ends of its own; --run {own} changes them", err=True)
     return trials
 
 
-def _say_trials(trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
+def _say_trials(answer: Answer, trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
     from seatrial.campaign.data.record_cautions import record_cautions
 
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
-        typer.echo(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
+        answer.say(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
         for text in record_cautions(record):
-            typer.echo(f"caution: {text}", err=True)
+            answer.say(f"caution: {text}", err=True)
     if accelerations is not None:
-        _smooth(campaign, trials, accelerations)
+        _smooth(answer, campaign, trials, accelerations)
     return Exit.OK
 
 
-def _smooth(campaign: Any, trials: Any, channels: str) -> None:
+def _smooth(answer: Answer, campaign: Any, trials: Any, channels: str) -> None:
     """Smooth channels of every record, write them with their rates, and say what was found."""
     from seatrial.campaign.data.accelerations import check_names, smooth_channels, write_accelerations
     from seatrial.report.figure_files import write_accelerations_picture
@@ -146,7 +150,7 @@ def _smooth(campaign: Any, trials: Any, channels: str) -> None:
     for record in records:
         found = smooth_channels(campaign.noise, record, names)
         for channel in found:
-            typer.echo(f"record {record.label}, {channel.line}")
+            answer.say(f"record {record.label}, {channel.line}")
         folder = campaign.folder
         paths = (write_accelerations(folder, record, found), write_accelerations_picture(folder, record, found))
-        typer.echo(f"  written: {', '.join(map(str, paths))}")
+        answer.say(f"  written: {', '.join(map(str, paths))}")

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
+from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
 class By(StrEnum):
@@ -17,6 +17,7 @@ class By(StrEnum):
 
 
 def estimate(
+    context: typer.Context,
     folder: Folder,
     by: Annotated[
         By,
@@ -35,15 +36,18 @@ def estimate(
 ) -> None:
     """Estimate the coefficients of every candidate structure."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         _refuse_window(by, window)
         seconds = _seconds(window, "--window")
-        return _by_chains(campaign, reporter) if by is By.CHAINS else _first_answers(campaign, reporter, by, seconds)
+        if by is By.CHAINS:
+            return _by_chains(campaign, reporter, answer)
+        return _first_answers(campaign, reporter, answer, by, seconds)
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context if by is By.CHAINS else None)
 
 
 def profile(
+    context: typer.Context,
     folder: Folder,
     parameter: Annotated[
         list[str] | None, typer.Option(help="Parameter to profile; may be given several times. All if not given.")
@@ -52,22 +56,22 @@ def profile(
 ) -> None:
     """Profile the likelihood of the full structure: where the data alone allow each parameter to be, priors aside."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_profile_picture
 
         found = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
-        typer.echo("\n".join(found.lines()))
-        typer.echo(f"picture: {write_profile_picture(campaign.folder, campaign.name, campaign.truth, found)}")
+        answer.say("\n".join(found.lines()))
+        answer.say(f"picture: {write_profile_picture(campaign.folder, campaign.name, campaign.truth, found)}")
         return Exit.OK
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
-def select(folder: Folder, quiet: Quiet = False) -> None:
+def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Decide which terms the data support."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.selection.select_structure import agreement_words
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_select_picture
@@ -75,30 +79,31 @@ def select(folder: Folder, quiet: Quiet = False) -> None:
         flow = Workflow(campaign, reporter)
         screened, cautions = flow.get("screening")
         if screened is not None:
-            typer.echo("\n".join(screened.lines()))
+            answer.say("\n".join(screened.lines()))
         campaign, selection = flow.get("candidates"), flow.get("selection")
         for structure, evidence, probability in zip(
             selection.structures, selection.evidences, selection.probability, strict=True
         ):
             value = f"log evidence {evidence.log_value:.3f} ± {evidence.std_error:.3f}"
-            typer.echo(f"{structure.label}  {value}  probability {probability:.3f}  {' '.join(structure.terms)}")
-            typer.echo(f"  {agreement_words(evidence)}")
+            answer.say(f"{structure.label}  {value}  probability {probability:.3f}  {' '.join(structure.terms)}")
+            answer.say(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
-            typer.echo(verdict)
+            answer.say(verdict)
         contenders = flow.get("contenders")
         if contenders is not None:
-            typer.echo("\n".join(contenders.lines(selection)))
+            answer.say("\n".join(contenders.lines(selection)))
         if screened is not None or contenders is not None:
-            typer.echo(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
+            answer.say(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
         never = [term for term in campaign.rules.never if term in campaign.structure.optional]
         if never:
             cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
-        return finish(list(selection.alarms), cautions)
+        return answer.finish(list(selection.alarms), cautions)
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
 def criteria(
+    context: typer.Context,
     folder: Folder,
     first: Annotated[
         str | None,
@@ -114,7 +119,7 @@ def criteria(
 ) -> None:
     """Compare the structures by every information criterion, by leave-future-out and by Savage-Dickey ratios."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.selection.criteria import (
             criteria_cautions,
             criteria_lines,
@@ -129,20 +134,20 @@ def criteria(
         trials, campaign = flow.get("trials"), flow.get("candidates")
         future_edges(trials, *lengths.values())
         estimates, found = flow.get("estimates"), flow.get("criteria")
-        typer.echo("\n".join(criteria_lines(found)))
+        answer.say("\n".join(criteria_lines(found)))
         pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
         if pairs:
-            typer.echo("Savage-Dickey, nats in favour of the term:")
+            answer.say("Savage-Dickey, nats in favour of the term:")
         for pair in pairs:
-            typer.echo(f"  {pair.line}")
+            answer.say(f"  {pair.line}")
         alarms = [text for item in estimates for text in item.alarms]
         alarms += [f"evidence and Savage-Dickey do not agree about {pair.line}" for pair in pairs if not pair.agrees]
-        return finish(alarms, criteria_cautions(found))
+        return answer.finish(alarms, criteria_cautions(found))
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
-def _by_chains(campaign: Any, reporter: Any) -> Exit:
+def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.workflow.steps import Workflow
 
@@ -150,34 +155,32 @@ def _by_chains(campaign: Any, reporter: Any) -> Exit:
     estimates = flow.get("estimates")
     said = []
     for item in estimates:
-        typer.echo(f"{item.structure.label}")
+        answer.say(f"{item.structure.label}")
         for name in item.names:
             row = item.data.sel(parameter=name)
-            typer.echo(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
+            answer.say(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
         for name, label, mean, sd, unit in item.own_values():
-            typer.echo(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
+            answer.say(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
         known = known_after(flow.get("candidates"), item, flow.get("trials"))
-        typer.echo("\n".join(known.lines()))
+        answer.say("\n".join(known.lines()))
         said += known.verdict
-    return finish(
+    return answer.finish(
         [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms],
         [text for text in estimates[0].cautions if text not in said],
     )
 
 
-def _first_answers(campaign: Any, reporter: Any, by: By, window: float | None) -> Exit:
+def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
     from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
     trials, campaign = flow.get("trials"), flow.get("candidates")
-    answers = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
-    for answer in answers:
-        typer.echo("\n".join(answer.lines()))
-    typer.echo(MODE if by is By.MODE else REGRESSION)
-    return finish(
-        [answer.alarm for answer in answers if answer.alarm], [answer.caution for answer in answers if answer.caution]
-    )
+    found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
+    for one in found:
+        answer.say("\n".join(one.lines()))
+    answer.say(MODE if by is By.MODE else REGRESSION)
+    return answer.finish([one.alarm for one in found if one.alarm], [one.caution for one in found if one.caution])
 
 
 def _seconds(text: str | None, option: str) -> float | None:

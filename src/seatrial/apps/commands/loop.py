@@ -4,34 +4,35 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
+from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
-def report(folder: Folder, quiet: Quiet = False) -> None:
+def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Write report.html from the results; whatever is missing is computed first."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.next_trial import propose
         from seatrial.campaign.workflow.run import run_loop
 
         outcome = run_loop(campaign, reporter)
-        return _tell_and_report(outcome, propose(outcome))
+        return _tell_and_report(answer, outcome, propose(outcome))
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
-def run(folder: Folder, quiet: Quiet = False) -> None:
+def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Run the whole loop, resuming where it stopped, and write report.html; simulated trials go on to the goal."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.next_trial import run_sequence
 
-        return _tell_and_report(*run_sequence(campaign, reporter))
+        return _tell_and_report(answer, *run_sequence(campaign, reporter))
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
 def next_trial(
+    context: typer.Context,
     folder: Folder,
     execute: Annotated[
         bool, typer.Option("--run", help="Run the proposed trial on the simulated vehicle, and propose again.")
@@ -40,7 +41,7 @@ def next_trial(
 ) -> None:
     """Say which trial to run next and what it promises, or why to stop."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.simulate import add_trial, check_simulated
         from seatrial.campaign.design.schedule import write_schedule
         from seatrial.campaign.store.stored_result import Store
@@ -52,35 +53,35 @@ def next_trial(
         outcome = run_loop(campaign, reporter)
         proposal = propose(outcome)
         if execute and proposal.trial is not None:
-            typer.echo("\n".join(proposal.lines))
+            answer.say("\n".join(proposal.lines))
             add_trial(campaign, proposal.trial)
             outcome = run_loop(campaign, reporter)
             proposal = propose(outcome)
-        typer.echo("\n".join(proposal.lines))
+        answer.say("\n".join(proposal.lines))
         if proposal.trial is not None:
             manoeuvre = proposal.trial.manoeuvre(campaign.families)
             path = write_schedule(Store(folder).proposed, manoeuvre, campaign.family.sample_time)
-            typer.echo(f"schedule: {path}")
-        return finish(outcome.summary["alarms"], outcome.summary["cautions"])
+            answer.say(f"schedule: {path}")
+        return answer.finish(outcome.summary["alarms"], outcome.summary["cautions"])
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context if not execute else None)
 
 
-def _tell_and_report(outcome: Any, proposal: Any) -> Exit:
+def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.report.page import write_report
 
     summary = outcome.summary
     for row in summary["coefficients"]:
-        typer.echo(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
+        answer.say(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
     for fit in outcome.fits:
-        typer.echo(f"  {_said_of(fit)}")
+        answer.say(f"  {_said_of(fit)}")
     for verdict in summary["verdicts"]:
-        typer.echo(verdict)
+        answer.say(verdict)
     for line in proposal.lines:
-        typer.echo(f"next: {line}")
-    typer.echo(f"report: {write_report(outcome)}")
+        answer.say(f"next: {line}")
+    answer.say(f"report: {write_report(outcome)}")
     told = [fit.reason for fit in outcome.fits]
-    return finish(
+    return answer.finish(
         summary["alarms"], [text for text in summary["cautions"] if not any(reason in text for reason in told)]
     )
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Folder, Quiet, finish, with_campaign
+from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
 def init(
@@ -29,23 +29,24 @@ def init(
             typer.echo(f"instead, --template {name}: {meaning}")
 
 
-def prior(folder: Folder, quiet: Quiet = False) -> None:
+def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Show what the priors mean in metres per second, before any data are used."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_prior_picture
 
         found = Workflow(campaign, reporter).get("prior")
-        typer.echo("\n".join(prior_lines(found)))
-        typer.echo(f"picture: {write_prior_picture(campaign.folder, campaign.name, found)}")
-        return finish(prior_alarms(found), prior_cautions(found))
+        answer.say("\n".join(prior_lines(found)))
+        answer.say(f"picture: {write_prior_picture(campaign.folder, campaign.name, found)}")
+        return answer.finish(prior_alarms(found), prior_cautions(found))
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
 def design(
+    context: typer.Context,
     folder: Folder,
     free_form: Annotated[
         int, typer.Option(min=0, max=200, help="Also search so many levels one by one, by gradients.")
@@ -76,7 +77,7 @@ def design(
 ) -> None:
     """Find the most informative trial of the families, inside the limits."""
 
-    def work(campaign: Any, reporter: Any) -> Exit:
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.store.stored_result import Store
         from seatrial.campaign.workflow.steps import Workflow
 
@@ -85,12 +86,12 @@ def design(
         flow = Workflow(campaign, reporter, **settings)
         designs = flow.get("design")
         first, *others = designs.lines()
-        typer.echo(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
+        answer.say(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
         for line in (*others, *designs.safety, *designs.prediction):
-            typer.echo(f"  {line}")
+            answer.say(f"  {line}")
         promised = flow.get("promised")
-        typer.echo(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
-        typer.echo("\n".join(promised.lines()))
+        answer.say(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
+        answer.say("\n".join(promised.lines()))
         options = {
             _free_form: free_form,
             _self_oscillation: self_oscillation,
@@ -99,12 +100,12 @@ def design(
             _searched: search,
             _compared: compare,
         }
-        _each([partial(option, flow) for option, wanted in options.items() if wanted])
+        _each(answer, [partial(option, flow) for option, wanted in options.items() if wanted])
         if not campaign.has_records:
-            typer.echo(f"after the trial its log goes on with this campaign: `seatrial check {folder}` says how")
+            answer.say(f"after the trial its log goes on with this campaign: `seatrial check {folder}` says how")
         return Exit.OK
 
-    with_campaign(folder, quiet, work)
+    with_campaign(folder, quiet, work, context)
 
 
 def _check_options(
@@ -128,7 +129,7 @@ def _check_options(
         check_whole_trials(campaign, "--compare", joules=True)
 
 
-def _each(options: list[Callable[[], list[str]]]) -> None:
+def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
     """Print what each option finds; one that fails does not keep the others from running, and ends the command after them."""
     from seatrial.apps.console import fail
     from seatrial.core.errors import SeatrialError
@@ -136,7 +137,7 @@ def _each(options: list[Callable[[], list[str]]]) -> None:
     failed = []
     for option in options:
         try:
-            typer.echo("\n".join(option()))
+            answer.say("\n".join(option()))
         except SeatrialError as error:
             failed.append(error)
     for error in failed[:-1]:

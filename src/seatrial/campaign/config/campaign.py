@@ -23,6 +23,7 @@ from seatrial.campaign.config.settings import (
 )
 from seatrial.campaign.config.toml import key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
+from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located
 from seatrial.design.motion_limits import MotionLimit
@@ -38,8 +39,6 @@ from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structu
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
-
-FILE_NAME = "campaign.toml"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from math import inf
 from pathlib import Path
 
-from seatrial.campaign.config.campaign import FILE_NAME, Campaign, sensor_models
+from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed, with_known
 from seatrial.campaign.config.file_keys import FileKeys
@@ -34,6 +34,7 @@ from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.truth import check_truth
 from seatrial.campaign.config.vehicle_table import read_vehicle
+from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.selection.structures import Structure
@@ -51,8 +52,7 @@ def load_campaign(folder: Path | str) -> Campaign:
     Raises:
         InputError: no such file, one that is too large or not UTF-8, malformed TOML, unknown or missing key, wrong type, unit or name.
     """
-    folder = Path(folder)
-    folder = folder.parent if folder.name == FILE_NAME and folder.is_file() else folder
+    folder = campaign_folder(Path(folder))
     path = folder / FILE_NAME
     if not path.is_file():
         raise InputError(

@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.files import depend_on
 
 # On which line of a TOML file each key stands, which `tomllib` does not say; for errors about what it has read.
 
@@ -153,6 +154,7 @@ def read_text(path: Path) -> str:
     Raises:
         InputError: too large, or not UTF-8.
     """
+    depend_on(path)
     with path.open("rb") as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:

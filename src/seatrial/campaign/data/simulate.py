@@ -22,6 +22,7 @@ from seatrial.campaign.store.stored_result import (
 )
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.files import depend_on
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
@@ -192,6 +193,7 @@ def _all_trials(campaign: Campaign) -> tuple[Later | None, ...]:
 def _sequence(campaign: Campaign) -> tuple[tuple[Later, ...], bool]:
     """Trials beyond the first, and whether there is no first."""
     path = Store(campaign.folder).sequence
+    depend_on(path)
     if not path.exists():
         return (), False
     content = read_json(path, f"seatrial next {campaign.folder} --run")

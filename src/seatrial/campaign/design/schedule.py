@@ -8,7 +8,7 @@ from typing import Any
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.files import write_json, write_text
+from seatrial.core.files import is_there, write_json, write_text
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import schedule_of, table_text
@@ -38,7 +38,7 @@ def write_schedule(
     back = _way_back(manoeuvre, sample_time, float(rows.controls[control][-1]))
     time = [*map(float, rows.time), *(t for t, _ in back)]
     text = table_text(time, {control: [*map(float, rows.controls[control]), *(value for _, value in back)]})
-    if not path.is_file() or path.read_bytes() != text.encode():
+    if not is_there(path) or path.read_bytes() != text.encode():
         write_text(path, text)
     written = [line.split(",") for line in text.splitlines()[1:]]
     content = {

@@ -22,6 +22,7 @@ from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
+from seatrial.core.files import is_there
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record
 from seatrial.estimation.output_error import initial_name, own_name
@@ -181,7 +182,7 @@ def prior_trial(campaign: Campaign, reporter: Reporter = SILENT) -> PriorTrial:
 def _record(campaign: Campaign, reporter: Reporter) -> Record | None:
     """First fitted record: logs are read, but nothing is designed or simulated for the sake of it."""
     first = next(iter(record_keys(campaign)), FIRST) if campaign.is_simulated else FIRST
-    is_run = (first != FIRST or is_designed(campaign)) and Store(campaign.folder).record(first).is_file()
+    is_run = (first != FIRST or is_designed(campaign)) and is_there(Store(campaign.folder).record(first))
     if not campaign.has_records or (campaign.is_simulated and not is_run):
         return None
     return get_trials(campaign, reporter).fit[0]

@@ -3,16 +3,18 @@
 import json
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Float
 
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.design.utility_agreement import Agreement, compare_utilities
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +65,7 @@ EXPECTED = "expected information gain"
 class Measures:
     """Every measure of some designs, as stored: each by `design`, and `error`, the Monte Carlo error of the expected gain."""
 
-    data: xr.Dataset
+    data: "xr.Dataset"
 
     @property
     def agreements(self) -> tuple[Agreement, ...]:

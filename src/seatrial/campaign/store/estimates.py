@@ -4,10 +4,9 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Bool, Float
 
 from seatrial.campaign.store.stored_result import decoding, read_json, text_of
@@ -19,6 +18,9 @@ from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.remedies import measured, percent
 from seatrial.estimation.validation import Score
 from seatrial.selection.structures import Structure
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 VAIN = 10.0
 """Standard deviation over the value from which a percentage says nothing."""
@@ -55,7 +57,7 @@ class Estimate:
     """
 
     structure: Structure
-    data: xr.Dataset
+    data: "xr.Dataset"
 
     @property
     def key(self) -> str:

@@ -10,8 +10,7 @@ Whether a result still belongs to the campaign file is not asked: `seatrial.camp
 
 from dataclasses import dataclass
 from pathlib import Path
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from seatrial.campaign.rehearsal.result import Rehearsal, read_rehearsal
 from seatrial.campaign.store.designs import (
@@ -56,6 +55,9 @@ from seatrial.campaign.store.structures import (
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -153,11 +155,11 @@ class Results:
         """Read how well each record is predicted."""
         return read_predictions(self.store.predictions)
 
-    def predicted_curves(self) -> xr.Dataset:
+    def predicted_curves(self) -> "xr.Dataset":
         """Read measured and predicted curves, the records one after another on `sample`."""
         return open_dataset(self.store.predictions)
 
-    def filter(self) -> xr.Dataset:
+    def filter(self) -> "xr.Dataset":
         """Read the traces of the filter, the records one after another on `sample`."""
         return open_dataset(self.store.filter)
 

@@ -11,17 +11,28 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 from zipfile import ZIP_STORED
 
 import numpy as np
-import xarray as xr
 
 from seatrial import __version__
 from seatrial.core import dataset_file
 from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored
 from seatrial.core.errors import InputError
-from seatrial.core.files import atomic_path, set_aside, sha256_of_json, write_json
+from seatrial.core.files import atomic_path, depend_on, set_aside, sha256_of_json, write_json
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+FILE_NAME = "campaign.toml"
+"""What a campaign is, in its folder."""
+
+
+def campaign_folder(path: Path) -> Path:
+    """Return the folder of a campaign, which may be named by its file."""
+    return path.parent if path.name == FILE_NAME and path.is_file() else path
 
 
 @dataclass(frozen=True)
@@ -148,6 +159,10 @@ class Store:
         """The page."""
         return self.folder / "report.html"
 
+    def answer(self, name: str) -> Path:
+        """What a command said last."""
+        return self.results / "answers" / f"{name}.json"
+
     def schedule(self, design: Path) -> Path:
         """Table of time and control of a design's best trial, for the operator."""
         return design.with_name(f"{design.stem}_schedule.csv")
@@ -227,19 +242,18 @@ class StoredResult(Generic[Result]):
 
     def state(self) -> State:
         """Return whether it is current; nothing is moved, and of a dataset the header alone is read."""
+        depend_on(self.path)
         if not self.path.is_file():
             return "missing"
         return "current" if stamp_of(self.path) == self.key else "stale"
 
-    def write(self, content: xr.Dataset | Mapping[str, Any]) -> None:
+    def write(self, content: "xr.Dataset | Mapping[str, Any]") -> None:
         """Write it with its key, atomically."""
-        if isinstance(content, xr.Dataset):
-            write_dataset(self.path, content, self.key)
-        else:
-            write_stamped_json(self.path, content, self.key)
+        write: Callable[..., None] = write_stamped_json if self.path.suffix == ".json" else write_dataset
+        write(self.path, content, self.key)
 
     def read_or_make(
-        self, make: Callable[[], xr.Dataset | Mapping[str, Any]], after: Callable[[], object] | None = None
+        self, make: "Callable[[], xr.Dataset | Mapping[str, Any]]", after: Callable[[], object] | None = None
     ) -> Result:
         """Read it if it is current and sound; otherwise make it, write it, and read what was written.
 
@@ -258,7 +272,7 @@ class StoredResult(Generic[Result]):
         return self.read(self.path)
 
 
-def write_dataset(path: Path, dataset: xr.Dataset, key: str) -> None:
+def write_dataset(path: Path, dataset: "xr.Dataset", key: str) -> None:
     """Write a stamped NetCDF file, atomically."""
     dataset_file.write_dataset(path, dataset.assign_attrs(key=key, seatrial_version=__version__))
 
@@ -275,6 +289,7 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
     Raises:
         InputError: missing, damaged or edited; the remedy names the command that makes it.
     """
+    depend_on(path)
     try:
         content = json.loads(path.read_bytes())
         if sha256_of_json({name: value for name, value in content.items() if name != SEAL}) != content.get(SEAL):
@@ -351,6 +366,7 @@ def _stamp(path: Path) -> str | None:
     Raises:
         InputError: a damaged one.
     """
+    depend_on(path)
     if not path.exists():
         return None
     if path.suffix == ".json":

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from seatrial.selection.verdict import Selection
 
 
@@ -159,7 +160,7 @@ class Screened:
             `log_bayes_factor` along `scale`, the factor on prior standard deviations.
     """
 
-    data: xr.Dataset
+    data: "xr.Dataset"
 
     @property
     def optional(self) -> list[str]:
@@ -217,7 +218,7 @@ class Contenders:
             factor, NaN where a limit is broken.
     """
 
-    data: xr.Dataset
+    data: "xr.Dataset"
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -244,7 +245,7 @@ class Contenders:
         name = str(self.data["manoeuvre"].values[manoeuvre])
         return name if manoeuvre == self.data.sizes["manoeuvre"] - 1 else f"run {name}"
 
-    def curve(self, manoeuvre: int) -> xr.Dataset:
+    def curve(self, manoeuvre: int) -> "xr.Dataset":
         """Samples of one manoeuvre."""
         return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.simulate import Chosen, add_trial, chosen_of
@@ -72,7 +72,7 @@ def settling(contenders: Contenders, probability: Sequence[float]) -> float:
     enough, spread = np.log(DECIDED / (1 - DECIDED)), np.sqrt(2 * m)
 
     def beyond(mean: float) -> float:
-        return float(ndtr((mean - enough) / spread) + ndtr((-mean - enough) / spread))
+        return float(scipy.special.ndtr((mean - enough) / spread) + scipy.special.ndtr((-mean - enough) / spread))
 
     return share * beyond(odds + m) + (1 - share) * beyond(-odds + m)
 

@@ -1,10 +1,9 @@
 """The whole loop: design, simulate or import, estimate, select, and say what to run next."""
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -21,6 +20,9 @@ from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.manoeuvres.family import Family
 from seatrial.selection.verdict import Selection
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ENOUGH = 0.2
 """Entropy reduction, nats, below which another trial of the family is not worth running."""
@@ -55,9 +57,9 @@ class Outcome:
     estimates: tuple[Estimate, ...]
     selection: Selection
     chosen: Estimate
-    filter: xr.Dataset
+    filter: "xr.Dataset"
     fits: tuple[Fit, ...]
-    predictions: xr.Dataset
+    predictions: "xr.Dataset"
     known: Known
     promised: Known | None
     first: Designs | None

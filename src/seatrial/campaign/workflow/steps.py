@@ -7,44 +7,53 @@ of the campaign file and of the keys of what the step needs.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.import_logs import get_trials, stored_record, trials_key
-from seatrial.campaign.data.simulate import record_keys
-from seatrial.campaign.design.batch import plan_together
-from seatrial.campaign.design.compare_utilities import compare_measures, stored_measures
-from seatrial.campaign.design.free_form import design_free_trial, stored_free_trial
-from seatrial.campaign.design.global_search import search_design, stored_search
-from seatrial.campaign.design.relay import design_relay_trial, stored_relay
-from seatrial.campaign.design.sensors import sensor_table
-from seatrial.campaign.design.sweep import design_first, design_next, is_designed, stored_first, stored_next
-from seatrial.campaign.inference.calibration import calibrate, stored_calibration
-from seatrial.campaign.inference.estimate import estimate_all, estimate_key, stored_estimates
-from seatrial.campaign.inference.filter_trace import stored_filter, trace_filter
-from seatrial.campaign.inference.identifiability import (
-    known_after,
-    known_before,
-    stored_known_after,
-    stored_known_before,
-)
-from seatrial.campaign.inference.omitted_effects import left_out, stored_left_out
-from seatrial.campaign.inference.predict import predict_all, stored_predictions
-from seatrial.campaign.inference.profile import profile_all, stored_profiles
-from seatrial.campaign.prior.predictive import predict_from_prior
-from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
-from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
-from seatrial.campaign.selection.runner_up import contending, find_contenders, stored_contenders
-from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening, with_shortlist
-from seatrial.campaign.selection.select_structure import current_selection, select_structure, stored_selection
 from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Summary, read_summary
 from seatrial.core.errors import InputError
+from seatrial.core.files import depend_on
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record_file import read_record
 from seatrial.logs.formats.registry import hash_of_log
 from seatrial.selection.structures import Structure
+
+
+class _Module:
+    """A module of campaigns; each of its functions imports it when called, since most bring libraries that others do not need."""
+
+    def __init__(self, name: str):
+        self._name = f"seatrial.campaign.{name}"
+
+    def __getattr__(self, function: str) -> Callable[..., Any]:
+        return lambda *given: getattr(import_module(self._name), function)(*given)
+
+
+import_logs = _Module("data.import_logs")
+simulate = _Module("data.simulate")
+batch = _Module("design.batch")
+compare_utilities = _Module("design.compare_utilities")
+free_form = _Module("design.free_form")
+global_search = _Module("design.global_search")
+relay = _Module("design.relay")
+sensors = _Module("design.sensors")
+sweep = _Module("design.sweep")
+calibration = _Module("inference.calibration")
+estimate = _Module("inference.estimate")
+filter_trace = _Module("inference.filter_trace")
+identifiability = _Module("inference.identifiability")
+omitted_effects = _Module("inference.omitted_effects")
+predict = _Module("inference.predict")
+profile = _Module("inference.profile")
+prior = _Module("prior.predictive")
+rehearsal = _Module("rehearsal.run")
+criteria = _Module("selection.criteria")
+runner_up = _Module("selection.runner_up")
+screening = _Module("selection.screening")
+select_structure = _Module("selection.select_structure")
 
 
 @dataclass(frozen=True)
@@ -163,7 +172,7 @@ class Workflow:
 
 def _first(campaign: Campaign, reporter: Reporter) -> Any:
     """Return the designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
-    return design_first(campaign, reporter) if campaign.imports is None or is_designed(campaign) else None
+    return sweep.design_first(campaign, reporter) if campaign.imports is None or sweep.is_designed(campaign) else None
 
 
 def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
@@ -172,11 +181,13 @@ def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
     if not campaign.has_records:
         raise NotCurrent
     if imports is None:
-        yield from (StoredResult(store.record(label), key, read_record) for label, key in record_keys(campaign).items())
+        yield from (
+            StoredResult(store.record(label), key, read_record) for label, key in simulate.record_keys(campaign).items()
+        )
         return
     for run in imports.runs:
         try:
-            yield stored_record(campaign, imports, run, _hash_of)
+            yield import_logs.stored_record(campaign, imports, run, _hash_of)
         except InputError:
             yield StoredResult(store.record(run), "", read_record)
 
@@ -184,7 +195,7 @@ def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
 def _seen_trials(stored: Sequence[StoredResult], campaign: Campaign) -> UnreadTrials:
     _must_be_current(stored)
     keys = [one.key for one in stored]
-    return UnreadTrials(keys[-1] if campaign.imports is None else trials_key(campaign.imports, keys))
+    return UnreadTrials(keys[-1] if campaign.imports is None else import_logs.trials_key(campaign.imports, keys))
 
 
 def _seen_estimates(stored: Sequence[StoredResult], campaign: Campaign, trials: UnreadTrials) -> list[UnreadEstimate]:
@@ -194,12 +205,14 @@ def _seen_estimates(stored: Sequence[StoredResult], campaign: Campaign, trials: 
 def _seen_selection(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Any:
     """Return the selection itself, which says what is chosen."""
     _must_be_current(stored)
-    return current_selection(campaign, trials)
+    return select_structure.current_selection(campaign, trials)
 
 
 def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Iterator[StoredResult]:
-    best, *others = (UnreadEstimate(estimate_key(campaign, one, trials), one) for one in contending(selection))
-    yield from (stored_contenders(campaign, best, runner, trials) for runner in others)
+    best, *others = (
+        UnreadEstimate(estimate.estimate_key(campaign, one, trials), one) for one in runner_up.contending(selection)
+    )
+    yield from (runner_up.stored_contenders(campaign, best, runner, trials) for runner in others)
 
 
 def stored_summary(campaign: Campaign, estimates: Sequence[Any]) -> StoredResult[Summary]:
@@ -210,15 +223,16 @@ def stored_summary(campaign: Campaign, estimates: Sequence[Any]) -> StoredResult
 
 def _shortlisted(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Campaign:
     _must_be_current(stored)
-    return with_shortlist(campaign, trials)
+    return screening.with_shortlist(campaign, trials)
 
 
 def _promised(campaign: Campaign, first: Any) -> Any:
-    return None if first is None else known_before(campaign, first.best)
+    return None if first is None else identifiability.known_before(campaign, first.best)
 
 
 def _hash_of(path: Path) -> str:
     """Return the hash of a log, kept while its size and time of change stay."""
+    depend_on(path)
     if not path.is_file():
         return hash_of_log(path)
     there = path.stat()
@@ -236,7 +250,7 @@ LOOP = (
         "first",
         ("campaign", "reporter"),
         _first,
-        lambda campaign: [stored_first(campaign)],
+        lambda campaign: [sweep.stored_first(campaign)],
         "design.nc",
         listed="design",
         command="design",
@@ -244,7 +258,7 @@ LOOP = (
     Step(
         "trials",
         ("campaign", "reporter"),
-        get_trials,
+        import_logs.get_trials,
         _stored_trials,
         "records/*.nc",
         _seen_trials,
@@ -254,23 +268,25 @@ LOOP = (
     Step(
         "screening",
         ("campaign", "trials", "reporter"),
-        screening_of,
-        lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else [],
+        screening.screening_of,
+        lambda campaign, trials: (
+            [screening.stored_screening(campaign, trials)] if screening.can_be_screened(campaign) else []
+        ),
         "screening.nc",
     ),
     Step(  # the campaign with what a screening has left of its structures
         "candidates",
         ("campaign", "trials", "reporter"),
-        with_shortlist,
-        lambda campaign, trials: [stored_screening(campaign, trials)] if campaign.is_large else [],
+        screening.with_shortlist,
+        lambda campaign, trials: [screening.stored_screening(campaign, trials)] if campaign.is_large else [],
         "screening.nc",
         _shortlisted,
     ),
     Step(
         "estimates",
         ("candidates", "trials", "reporter"),
-        estimate_all,
-        lambda campaign, trials: stored_estimates(campaign, trials).values(),
+        estimate.estimate_all,
+        lambda campaign, trials: estimate.stored_estimates(campaign, trials).values(),
         "posterior/*.nc",
         _seen_estimates,
         listed="estimate",
@@ -279,8 +295,8 @@ LOOP = (
     Step(
         "selection",
         ("candidates", "trials", "reporter"),
-        select_structure,
-        lambda campaign, trials: [stored_selection(campaign, trials)],
+        select_structure.select_structure,
+        lambda campaign, trials: [select_structure.stored_selection(campaign, trials)],
         "selection.json",
         _seen_selection,
         listed="select",
@@ -291,29 +307,29 @@ LOOP = (
     Step(
         "known",
         ("candidates", "chosen", "trials"),
-        known_after,
-        lambda campaign, chosen, trials: [stored_known_after(campaign, chosen)],
+        identifiability.known_after,
+        lambda campaign, chosen, trials: [identifiability.stored_known_after(campaign, chosen)],
         "known/*.json",
     ),
     Step(
         "promised",
         ("campaign", "first"),
         _promised,
-        lambda campaign, first: [stored_known_before(campaign)],
+        lambda campaign, first: [identifiability.stored_known_before(campaign)],
         "known/design.json",
     ),
     Step(
         "filter",
         ("candidates", "full", "trials"),
-        trace_filter,
-        lambda campaign, full, trials: [stored_filter(campaign, full)],
+        filter_trace.trace_filter,
+        lambda campaign, full, trials: [filter_trace.stored_filter(campaign, full)],
         "filter.nc",
     ),
     Step(
         "predictions",
         ("candidates", "chosen", "trials"),
-        predict_all,
-        lambda campaign, chosen, trials: [stored_predictions(campaign, chosen, trials)],
+        predict.predict_all,
+        lambda campaign, chosen, trials: [predict.stored_predictions(campaign, chosen, trials)],
         "predictions.nc",
         listed="predict",
         command="run",
@@ -321,8 +337,8 @@ LOOP = (
     Step(
         "next",
         ("candidates", "chosen", "reporter"),
-        design_next,
-        lambda campaign, chosen: [stored_next(campaign, chosen)],
+        sweep.design_next,
+        lambda campaign, chosen: [sweep.stored_next(campaign, chosen)],
         "next.nc",
         listed="next",
         command="next",
@@ -330,84 +346,84 @@ LOOP = (
     Step(
         "contenders",
         ("candidates", "selection", "trials", "reporter"),
-        find_contenders,
+        runner_up.find_contenders,
         _stored_contenders,
         "contenders.nc",
     ),
     Step(
         "left_out",
         ("candidates", "chosen", "trials"),
-        left_out,
-        lambda campaign, chosen, trials: [stored_left_out(campaign, chosen)],
+        omitted_effects.left_out,
+        lambda campaign, chosen, trials: [omitted_effects.stored_left_out(campaign, chosen)],
         "known/*-left-out.json",
     ),
 )
 """Steps of the whole loop, in the order in which they are made."""
 BESIDE = (
-    Step("prior", ("campaign", "reporter"), predict_from_prior),
+    Step("prior", ("campaign", "reporter"), prior.predict_from_prior),
     Step(
         "design",
         ("campaign", "reporter"),
-        design_first,
-        lambda campaign: [stored_first(campaign)],
+        sweep.design_first,
+        lambda campaign: [sweep.stored_first(campaign)],
         "design.nc",
     ),
     Step(
         "free_form",
         ("campaign", "levels", "reporter"),
-        design_free_trial,
-        lambda campaign, levels: [stored_free_trial(campaign, levels)],
+        free_form.design_free_trial,
+        lambda campaign, levels: [free_form.stored_free_trial(campaign, levels)],
         "free_form.json",
     ),
     Step(
         "relay",
         ("campaign", "reporter"),
-        design_relay_trial,
-        lambda campaign: [stored_relay(campaign)],
+        relay.design_relay_trial,
+        lambda campaign: [relay.stored_relay(campaign)],
         "self_oscillation.json",
     ),
     Step(
         "searched",
         ("campaign", "budget", "reporter"),
-        search_design,
-        lambda campaign, budget: [stored_search(campaign, budget)],
+        global_search.search_design,
+        lambda campaign, budget: [global_search.stored_search(campaign, budget)],
         "searched.json",
     ),
     Step(
         "measures",
         ("campaign", "designs", "reporter"),
-        compare_measures,
-        lambda campaign, designs: [stored_measures(campaign, designs)],
+        compare_utilities.compare_measures,
+        lambda campaign, designs: [compare_utilities.stored_measures(campaign, designs)],
         "measures.nc",
     ),
-    Step("batch", ("campaign", "together", "reporter"), plan_together),
-    Step("sensors", ("campaign", "reporter"), sensor_table),
+    Step("batch", ("campaign", "together", "reporter"), batch.plan_together),
+    Step("sensors", ("campaign", "reporter"), sensors.sensor_table),
     Step(
         "rehearsal",
         ("campaign", "vehicles", "reporter"),
-        rehearse,
-        lambda campaign, vehicles: [stored_rehearsal(campaign)],
+        rehearsal.rehearse,
+        lambda campaign, vehicles: [rehearsal.stored_rehearsal(campaign)],
         "rehearsal.nc",
     ),
     Step(
         "profiles",
         ("campaign", "trials", "parameters", "reporter"),
-        profile_all,
-        lambda campaign, trials, parameters: [stored_profiles(campaign, trials)],
+        profile.profile_all,
+        lambda campaign, trials, parameters: [profile.stored_profiles(campaign, trials)],
         "profiles/*.json",
     ),
     Step(
         "criteria",
         ("candidates", "estimates", "trials", "from_time", "block", "reporter"),
-        criteria_all,
-        lambda campaign, estimates, *_: [stored_criteria(campaign, one) for one in estimates],
+        criteria.criteria_all,
+        lambda campaign, estimates, *_: [criteria.stored_criteria(campaign, one) for one in estimates],
         "criteria/*.nc",
     ),
     Step(
         "calibration",
         ("campaign", "trials", "replicates", "method", "reporter"),
-        calibrate,
-        lambda campaign, trials, *settings: [stored_calibration(campaign, trials, *settings)],
+        calibration.calibrate,
+        lambda campaign, trials, *settings: [calibration.stored_calibration(campaign, trials, *settings)],
         "calibration-*.nc",
     ),
 )

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.files import sha256_of, sha256_of_json
+from seatrial.core.files import depend_on, sha256_of, sha256_of_json
 from seatrial.core.processes import Elsewhere, apart
 from seatrial.logs.formats import dataflash, matlab, moos, netcdf, parquet, ros, telemetry, text
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
@@ -144,6 +144,7 @@ def hash_of_log(path: Path) -> str:
     """SHA-256 of a log's bytes; of the hashes of its files where it is a folder."""
     if not path.is_dir():
         return sha256_of(path)
+    depend_on(path)
     return sha256_of_json({file.name: sha256_of(file) for file in sorted(path.iterdir()) if file.is_file()})
 
 

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError, nearest
@@ -187,6 +186,8 @@ def _checked(cells: np.ndarray, log: LogFile, first: int, place: int, name: str)
     Raises:
         InputError: the first cell that is neither empty nor a finite number.
     """
+    import pandas as pd
+
     values = _floats(cells)
     for bad, expected in (
         (np.isnan(values) & np.asarray(pd.notna(cells)), "a number"),
@@ -201,6 +202,8 @@ def _floats(cells: np.ndarray) -> Float[np.ndarray, " n"]:
     """Convert a parsed column; NaN where a cell is not a number."""
     if cells.dtype.kind in "iuf":
         return cells.astype(float)
+    import pandas as pd
+
     return np.asarray(pd.to_numeric(np.array([str(cell) for cell in cells], object), errors="coerce"), float)
 
 
@@ -284,6 +287,8 @@ def _frames(
     log: LogFile, layout: _Layout, places: list[int], kinds: Any = None
 ) -> Iterator[tuple[dict[int, np.ndarray], float]]:
     """Parse some columns, some thousand rows at a time; yields them by position, and the share of the file that is read."""
+    import pandas as pd  # a third of a second, which only a log that is read is worth
+
     size, found = max(log.path.stat().st_size, 1), 0
     with _opened(log) as (stream, raw):
         for _ in range(layout.above):

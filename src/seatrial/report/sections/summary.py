@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.config.campaign import FILE_NAME
-from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.stored_result import FILE_NAME, Store
 from seatrial.campaign.workflow.run import ENOUGH, Outcome
 from seatrial.core.display_units import shown_unit
+from seatrial.core.files import is_there
 from seatrial.manoeuvres.shapes import SHAPES
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html
@@ -313,4 +313,4 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
         (store.schedule(store.next_design), "control of the next trial over time, its unit in the header"),
         (store.summary, "everything above in numbers, SI"),
     ]
-    return [(path.relative_to(folder).as_posix(), words) for path, words in listed if path.is_file()]
+    return [(path.relative_to(folder).as_posix(), words) for path, words in listed if is_there(path)]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from seatrial.campaign.config.campaign import FILE_NAME
+from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 
