@@ -212,7 +212,7 @@ def output_error(
         _check_even(record)
     if current:
         _check_current(model, chosen)
-    complete = tuple(bool(channel.present.all()) for channel in data.channels)
+    complete = tuple(bool(np.asarray(channel.present).all()) for channel in data.channels)
     simulator = Simulator(model, chosen, delay, current)
     return OutputError(simulator, complete, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
 

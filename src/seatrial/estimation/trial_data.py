@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -65,16 +64,15 @@ def stack_trials(
     """
     trials = [_trial(record, model, channels, start) for record, start in zip(records, initial, strict=True)]
 
-    def pad(*arrays: np.ndarray) -> Array:
+    def pad(*arrays: np.ndarray) -> np.ndarray:
         length = max(array.size for array in arrays)
-        return jnp.asarray(np.stack([np.pad(array, (0, length - array.size)) for array in arrays]))
+        return np.stack([np.pad(array, (0, length - array.size)) for array in arrays])
 
     stacked = jax.tree.map(pad, *trials)
-    return stacked._replace(
-        channels=tuple(
-            channel._replace(gaps=jnp.where(channel.counts > 0, channel.gaps, FOREVER)) for channel in stacked.channels
-        )
+    channels = tuple(
+        channel._replace(gaps=np.where(channel.counts > 0, channel.gaps, FOREVER)) for channel in stacked.channels
     )
+    return jax.device_put(stacked._replace(channels=channels))
 
 
 def _trial(record: Record, model: VehicleModel, channels: Sequence[str], initial: Sequence[float]) -> TrialData:
