@@ -1,4 +1,4 @@
-"""How many lanes go at once, and which loops stay loops, on the backend in use; a lane is one simulation of many that differ.
+"""How many lanes and samples go at once, and which loops stay loops, on the backend in use; a lane is one simulation of many that differ.
 
 On a processor a block of lanes should fit its cache, and a whole time loop is one kernel. On an accelerator every turn of a
 loop is launched anew, and takes as long for one lane as for thousands: all lanes go at once, as far as its memory holds them.
@@ -10,12 +10,26 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
+import numpy as np
 
 MEMORY = 8 << 30
 """Bytes on an accelerator that one call may take: two thirds of what JAX reserves on a card of 16 GB, one of the smallest that are
 made for double precision. The same on every card, so that equal cards of unequal memory give equal bits."""
 _FEW = 8
 """Lanes of the smaller of two calls from which is told what a lane takes."""
+
+
+def bucket_length(samples: int) -> int:
+    """Return the length to which arrays of so many samples are filled, at most an eighth more: like lengths share compiled programs."""
+    unit = max(1, 1 << max(0, (samples - 1).bit_length() - 4))
+    return -(-samples // unit) * unit
+
+
+def filled(array: Any, samples: int, value: float | None = None) -> np.ndarray:
+    """Return an array whose first axis counts samples, filled up with a value, or with its last sample where none is given."""
+    array = np.asarray(array)
+    more = [(0, samples - len(array)), *[(0, 0)] * (array.ndim - 1)]
+    return np.pad(array, more, "edge") if value is None else np.pad(array, more, constant_values=value)
 
 
 def backend() -> str:

@@ -1,9 +1,12 @@
 """A Gaussian by its mean and the lower Cholesky factor of its covariance, and its differential entropy."""
 
-from typing import NamedTuple
+from math import e, log, pi
+from typing import Any, NamedTuple
 
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+
+from seatrial.core.array_module import array_module
 
 
 class Gaussian(NamedTuple):
@@ -15,25 +18,35 @@ class Gaussian(NamedTuple):
     @property
     def cov(self) -> Float[Array, "*batch n n"]:
         """Covariance matrix."""
-        return self.chol_cov @ jnp.swapaxes(self.chol_cov, -1, -2)
+        return self.chol_cov @ array_module(self.chol_cov).swapaxes(self.chol_cov, -1, -2)
 
     @property
     def sd(self) -> Float[Array, "*batch n"]:
         """Marginal standard deviations."""
-        return jnp.sqrt(jnp.sum(self.chol_cov**2, axis=-1))
+        xp = array_module(self.chol_cov)
+        return xp.sqrt(xp.sum(self.chol_cov**2, axis=-1))
 
     def marginal(self, start: int) -> "Gaussian":
         """Return the marginal of the components from `start` on."""
         cov = self.cov[..., start:, start:]
-        return Gaussian(self.mean[..., start:], jnp.linalg.cholesky(cov))
+        return Gaussian(self.mean[..., start:], _cholesky(cov))
 
     def entropy(self) -> Float[Array, "*batch"]:
         """Differential entropy in nats: 0.5 log((2 pi e)^n |P|), Cover and Thomas (2006), theorem 8.4.1."""
-        n = self.mean.shape[-1]
-        diagonal = jnp.diagonal(self.chol_cov, axis1=-2, axis2=-1)
-        return 0.5 * n * jnp.log(2 * jnp.pi * jnp.e) + jnp.sum(jnp.log(jnp.abs(diagonal)), axis=-1)
+        n, xp = self.mean.shape[-1], array_module(self.chol_cov)
+        diagonal = xp.diagonal(self.chol_cov, axis1=-2, axis2=-1)
+        return 0.5 * n * log(2 * pi * e) + xp.sum(xp.log(xp.abs(diagonal)), axis=-1)
+
+
+def _cholesky(cov: Any) -> Any:
+    """Lower factor, NaN where there is none, by NumPy as by JAX."""
+    try:
+        return array_module(cov).linalg.cholesky(cov)
+    except np.linalg.LinAlgError:
+        return np.full_like(cov, np.nan)
 
 
 def independent(mean: Float[Array, " n"], sd: Float[Array, " n"]) -> Gaussian:
     """Gaussian with independent components of the given standard deviations."""
-    return Gaussian(jnp.asarray(mean, float), jnp.diag(jnp.asarray(sd, float)))
+    xp = array_module(mean, sd)
+    return Gaussian(xp.asarray(mean, float), xp.diag(xp.asarray(sd, float)))

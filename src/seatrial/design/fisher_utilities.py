@@ -7,14 +7,12 @@ Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, ch. 10; with a p
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any, Protocol
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from seatrial.core.array_module import array_module
 from seatrial.core.errors import InputError, nearest
 
 # Telling structures apart: how much evidence a trial brings that terms are there which a rival structure leaves out.
@@ -46,11 +44,11 @@ class Discrimination:
 
     def __call__(self, information: Float[Array, "*batch S k k"]) -> Float[Array, "*batch S"]:
         """Return the utility of information matrices, one for each draw along the axis before the last two."""
-        xp = jnp if isinstance(information, jax.Array) else np
+        xp = array_module(information)
         return xp.stack([self._against(information, absent) for absent in self.absent]).min(0)
 
     def _against(self, information: Array, absent: np.ndarray) -> Array:
-        xp = jnp if isinstance(information, jax.Array) else np
+        xp = array_module(information)
         a, kept = np.flatnonzero(absent), np.flatnonzero(~absent)
         theta = self.draws[:, a]
         force = (information[..., a, :] * theta[..., :, None]).sum(-2)
@@ -98,7 +96,7 @@ class Entropy:
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
-        xp = _namespace(information)
+        xp = array_module(information)
         return 0.5 * xp.linalg.slogdet(_gained(self.factor, information) + np.eye(len(self.factor)))[1]
 
 
@@ -146,7 +144,7 @@ class Balance:
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
-        xp = _namespace(information)
+        xp = array_module(information)
         values = _eigenvalues(self.factor, information)
         least, largest = values[..., 0], values[..., -1]
         ratio = least / xp.where(largest > 0.0, largest, 1.0)
@@ -167,7 +165,7 @@ class PredictionCriterion:
         """See `Criterion`."""
         seen = self.gradient @ self.factor
         direction = (seen / np.linalg.norm(seen))[None]
-        return -0.5 * _namespace(information).log(_left(direction, self.factor, information)[..., 0])
+        return -0.5 * array_module(information).log(_left(direction, self.factor, information)[..., 0])
 
 
 CRITERIA: dict[str, Callable[..., Criterion]] = {
@@ -240,16 +238,12 @@ def _gained(factor: np.ndarray, information: Array) -> Any:
 
 def _eigenvalues(factor: np.ndarray, information: Array) -> Array:
     """Eigenvalues of G, rising; below 0 there is only rounding."""
-    xp = _namespace(information)
+    xp = array_module(information)
     return xp.maximum(xp.linalg.eigvalsh(_gained(factor, information)), 0.0)
 
 
 def _left(rows: np.ndarray, factor: np.ndarray, information: Array) -> Array:
     """Return the variance after the trial, r (I + G)^-1 r^T, of every row r."""
     total = _gained(factor, information) + np.eye(len(factor))
-    solved = _namespace(information).linalg.solve(total, np.broadcast_to(rows.T, (*total.shape[:-2], *rows.T.shape)))
+    solved = array_module(information).linalg.solve(total, np.broadcast_to(rows.T, (*total.shape[:-2], *rows.T.shape)))
     return (rows * solved.swapaxes(-1, -2)).sum(-1)
-
-
-def _namespace(x: Array) -> ModuleType:
-    return jnp if isinstance(x, jax.Array) else np

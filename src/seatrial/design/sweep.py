@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.batching import lanes_at_once, on_accelerator
+from seatrial.core.batching import bucket_length, filled, lanes_at_once, on_accelerator
 from seatrial.core.display_units import shown_unit
 from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
@@ -134,11 +134,14 @@ def sweep_family(
     controls = all_controls(family, trim, amplitudes, periods)
     allowed = _allowed(family, controls[..., _place(family, trim)], amplitudes, periods, limits)
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
-    start = space.initial.mean if truth is None else jnp.asarray(truth, float)
-    gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
+    start = space.initial.mean if truth is None else np.asarray(truth, float)
+    gaps = np.where(mask > 0, 0.0, np.nan)
     predict = _predict(method or unscented_filter(len(space.states)))
-    step = jnp.asarray(family.sample_time)
-    gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), controls)
+    # After the last sample no time passes and nothing is measured.
+    n, size = controls.shape[1], bucket_length(controls.shape[1])
+    step, gaps = filled(np.full(n - 1, family.sample_time), size, 0.0), filled(gaps, size, np.nan)
+    lanes = filled(controls.swapaxes(0, 1), size).swapaxes(0, 1)
+    gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), lanes)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
         worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
@@ -221,15 +224,13 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
     lanes = lanes_at_once(run, *designs, cpu=LANES)
     blocks = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1).reshape(-1, lanes)
     with ThreadPoolExecutor(max_workers=1 if on_accelerator() else cores()) as pool:
-        results = pool.map(
-            lambda block: jax.tree.map(np.asarray, run(*(jnp.asarray(x[block]) for x in designs))), blocks
-        )
+        results = pool.map(lambda block: jax.tree.map(np.asarray, run(*(x[block] for x in designs))), blocks)
         return [np.concatenate(parts)[:n] for parts in zip(*results, strict=True)]
 
 
 @lru_cache(maxsize=16)
 def _predict(method: Filter):
-    def one(space: StateSpace, start: Array, control: Array, step: Array, gaps: Array):
+    def one(space: StateSpace, start: Array, control: Array, steps: Array, gaps: Array):
         d = space.n_dynamic
         fixed = tuple(start[d:])
 
@@ -240,7 +241,6 @@ def _predict(method: Filter):
             return memory, (space.observe((*state, *fixed), held), state[0])
 
         columns = tuple(control[:, i] for i in range(control.shape[1]))
-        steps = jnp.broadcast_to(step, control.shape[:1])
         _, (outputs, speed) = time_loop(move, tuple(start[:d]), columns, steps, look)
         measurement = jnp.stack(outputs, -1) + gaps
         summary = summarise_filter(method, space, control, measurement, steps)

@@ -120,7 +120,7 @@ def plan_trial(
     return TrialPlan(
         model,
         tuple(noise),
-        jnp.asarray(start, float),
-        jnp.full(n, float(sample_time)),
-        jnp.asarray(weight if measured is None else np.where(measured > 0, weight, 0.0)),
+        np.asarray(start, float),
+        np.full(n, float(sample_time)),
+        weight if measured is None else np.where(measured > 0, weight, 0.0),
     )

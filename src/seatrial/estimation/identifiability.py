@@ -7,14 +7,13 @@ before the data of (I + P^-1)^-1 with the prior's P: over half the value, or ove
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
 from itertools import combinations
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.batching import bucket_length, filled
 from seatrial.core.errors import InputError
 from seatrial.estimation.combinations import (
     Combination,
@@ -315,10 +314,11 @@ def identifiability_of_design(
     """
     values = _prior_means(parameters)
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
-    step = jnp.full(len(control), sample_time)
-    weight = jnp.broadcast_to(1.0 / jnp.array(list(noise.values()), float), (len(control), len(noise)))
-    run = _design_information(model, tuple(noise))
-    information = np.asarray(run(params, jnp.asarray(control, float), step, jnp.asarray(start, float), weight))
+    n, size = len(control), bucket_length(len(control))
+    control, step = filled(np.asarray(control, float), size), filled(np.full(n, float(sample_time)), size, 0.0)
+    weight = filled(np.broadcast_to(1.0 / np.array(list(noise.values()), float), (n, len(noise))), size, 0.0)
+    begin = np.asarray(start, float)
+    information = np.asarray(coefficient_information(model, tuple(noise), params, control, step, begin, weight))
     return identify(parameters, values, information, at=at)
 
 
@@ -326,11 +326,6 @@ def _untouched(name: str) -> str:
     if name.startswith("sigma_"):
         return f"no measurement of {name.removeprefix('sigma_')} is left, so that the data do not touch {name}"
     return f"the data do not touch {name}: no measurement depends on it; fix it, or measure what it moves"
-
-
-@lru_cache(maxsize=16)
-def _design_information(model: VehicleModel, channels: tuple[str, ...]):
-    return jax.jit(partial(coefficient_information, model, channels))
 
 
 def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:

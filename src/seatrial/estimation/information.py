@@ -90,6 +90,7 @@ def is_noise(posterior: Posterior) -> np.ndarray:
     return np.array([name in names for name in posterior.present_names])
 
 
+@partial(jax.jit, static_argnums=(0, 1))
 def coefficient_information(
     model: VehicleModel,
     channels: tuple[str, ...],
@@ -104,8 +105,8 @@ def coefficient_information(
     The sensitivities travel with the state and are summed at once, so that memory does not grow with the number of samples.
 
     Args:
-        model: vehicle.
-        channels: measured channels, white noise.
+        model: vehicle; static.
+        channels: measured channels, white noise; static.
         params: coefficients about which it is linearised.
         control: control held from each sample to the next.
         step: time to the next sample, s.

@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -112,12 +111,12 @@ def predict(
     data = stack_trials([record], likelihood.model, likelihood.channels, [first])
     table = draws.array()
     table = table[:: max(1, table.shape[0] // n)][:n]
-    keys = jax.random.split(as_key(key), 1 + len(table))
     known = dict(zip(draws.names, table.T, strict=True))
-    values = _values_of(posterior, record.label, dict(zip(likelihood.model.states, first, strict=True)), known, keys[0])
+    starts = dict(zip(likelihood.model.states, first, strict=True))
+    values = _values_of(posterior, record.label, starts, known, as_key(key))
     anonymous = replace(output, labels=(ANY,))
     alone = anonymous if isinstance(likelihood, OutputError) else replace(likelihood, output=anonymous)
-    shown = np.asarray(outputs_of_draws(alone)(values, data, keys[1:]))[:, : record.time.size]
+    shown = np.asarray(outputs_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
     noise = np.column_stack([noise_sd(sensor, values) for sensor in sensors])
     times = [correlation_name(sensor.channel) for sensor in sensors]
     return Prediction(
@@ -141,13 +140,19 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def outputs_of_draws(likelihood: OutputError | FilterError):
-    """Return the compiled function of draws' values, the data of one trial and a key for each: outputs, shape (draws, n, m)."""
+    """Return the compiled function of draws' values, the data of one trial and a key: outputs, shape (draws, n, m)."""
 
     @jax.jit
-    def of_draws(values: Mapping[str, Any], data: TrialData, keys: jax.Array) -> jax.Array:
-        return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys)
+    def of_draws(values: Mapping[str, Any], data: TrialData, key: jax.Array) -> jax.Array:
+        keys = jax.random.split(key, 1 + jax.tree.leaves(values)[0].shape[0])
+        return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys[1:])
 
     return of_draws
+
+
+def key_of_values(key: jax.Array, draws: int) -> jax.Array:
+    """Return the key of what a trial's own values are drawn with, beside those of `outputs_of_draws` for so many draws."""
+    return jax.random.split(key, 1 + draws)[0]
 
 
 def _values_of(
@@ -163,9 +168,9 @@ def _values_of(
             continue
         if is_own and own != label:
             prior = _prior_of(parameter, first, known)
-            values[name] = prior.draw(jax.random.fold_in(key, index), (count,))
+            values[name] = prior.draw(jax.random.fold_in(key_of_values(key, count), index), (count,))
         else:
-            values[name] = jnp.asarray(known[parameter.name])
+            values[name] = known[parameter.name]
     return values
 
 

@@ -62,12 +62,19 @@ def motions(
 
 def draw_noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array) -> Float[Array, " n"]:
     """Draw the noise of one channel at every sample, SI; arguments as `replicate`."""
-    sd, shape = values[noise_name(sensor.channel)], channel.measured.shape
+    return values[noise_name(sensor.channel)] * draw_unit_noise(sensor, values, channel, key)
+
+
+def draw_unit_noise(
+    sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array
+) -> Float[Array, " n"]:
+    """Draw the noise of one channel in units of its parameter `sigma`; arguments as `replicate`."""
+    shape = channel.measured.shape
     if sensor.noise == "heavy":
-        return sd * jax.random.t(key, values[dof_name(sensor.channel)], shape)
+        return jax.random.t(key, values[dof_name(sensor.channel)], shape)
     white = jax.random.normal(key, shape)
     if sensor.noise == "white":
-        return sd * white
+        return white
     memory = jnp.exp(-channel.gaps / values[correlation_name(sensor.channel)])[channel.kind]
 
     def advance(before: Array, sample: tuple) -> tuple[Array, Array]:
@@ -76,7 +83,7 @@ def draw_noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, 
         return jnp.where(present > 0, now, before), now
 
     _, process = jax.lax.scan(advance, jnp.zeros(()), (white, memory, channel.present))
-    return sd * process
+    return process
 
 
 def _noisy_motion(

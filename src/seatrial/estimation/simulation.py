@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.array_module import array_module
 from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
 from seatrial.numerics.integrate import Law, Move, time_loop
 from seatrial.vehicles.model import VehicleModel
@@ -204,9 +206,13 @@ def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Flo
 
     The mean over each step of a command that is held between samples: exact, and continuous in the delay.
     """
-    n = control.shape[0]
-    whole = jnp.floor(samples)
+    n, xp = control.shape[0], array_module(control, samples)
+    whole = xp.floor(samples)
     share, first = samples - whole, n - whole.astype(int)
-    held = jnp.concatenate([jnp.full(n, control[0]), control])
-    here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 0),), (n,)) for start in (first, first - 1))
+    held = xp.concatenate([xp.full(n, control[0]), control])
+
+    def from_on(start: Any) -> Any:
+        return held[start : start + n] if xp is np else jax.lax.dynamic_slice(held, (start,), (n,))
+
+    here, before = (from_on(xp.maximum(start, 0)) for start in (first, first - 1))
     return (1.0 - share) * here + share * before

@@ -1,14 +1,12 @@
 """A family of open-loop trials: one shape on one control, of which a design chooses amplitude and period."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from seatrial.core.array_module import array_module
 from seatrial.core.errors import InputError, nearest
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import Schedule
@@ -57,8 +55,10 @@ class Family:
 
     def signal(self, amplitude: Any, period: Any, time: Any) -> Array:
         """Control at the given times; settings and times broadcast."""
-        levels = self.shape.draw(self.seed)
-        share = _share(self.shape, jnp.asarray(time) - self.start, period, self.active, self.ramp, levels)
+        levels, xp = self.shape.draw(self.seed), array_module(amplitude, period, time)
+        elapsed = xp.asarray(time) - self.start
+        with np.errstate(all="ignore"):  # a period that is none is nothing that fits
+            share = self.shape.share(elapsed, xp.asarray(period), self.active, self.ramp, levels)
         return self.trim + amplitude * share
 
     def fits(self, period: Float[np.ndarray, "*p"]) -> Bool[np.ndarray, "*p"]:
@@ -132,8 +132,3 @@ def check_family(family: Family) -> Family:
             where, found=f"edges of {family.ramp:g} s", expected="0 s or more", remedy="0 s makes each edge a step"
         )
     return family
-
-
-@partial(jax.jit, static_argnums=0)
-def _share(shape: Shape, elapsed: Array, period: Any, active: float, ramp: float, levels: Array) -> Array:
-    return shape.share(elapsed, period, active, ramp, levels)

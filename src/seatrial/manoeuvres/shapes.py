@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import log, pi
 from typing import Any, Literal, Protocol
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+from seatrial.core.array_module import array_module
 
 # What the shape of an open-loop input is: share of the amplitude, from -1 to 1, as a function of the time since the
 # start.
@@ -91,17 +93,18 @@ class Steps:
 
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`."""
-        elapsed, hold = jnp.asarray(elapsed) + NANOSECOND, period / self.parts
-        until = jnp.minimum(elapsed, active) if self.runs == "cut" else elapsed
-        index = jnp.floor(until / hold)
+        xp = array_module(elapsed, period)
+        elapsed, hold = xp.asarray(elapsed) + NANOSECOND, period / self.parts
+        until = xp.minimum(elapsed, active) if self.runs == "cut" else elapsed
+        index = xp.floor(until / hold)
         count = self._count(levels.size, hold, active)
 
         def level(index: Any) -> Array:
             inside = (index >= 0) & (index < count)
-            return jnp.where(inside, levels[jnp.where(inside, index, 0).astype(int) % levels.size], 0.0)
+            return xp.where(inside, xp.asarray(levels)[xp.where(inside, index, 0).astype(int) % levels.size], 0.0)
 
         def done(since: Any) -> Array:
-            return jnp.where(ramp > 0, jnp.clip(since / jnp.where(ramp > 0, ramp, 1.0), 0.0, 1.0), since >= 0)
+            return xp.where(ramp > 0, xp.clip(since / xp.where(ramp > 0, ramp, 1.0), 0.0, 1.0), since >= 0)
 
         before, here = level(index - 1), level(index)
         share = before + (here - before) * done(until - index * hold)
@@ -116,10 +119,11 @@ class Steps:
         return active if self.runs == "cut" or isinstance(self.levels, str) else active * self.parts / len(self.levels)
 
     def _count(self, size: int, hold: Any, active: Any) -> Any:
+        xp = array_module(hold)
         if self.runs == "cut":
-            return jnp.ceil(active / hold - NANOSECOND)
-        whole = jnp.floor(active / (hold * size) + NANOSECOND)
-        return size * (jnp.minimum(whole, 1.0) if self.runs == "once" else whole)
+            return xp.ceil(active / hold - NANOSECOND)
+        whole = xp.floor(active / (hold * size) + NANOSECOND)
+        return size * (xp.minimum(whole, 1.0) if self.runs == "once" else whole)
 
 
 @lru_cache(maxsize=64)
@@ -166,12 +170,13 @@ class Multisine:
 
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`; the ends are joined smoothly by the wave itself, which starts where it is zero."""
-        elapsed = jnp.asarray(elapsed) + NANOSECOND
+        xp = array_module(elapsed, period)
+        elapsed = xp.asarray(elapsed) + NANOSECOND
         phases, shift, peak = _schroeder(self.harmonics)
-        angle = 2 * jnp.pi * (elapsed / period + shift)
-        wave = sum(jnp.cos(k * angle + phase) for k, phase in zip(self.harmonics, phases, strict=True)) / peak
-        inside = (elapsed >= 0) & (elapsed < period * jnp.floor(active / period + NANOSECOND))
-        return jnp.where(inside, wave, 0.0)
+        angle = 2 * pi * (elapsed / period + shift)
+        wave = sum(xp.cos(k * angle + phase) for k, phase in zip(self.harmonics, phases, strict=True)) / peak
+        inside = (elapsed >= 0) & (elapsed < period * xp.floor(active / period + NANOSECOND))
+        return xp.where(inside, wave, 0.0)
 
     def shortest(self, period: Any) -> Any:
         """See `Shape.shortest`: half the shortest wave."""
@@ -203,11 +208,12 @@ class Chirp:
 
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`."""
-        elapsed = jnp.asarray(elapsed) + NANOSECOND
-        growth = jnp.log(self.ratio) / active
-        waves = jnp.maximum(1.0, jnp.floor((self.ratio - 1.0) / (growth * period) + NANOSECOND))
-        done = jnp.expm1(growth * jnp.clip(elapsed, 0.0, active)) / (self.ratio - 1.0)
-        return jnp.sin(2 * jnp.pi * waves * done)
+        xp = array_module(elapsed, period)
+        elapsed = xp.asarray(elapsed) + NANOSECOND
+        growth = log(self.ratio) / active
+        waves = xp.maximum(1.0, xp.floor((self.ratio - 1.0) / (growth * period) + NANOSECOND))
+        done = xp.expm1(growth * xp.clip(elapsed, 0.0, active)) / (self.ratio - 1.0)
+        return xp.sin(2 * pi * waves * done)
 
     def shortest(self, period: Any) -> Any:
         """See `Shape.shortest`: half the shortest wave."""

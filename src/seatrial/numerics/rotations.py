@@ -10,7 +10,7 @@ nothing. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd 
 from collections.abc import Iterable
 from typing import Any
 
-import jax.numpy as jnp
+from seatrial.core.array_module import array_module
 
 Vector = tuple[Any, Any, Any]
 Quaternion = tuple[Any, Any, Any, Any]
@@ -119,8 +119,9 @@ def quaternion_of_angles(phi: Any, theta: Any, psi: Any) -> Quaternion:
         theta: pitch, rad.
         psi: yaw, rad.
     """
+    xp = array_module(phi, theta, psi)
     (s1, s2, s3), (c1, c2, c3) = (
-        tuple(function(0.5 * angle) for angle in (phi, theta, psi)) for function in (jnp.sin, jnp.cos)
+        tuple(function(0.5 * angle) for angle in (phi, theta, psi)) for function in (xp.sin, xp.cos)
     )
     return (
         c1 * c2 * c3 + s1 * s2 * s3,
@@ -132,18 +133,21 @@ def quaternion_of_angles(phi: Any, theta: Any, psi: Any) -> Quaternion:
 
 def angles_of_quaternion(q: Quaternion) -> Vector:
     """Euler angles (phi, theta, psi) of a quaternion of any length; theta from -90 to 90 degrees."""
-    w, x, y, z = q
+    (w, x, y, z), xp = q, array_module(*q)
     length = w * w + x * x + y * y + z * z
     sine = 2.0 * (w * y - x * z) / length
     return (
-        jnp.arctan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z),
-        jnp.arcsin(jnp.clip(sine, -1.0, 1.0)),
-        jnp.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z),
+        xp.arctan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z),
+        xp.arcsin(xp.clip(sine, -1.0, 1.0)),
+        xp.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z),
     )
 
 
 def _sine_and_cosine(angle: Any) -> tuple[Any, Any]:
-    return (0.0, 1.0) if _is(angle, 0.0) else (jnp.sin(angle), jnp.cos(angle))
+    if _is(angle, 0.0):
+        return 0.0, 1.0
+    xp = array_module(angle)
+    return xp.sin(angle), xp.cos(angle)
 
 
 def _is(value: Any, number: float) -> bool:

@@ -10,6 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.inference.posterior import initial_state, random_key
+from seatrial.core.batching import bucket_length, filled
 from seatrial.core.record import Record
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
@@ -70,14 +71,16 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     model = campaign.model(campaign.full)
     priors = campaign.coefficient_priors(model)
     mean = np.array([float(prior.mean) for prior in priors])
-    step = np.append(np.diff(record.time), 0.0)
-    control = np.column_stack([record.channel(name) for name in model.controls])
+    n, size = record.time.size, bucket_length(record.time.size)
+    step = filled(np.diff(record.time), size, 0.0)
+    control = filled(np.column_stack([record.channel(name) for name in model.controls]), size)
     measured = {name: record.channel(name) for name in campaign.channels}
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
-    plan = TrialPlan(model, campaign.channels, np.array(initial_state(campaign, model, record)), step, weight)
-    alone = TrialPlan(model, campaign.channels, plan.start, step, np.ones_like(weight))
+    start = np.array(initial_state(campaign, model, record))
+    plan = TrialPlan(model, campaign.channels, start, step, filled(weight, size, 0.0))
+    alone = TrialPlan(model, campaign.channels, start, step, np.ones_like(plan.weight))
     tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
-    expected, *drawn = np.asarray(_shown(alone, tried, control))
+    expected, *drawn = np.asarray(_shown(alone, tried, control))[:, :n]
     findings = [
         finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise[name])
     ]
@@ -89,7 +92,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             )
         )
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
-    usual, unsaid = float(np.median(step[:-1])), []
+    usual, unsaid = float(np.median(np.diff(record.time))), []
     for index, (name, column) in enumerate(measured.items()):
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):

@@ -4,7 +4,7 @@ What is simulated is what is fitted: [truth] holds a value of each coefficient, 
 names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -17,10 +17,10 @@ from jaxtyping import Array, Bool, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import DELAY, actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
-from seatrial.estimation.replicate import draw_noise
+from seatrial.estimation.replicate import draw_unit_noise
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
-from seatrial.estimation.trial_data import channel_data
+from seatrial.estimation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
 from seatrial.manoeuvres.schedule import Schedule
 
@@ -67,19 +67,20 @@ class TrueVehicle:
         columns = schedule.columns(self.trim)
         _check_controls(tuple(schedule.controls), tuple(columns))
         there = np.where(measured, 0.0, np.nan)
+        channels = tuple(channel_data(schedule.time, column) for column in there.T)
+        sensors = self.simulator.sensors
         noise = [
-            np.asarray(draw_noise(sensor, self.values, channel_data(schedule.time, there[:, i]), keys[i]))
-            for i, sensor in enumerate(self.simulator.sensors)
+            self.values[noise_name(sensor.channel)] * np.asarray(unit)
+            for sensor, unit in zip(sensors, _unit_noise(sensors, self.values, channels, tuple(keys)), strict=True)
         ]
         start, step = np.array(self.start, float), np.full(schedule.time.size, schedule.time[1])
         if relay is None:
             shown, end = _follow(self.simulator, self.values, start, tuple(columns.values()), step)
         else:
             at = _fed_back(self.simulator, relay, tuple(columns))
-            feedback = _relay_feedback(relay, schedule.time, noise[at] + there[:, at])
-            followed = self.simulator.follow(self.values, jnp.asarray(start), feedback, jnp.asarray(step))
-            shown, end = jnp.stack(followed.kept, -1), jnp.stack(followed.end)
-            columns = dict(zip(columns, map(np.asarray, followed.command), strict=True))
+            run = _closed_loop(self.simulator, relay, self.values, step)
+            shown, end, command = run(start, schedule.time, noise[at] + there[:, at])
+            columns = dict(zip(columns, map(np.asarray, command), strict=True))
         if not (np.isfinite(shown).all() and np.isfinite(end).all()):
             raise InputError(
                 self.where,
@@ -89,8 +90,7 @@ class TrueVehicle:
             )
         exact = np.asarray(shown)
         return columns | {
-            sensor.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan)
-            for i, sensor in enumerate(self.simulator.sensors)
+            sensor.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, sensor in enumerate(sensors)
         }
 
 
@@ -130,6 +130,16 @@ def _check_controls(given: tuple[str, ...], known: tuple[str, ...]) -> None:
 
 
 @partial(jax.jit, static_argnums=0)
+def _unit_noise(
+    sensors: tuple[Sensor, ...], values: Mapping[str, Any], channels: tuple[ChannelData, ...], keys: tuple[Array, ...]
+) -> tuple[Array, ...]:
+    return tuple(
+        draw_unit_noise(sensor, values, channel, key)
+        for sensor, channel, key in zip(sensors, channels, keys, strict=True)
+    )
+
+
+@partial(jax.jit, static_argnums=0)
 def _follow(
     simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
 ) -> tuple[Array, Array]:
@@ -151,9 +161,20 @@ def _fed_back(simulator: Simulator, relay: Mapping[str, Any], controls: tuple[st
     return channels.index(output)
 
 
-def _relay_feedback(
-    relay: Mapping[str, Any], time: Float[np.ndarray, " n"], error: Float[np.ndarray, " n"]
-) -> Feedback:
+def _closed_loop(
+    simulator: Simulator, relay: Mapping[str, Any], values: Mapping[str, float], step: Float[np.ndarray, " n"]
+) -> Callable[[Array, Array, Array], tuple[Array, Array, tuple]]:
+    """Return what a self-oscillating test shows, its last state and its controls, by its start, times and errors; compiled."""
+
+    @jax.jit
+    def run(start: Array, time: Array, error: Array) -> tuple[Array, Array, tuple]:
+        followed = simulator.follow(values, start, _relay_feedback(relay, time, error), step)
+        return jnp.stack(followed.kept, -1), jnp.stack(followed.end), followed.command
+
+    return run
+
+
+def _relay_feedback(relay: Mapping[str, Any], time: Float[Array, " n"], error: Float[Array, " n"]) -> Feedback:
     """Return the law of a self-oscillating test."""
     family = read_relay_family(relay["family"])
 
@@ -165,6 +186,6 @@ def _relay_feedback(
         BEGIN,
         lambda memory: family.command(memory.applied),
         decide,
-        jnp.asarray(time),
-        jnp.asarray(error),
+        time,
+        error,
     )

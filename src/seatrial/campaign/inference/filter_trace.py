@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 
+import jax
 import numpy as np
 import xarray as xr
 
@@ -100,7 +101,7 @@ def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Datase
     pieces, failures = [], 0
     for index, record in enumerate(trials.fit):
         _, trace = filter_record(campaign, estimate, record, belief, scales)
-        belief = trace.final.marginal(d)
+        belief = jax.device_get(trace.final).marginal(d)
         failures += int(trace.failures)
         pieces.append(
             {

@@ -12,6 +12,7 @@ from seatrial.campaign.config.nuisance_parameters import deviations, varying
 from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
+from seatrial.core.random_keys import seeded_key
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.filter_error import FilterError, filter_error
@@ -33,7 +34,7 @@ NARROWEST = 1e-9
 
 def random_key(seed: int, purpose: str) -> jax.Array:
     """Random key of one piece of work, from the campaign's seed and the work's name."""
-    return jax.random.fold_in(jax.random.key(seed), zlib.crc32(purpose.encode()))
+    return seeded_key(seed, zlib.crc32(purpose.encode()))
 
 
 def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[Record]) -> Posterior:

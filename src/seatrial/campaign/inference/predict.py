@@ -19,7 +19,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.estimation.fit_verdict import LEVELS, FitVerdict, judge_fit, worst
 from seatrial.estimation.output_error import initial_name
-from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws
+from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.sensors import correlation_name
 from seatrial.estimation.validation import score_channel
@@ -135,7 +135,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
     # Under one label for all records, so that records of one length share compiled code.
     anonymous = replace(record, label=ANY)
     likelihood, data = build_likelihood(campaign, model, [anonymous])
-    keys = jax.random.split(random_key(campaign.seed, f"predict {record.label}"), 1 + len(table))
+    key = random_key(campaign.seed, f"predict {record.label}")
     starts = {initial_name(state, ANY): first_sd(campaign.noise, state) for state in model.states}
     values = {}
     there = {one.name for one in build_parameters(campaign, campaign.model(drawn.structure), [anonymous])}
@@ -145,12 +145,13 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
             continue
         name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
         if name in known:
-            values[parameter.name] = np.asarray(known[name])
+            values[parameter.name] = known[name]
             continue
         if parameter.name in starts:
             prior = Normal(prior.mean, starts[parameter.name])
-        values[parameter.name] = prior.draw(jax.random.fold_in(keys[0], index), (len(table),))
-    outputs = np.asarray(outputs_of_draws(likelihood)(values, data, keys[1:]))[:, : record.time.size]
+        own = jax.random.fold_in(key_of_values(key, len(table)), index)
+        values[parameter.name] = prior.draw(own, (len(table),))
+    outputs = np.asarray(outputs_of_draws(likelihood)(values, data, key))[:, : record.time.size]
     noise = np.column_stack([noise_sd(sensor, values) for sensor in campaign.sensor_models])
     noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)

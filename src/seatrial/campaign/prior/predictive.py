@@ -20,6 +20,7 @@ from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.store.stored_result import Store
+from seatrial.core.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import is_there
@@ -66,26 +67,27 @@ def speeds(
         step: time to the next sample, s; uniform if there is a delay.
         keep: indices of samples.
     """
-    run, kept, lost = _batch(model, state, delay is not None), [], []
-    for i in range(0, len(start), BATCH):
-        part = slice(i, i + BATCH)
+    run, count, chosen = _batch(model, state, delay is not None), len(start), np.asarray(keep)
+    late, size = np.zeros(count) if delay is None else delay, bucket_length(len(control))
+    control, step = filled(control, size), filled(step[:-1], size, 0.0)  # no time passes after the last sample
+    kept, lost = np.empty((count, chosen.size)), np.empty(count, bool)
+    for i in range(0, count, BATCH):
+        part = np.minimum(np.arange(i, i + BATCH), count - 1)  # the last vehicle fills the last batch
         values = {name: column[part] for name, column in params.items()}
-        late = np.zeros(len(start[part])) if delay is None else delay[part]
-        speed, whole = run(values, late, start[part], control, step, np.asarray(keep))
-        kept.append(np.asarray(speed))
-        lost.append(~np.asarray(whole))
-    return np.concatenate(kept), np.concatenate(lost)
+        speed, whole = run(values, late[part], start[part], control, step)
+        kept[part], lost[part] = np.asarray(speed)[:, chosen], ~np.asarray(whole)
+    return kept, lost
 
 
 @lru_cache(maxsize=16)
 def _batch(model: VehicleModel, state: str, delayed: bool):
-    def one(values: dict, late: Array, start: Array, control: Array, step: Array, keep: Array) -> tuple[Array, Array]:
+    def one(values: dict, late: Array, start: Array, control: Array, step: Array) -> tuple[Array, Array]:
         if delayed:
             control = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0])
         speed = simulate(model, values, control, step, start)[:, model.states.index(state)]
-        return speed[keep], (jnp.abs(speed) <= FASTEST).all()
+        return speed, (jnp.abs(speed) <= FASTEST).all()
 
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None, None, None)))
+    return jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None, None)))
 
 
 def steady_motion(
@@ -116,10 +118,19 @@ def steady_motion(
         ahead = rate(start + middle * side) * side > 0
         low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
     speed = start + high * side
-    _, slope = jax.jvp(rate, (jnp.asarray(speed),), (jnp.ones(count),))
-    slope = np.asarray(slope)
+    slope = np.asarray(_damping(model)(dict(params), speed, tuple(control)))
     found = found & (slope < 0)
     return np.where(found, speed, np.nan), np.where(found, -1.0 / np.where(found, slope, 1.0), np.nan)
+
+
+@lru_cache(maxsize=16)
+def _damping(model: VehicleModel):
+    """Slope of du/dt along u of surge vehicles, 1/s."""
+
+    def slope(params: dict, speed: Array, control: tuple) -> Array:
+        return jax.jvp(lambda u: model.derivative(params, (u,), control)[0], (speed,), (jnp.ones_like(speed),))[1]
+
+    return jax.jit(slope)
 
 
 # The trial over which a campaign's priors are shown: its control, where it starts, and the priors that belong to it.
@@ -309,7 +320,8 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
     key = random_key(campaign.seed, "prior predictive")
-    drawn = {name: _draw(prior, key, name) for name, prior in trial.priors.items()}
+    found = _draw(dict(trial.priors), key)
+    drawn = {name: np.asarray(found[name]) for name in trial.priors}
     coefficients = {term.text: drawn[term.text] for term in model.coefficients}
     names = [initial_name(state, trial.label) for state in model.states]
     start = [drawn.get(name, np.full(N_DRAWS, value)) for name, value in zip(names, trial.start, strict=True)]
@@ -356,8 +368,11 @@ def most_have(values: Float[np.ndarray, " draws"]) -> bool:
     return bool(np.isnan(values).mean() <= MOST)
 
 
-def _draw(prior: Prior, key: jax.Array, name: str) -> Float[np.ndarray, " draws"]:
-    return np.asarray(prior.draw(jax.random.fold_in(key, crc32(name.encode())), (N_DRAWS,)), float)
+@jax.jit
+def _draw(priors: Mapping[str, Prior], key: jax.Array) -> dict[str, Float[Array, " draws"]]:
+    return {
+        name: prior.draw(jax.random.fold_in(key, crc32(name.encode())), (N_DRAWS,)) for name, prior in priors.items()
+    }
 
 
 def _of_trial(drawn: Mapping[str, np.ndarray], name: str, label: str) -> Float[np.ndarray, " draws"]:

@@ -32,6 +32,7 @@ from seatrial.estimation.simulation import Simulator
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
+from seatrial.vehicles.model import VehicleModel
 
 # Motions of two contending structures: by how much their speeds differ, and what evidence a trial is expected to
 # bring.
@@ -139,7 +140,7 @@ def _speeds(
     campaign: Campaign, estimate: Estimate, trials: Trials, sweep: Sweep
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
-    model, table = campaign.model(estimate.structure), estimate.draws()
+    model, table = _shared_model(campaign, estimate.structure), estimate.draws()
     draws = table[:: max(1, len(table) // DRAWS)][:DRAWS]
     values = dict(zip(estimate.names, np.vstack([table.mean(axis=0), draws]).T, strict=True))
     output, data = _output(campaign, estimate, trials)
@@ -152,8 +153,9 @@ def _speeds(
     ]
     found = []
     designed = sweep.family.time(), sweep.best_controls(campaign.control_trim(model))
+    absent = np.zeros(len(trim))
     for one, start, time, control in [*runs, (values, trim, *designed)]:
-        coefficients = {term.text: np.asarray(one[term.text]) for term in model.coefficients}
+        coefficients = {term.text: np.asarray(one.get(term.text, absent)) for term in model.coefficients}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)
         speed, lost = speeds(model, campaign.leading, coefficients, delay, start, control, step, range(time.size))
@@ -164,6 +166,16 @@ def _speeds(
             )
         found.append((time, np.where(lost[:, None], np.nan, speed)))
     return found
+
+
+def _shared_model(campaign: Campaign, structure: Structure) -> VehicleModel:
+    """Return the model of all terms, of which those that the structure lacks are to be 0: one program serves every structure.
+
+    Its own where it has other states or controls, or where there are too many terms to compute in vain.
+    """
+    own, full = campaign.model(structure), campaign.model(campaign.full)
+    alike = own.states == full.states and own.controls == full.controls
+    return full if alike and not campaign.is_large else own
 
 
 def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> SpeedDifference:
@@ -248,13 +260,13 @@ def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[Out
     return (likelihood.output if isinstance(likelihood, FilterError) else likelihood), data
 
 
-def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, Array]:
+def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, np.ndarray]:
     """Posterior means of what all trials share; of what each has its own, the mean over the fitted ones."""
     means = dict(zip(estimate.names, estimate.draws().mean(axis=0), strict=True))
     shared = {name: value for name, value in means.items() if "[" not in name}
     for name in own:
         shared[name] = np.mean([value for one, value in means.items() if one.split("[")[0] == name])
-    return {name: jnp.asarray(value) for name, value in shared.items()}
+    return {name: np.asarray(value) for name, value in shared.items()}
 
 
 def _memory(estimate: Estimate, channel: str, gap: float) -> float:

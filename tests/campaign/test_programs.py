@@ -1,0 +1,66 @@
+"""How many programs are compiled on the way to an answer: ceilings, and what they must not depend on.
+
+Lengths are ones that no other test has, so that nothing here was compiled before.
+"""
+
+import jax
+import pytest
+
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.check import check_records
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.simulate import simulated_records
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.inference.identifiability import known_before
+from seatrial.campaign.prior.predictive import predict_from_prior
+from tests.campaign.small import write_small
+
+MADE = "Finished XLA compilation of ", "Loaded program "
+TWO_MORE = (
+    ('optional = ["X_u"]', 'optional = ["X_u", "X_du3"]'),
+    ("[prior.X_u]", '[prior.X_du3]\ndistribution = "normal"\nmean = 0.0\nsd = 1.0\n\n[prior.X_u]'),
+    ("[truth]", "[truth]\nX_du3 = 0.0"),
+)
+
+
+@pytest.fixture
+def programs(caplog):
+    """Names of the programs that are made while something is done."""
+
+    def of(work, *args):
+        caplog.clear()
+        with jax.log_compiles():
+            work(*args)
+        return [one.getMessage() for one in caplog.records if one.getMessage().startswith(MADE)]
+
+    return of
+
+
+def lasting(seconds):
+    return ('duration = "30 s"', f'duration = "{seconds} s"')
+
+
+def design(campaign):
+    known_before(campaign, design_first(campaign).best)
+
+
+def test_every_command_needs_few_programs(tmp_path, programs):
+    campaign = load_campaign(write_small(tmp_path, lasting(33.1)))
+    jax.clear_caches()
+    assert len(programs(design, campaign)) <= 3
+    assert len(programs(simulated_records, campaign)) <= 2
+    assert len(programs(lambda: check_records(campaign, get_trials(campaign)))) <= 3
+    assert len(programs(predict_from_prior, campaign)) <= 4
+
+
+def test_a_design_needs_no_more_programs_for_more_structures(tmp_path, programs):
+    campaign = load_campaign(write_small(tmp_path, lasting(37.1), *TWO_MORE))
+    assert len(campaign.structures) == 4
+    jax.clear_caches()
+    assert len(programs(design, campaign)) <= 3
+
+
+def test_a_design_of_another_length_in_the_bucket_needs_no_program(tmp_path, programs):
+    first, second = (load_campaign(write_small(tmp_path / str(s), lasting(s))) for s in (41.1, 41.5))
+    design(first)
+    assert programs(design, second) == []
