@@ -10,7 +10,7 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.estimation.priors import Prior
-from seatrial.manoeuvres.family import Family, check_family
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.run import Draws
@@ -99,8 +99,8 @@ def design_trial(
         trim = _trim(model, family, held or {})
         mask = _measured(family, noise, rates or {})
         try:
-            checked, grid = check_family(family), (np.asarray(amplitude, float), np.asarray(period, float))
-            sweeps.append(sweep_family(space, checked, *grid, limits, measured=mask, trim=trim))
+            grid = np.asarray(amplitude, float), np.asarray(period, float)
+            sweeps.append(sweep_family(space, family, *grid, limits, measured=mask, trim=trim))
         except InputError as error:
             if len(chosen) == 1:
                 raise
