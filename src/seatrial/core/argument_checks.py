@@ -3,6 +3,8 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import inf, isnan
 from numbers import Integral
+from os import PathLike
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,7 +29,7 @@ def check_kind(value: Any, kind: type[Thing], place: str, remedy: str) -> Thing:
     """
     if not isinstance(value, kind):
         found = (
-            f"the {value.__name__} itself" if isinstance(value, type) else f"{shown(value)}, a {type(value).__name__}"
+            f"the {value.__name__} itself" if isinstance(value, type) else f"a {type(value).__name__}: {shown(value)}"
         )
         raise InputError(
             place, found=found, expected=f"{'an' if kind.__name__[0] in 'AEIO' else 'a'} {kind.__name__}", remedy=remedy
@@ -45,6 +47,19 @@ def check_each_of(values: Any, kind: type[Thing], place: str, remedy: str) -> tu
         check_kind(value, kind, f"{place}[{i}]", remedy)
         for i, value in enumerate(check_sequence(values, place, remedy))
     )
+
+
+def check_path(value: Any, place: str) -> Path:
+    """Return a path.
+
+    Raises:
+        InputError: no text and no path, or an empty text.
+    """
+    if not isinstance(value, str | PathLike) or not str(value):
+        raise InputError(
+            place, found=shown(value), expected="a path", remedy='give it as text or as a Path, for example "trial.csv"'
+        )
+    return Path(value)
 
 
 def check_text(value: Any, place: str, remedy: str) -> str:
@@ -122,7 +137,7 @@ def check_choice(value: Any, allowed: Collection[str], place: str) -> str:
         InputError: another name; the remedy tells the nearest.
     """
     if not isinstance(value, str) or value not in allowed:
-        raise InputError(place, found=shown(value), expected=", ".join(allowed), remedy=nearest(str(value), allowed))
+        raise InputError(place, found=shown(value), expected=", ".join(allowed), remedy=nearest(value, allowed))
     return value
 
 
@@ -138,7 +153,13 @@ def check_mapping(values: Any, place: str, remedy: str) -> Mapping[str, Any]:
 
 
 def check_numbers(
-    values: Any, place: str, *, known: Collection[str] | None = None, remedy: str = 'write for example {"u": 1.5}'
+    values: Any,
+    place: str,
+    *,
+    known: Collection[str] | None = None,
+    least: float = -inf,
+    above: float = -inf,
+    remedy: str = 'write for example {"u": 1.5}',
 ) -> dict[str, float]:
     """Return a mapping of names to finite numbers.
 
@@ -146,6 +167,8 @@ def check_numbers(
         values: what was given; None counts as nothing.
         place: of it, for the error.
         known: names that may stand there; any where None.
+        least: see `check_number`.
+        above: see `check_number`.
         remedy: what to do about something that is no mapping.
 
     Raises:
@@ -154,7 +177,7 @@ def check_numbers(
     given = check_mapping({} if values is None else values, place, remedy)
     if known is not None:
         check_known(given, known, place)
-    return {name: check_number(value, f'{place}["{name}"]') for name, value in given.items()}
+    return {name: check_number(value, f'{place}["{name}"]', least=least, above=above) for name, value in given.items()}
 
 
 def check_known(names: Iterable[str], known: Collection[str], place: str) -> None:
@@ -169,7 +192,7 @@ def check_known(names: Iterable[str], known: Collection[str], place: str) -> Non
                 place,
                 found=f'"{name}", which nothing uses',
                 expected="among " + (", ".join(known) or "none"),
-                remedy=nearest(str(name), known) if known else "leave it out",
+                remedy=nearest(name, known) if known else "leave it out",
             )
 
 
@@ -210,26 +233,34 @@ def check_order(
         raise InputError(place, found=f"lower {low:g}, upper {high:g}", expected="lower below upper", remedy=remedy)
 
 
-def check_array(values: Any, place: str, *, size: int | None = None, is_finite: bool = True) -> np.ndarray:
+def is_traced(*values: Any) -> bool:
+    """Return whether one of the values is an array of JAX, whose number need not be known yet."""
+    return any(hasattr(value, "aval") for value in values)
+
+
+def check_array(
+    values: Any, place: str, *, size: int | None = None, least: int = 1, is_finite: bool = True
+) -> np.ndarray:
     """Return a list of numbers as an array, shape (n,).
 
     Args:
         values: what was given.
         place: of it, for the error.
         size: n; any where None.
+        least: smallest n.
         is_finite: whether NaN and infinities are refused.
 
     Raises:
         InputError: something else, another length, or a number that is not finite.
     """
     try:
-        array = np.asarray(None if isinstance(values, str) else values, float)
+        array = np.empty(()) if np.asarray(values).dtype.kind in "US" else np.asarray(values, float)
     except (TypeError, ValueError):
-        array = np.empty((0, 0))
-    if array.ndim != 1 or array.size == 0 or (size is not None and array.size != size):
-        what = f"shape {array.shape}" if array.ndim == 1 and array.size else shown(values)
-        wanted = "numbers, shape (n,)" if size is None else f"{size} numbers, shape ({size},)"
-        raise InputError(place, found=what, expected=wanted, remedy="give a list or an array of one dimension")
+        array = np.empty(())
+    if array.ndim != 1 or array.size < least or (size is not None and array.size != size):
+        found = f"shape {array.shape}" if array.ndim else shown(values)
+        wanted = f"numbers, shape ({'n' if size is None else size},)" + ", one at least" * (array.shape == (0,))
+        raise InputError(place, found=found, expected=wanted, remedy="give a list or an array of one dimension")
     if is_finite and not np.isfinite(array).all():
         at = int(np.argmin(np.isfinite(array)))
         raise InputError(

@@ -20,11 +20,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import stats
 
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
-from seatrial.estimation.posterior import Posterior, as_key
+from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
@@ -191,8 +192,11 @@ def agreed_evidence(
         errors for each; its status is empty only if both are healthy and agree.
 
     Raises:
+        InputError: no posterior, or settings of something else.
         NumericalError: tempered SMC cannot leave the prior.
     """
+    check_posterior(posterior)
+    check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
     keys = keys if isinstance(keys, Keys) else Keys(*jax.random.split(as_key(keys)))
     gathering = Gathering(settings.repeats)
     waiting = gathering.begin()

@@ -34,6 +34,7 @@ from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.truth import check_truth
 from seatrial.campaign.config.vehicle_table import read_vehicle
+from seatrial.core.argument_checks import check_path
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.selection.structures import Structure
@@ -51,7 +52,7 @@ def load_campaign(folder: Path | str) -> Campaign:
     Raises:
         InputError: no such file, one that is too large or not UTF-8, malformed TOML, unknown or missing key, wrong type, unit or name.
     """
-    folder = Path(folder)
+    folder = check_path(folder, "campaign, folder")
     folder = folder.parent if folder.name == FILE_NAME and folder.is_file() else folder
     path = folder / FILE_NAME
     if not path.is_file():

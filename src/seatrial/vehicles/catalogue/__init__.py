@@ -83,9 +83,7 @@ class PublishedVehicle:
         """
         known = {**self.hull.fixed, **self.coefficients}
         for name in names:
-            if name not in known:
-                where = f'vehicle "{self.hull.name}"'
-                raise InputError(where, found=f'"{name}"', expected=", ".join(known), remedy=nearest(name, known))
+            check_choice(name, known, f'vehicle "{self.hull.name}"')
         fixed, others = (
             {name: value for name, value in some.items() if name not in names}
             for some in (self.hull.fixed, self.coefficients)
@@ -113,6 +111,10 @@ class PublishedVehicle:
         Raises:
             InputError: a restriction of a written vehicle, or as of `whole_vehicle`.
         """
+        place = f'vehicle "{self.hull.name}"'
+        for what, names in (("moves", moves), ("given", given), ("free", free)):
+            if names is not None:
+                check_names(names, f"{place}, {what}")
         chosen = tuple(moves or self.moves)
         if self.written is not None:
             if chosen != self.moves or given or free is not None:
