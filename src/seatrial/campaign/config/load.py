@@ -122,7 +122,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         imports=None if file.imported is None else read_imports(file.imported, keys, recorded),
         process_noise=process_noise,
         estimation=estimation,
-        selection=SelectionSettings(file.selection.particles, file.selection.repeats),
+        selection=SelectionSettings(file.selection.particles, file.selection.repeats, file.selection.draws),
         compute=_compute(file.compute),
         known_from=known_from,
         folder=folder,

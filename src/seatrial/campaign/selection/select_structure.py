@@ -131,7 +131,7 @@ def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | Weigh
     """One piece of an evidence."""
     campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
     keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
-    settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles))
+    settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles), table.draws)
     return do(study.posterior(part.structure), part.piece, keys, settings, report)
 
 
