@@ -14,7 +14,7 @@ from seatrial.logs.formats import registry
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.manoeuvres import family as families
-from seatrial.manoeuvres.family import Family, check_family
+from seatrial.manoeuvres.family import Family
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import sample
 from tests.estimation_cases import linear_gaussian
@@ -54,7 +54,7 @@ def test_sampler_draws_from_a_normal():
 
 def test_manoeuvre_is_a_triangle(monkeypatch):
     monkeypatch.setitem(families.SHAPES, "triangle", skeleton("manoeuvre").TriangularWave())
-    family = check_family(Family("n", 80.0, 30.0, 20.0, 0.5, kind="triangle"))
+    family = Family("n", 80.0, 30.0, 20.0, 0.5, kind="triangle")
     time = family.time()
     expected = np.interp((time - 1.0) % 8.0, [0, 2, 6, 8], [80, 90, 70, 80])
     expected[(time < 1.0) | (time >= 17.0)] = 80.0

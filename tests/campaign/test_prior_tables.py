@@ -48,13 +48,13 @@ REFUSED = {
         {"distribution": "truncated-normal", "mean": 0.0, "sd": 1.0, "lower": -inf},
         ["finite", "would believe", "leave the key out"],
     ),
-    "no spread": ({"distribution": "half-normal", "scale": 0.0, "lower": 0.0}, ["prior.X_u.scale", "more than 0"]),
+    "no spread": ({"distribution": "half-normal", "scale": 0.0, "lower": 0.0}, ["prior.X_u.scale", "above 0"]),
     "no median": ({"distribution": "log-normal", "median": 0.0, "factor": 2.0}, ["prior.X_u.median", "sign"]),
     "factor below one": (
         {"distribution": "log-normal", "median": 1.0, "factor": 0.5},
-        ["prior.X_u.factor", "more than 1"],
+        ["prior.X_u.factor", "above 1"],
     ),
-    "not positive": ({"distribution": "log-uniform", "lower": 0.0, "upper": 0.5}, ["prior.X_u.lower", "more than 0"]),
+    "not positive": ({"distribution": "log-uniform", "lower": 0.0, "upper": 0.5}, ["prior.X_u.lower", "above 0"]),
     "nothing physical": (
         {"distribution": "uniform", "lower": 1.0, "upper": 2.0, "physical": True},
         ["prior.X_u.physical", "move the prior"],

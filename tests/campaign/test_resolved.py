@@ -4,6 +4,7 @@ import ast
 from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from seatrial.campaign.data.import_logs import Trials, trials_key
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.campaign.selection import select_structure
 from seatrial.campaign.selection.screening import screening_key
 from seatrial.campaign.selection.select_structure import evidence_key
 from seatrial.campaign.store.stored_result import as_json, key_of
@@ -123,6 +125,7 @@ DEPENDS = {
     "another rate": ({"sensors": {"u": SensorSettings(0.05, 5.0)}}, "design estimate evidence screening"),
     "other residuals": ({"estimation": EstimationSettings(residuals="heavy")}, "estimate evidence"),
     "more particles": ({"selection": SelectionSettings(512, 2)}, "evidence"),
+    "more draws": ({"selection": SelectionSettings(256, 2, 40960)}, "evidence"),
     "a log-uniform thrust": (
         {"priors": {**by_hand().priors, "T_nabsn": LogUniform(2e-4, 12e-4)}},
         "design estimate evidence screening",
@@ -193,3 +196,12 @@ def test_the_configuration_needs_no_step_of_a_campaign():
     names = tuple(f"seatrial.campaign.{step}" for step in steps)
     found = {path.name: [one for one in imported(path) if one.startswith(names)] for path in CONFIG.rglob("*.py")}
     assert {name: modules for name, modules in found.items() if modules} == {}
+
+
+def test_an_evidence_has_the_size_that_the_campaign_says(monkeypatch):
+    monkeypatch.setattr(select_structure, "do", lambda posterior, piece, keys, settings, report: settings)
+    campaign = SimpleNamespace(seed=3, selection=SelectionSettings(512, 3, 40960))
+    study = SimpleNamespace(campaign=campaign, posterior=lambda structure: None)
+    part = SimpleNamespace(structure=SimpleNamespace(terms=("X_u",)), piece=None)
+    found = select_structure._compute(study, part, lambda done, total: None)
+    assert (found.smc.particles, found.repeats, found.draws) == (512, 3, 40960)

@@ -97,14 +97,14 @@ def test_switching_a_jax_that_was_there_is_said(tmp_path):
 
 def test_a_program_that_computes_in_single_precision_is_not_switched(tmp_path):
     code = """
-import jax.numpy as jnp, seatrial
+import jax.numpy as jnp, seatrial, warnings
 jnp.ones(1)
+warnings.simplefilter("error")
 for attempt in range(2):
     try:
         seatrial.load_campaign
     except seatrial.InputError as error:
         print(error.remedy, jnp.ones(1).dtype)
-import warnings
 warnings.simplefilter("ignore")
 seatrial.configure()
 print(seatrial.load_campaign.__name__, jnp.ones(1).dtype)

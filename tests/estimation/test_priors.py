@@ -236,6 +236,47 @@ def test_moments_of_a_cut_normal_by_quadrature(location, scale, lower, upper):
     assert prior.mean == pytest.approx(mean / share, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("make", "numbers", "message"),
+    [
+        (Uniform, (1.0, -5.0), "lower below upper"),
+        (Uniform, (1.0, 1.0), "lower below upper"),
+        (Uniform, (np.nan, 0.0), "Uniform prior, lower"),
+        (Uniform, (-inf, 0.0), "Uniform prior, lower"),
+        (Uniform, ("0", 1.0), "Uniform prior, lower"),
+        (Uniform, (None, 1.0), "Uniform prior, lower"),
+        (LogUniform, (0.0, 1.0), "LogUniform prior, lower"),
+        (LogUniform, (2.0, 1.0), "lower below upper"),
+        (Normal, (-3.0, -1.0), "Normal prior, sd"),
+        (Normal, (0.0, 0.0), "Normal prior, sd"),
+        (Normal, (np.nan, 1.0), "Normal prior, mean"),
+        (LogNormal, (0.0, 2.0), "a median above or below 0"),
+        (LogNormal, (1.0, 0.5), "LogNormal prior, factor"),
+        (LogNormal, (1.0, np.nan), "LogNormal prior, factor"),
+        (truncated_normal, (0.0, -1.0, 0.0), "scale"),
+        (truncated_normal, (0.0, 1.0, 2.0, 1.0), "lower below upper"),
+        (truncated_normal, (0.0, 1.0, np.nan), "lower"),
+        (half_normal, (0.0,), "half-normal prior, scale"),
+        (half_normal, ("10",), "half-normal prior, scale"),
+    ],
+)
+def test_what_is_no_distribution_is_refused_where_it_is_made(make, numbers, message):
+    with pytest.raises(InputError, match=message):
+        make(*numbers)
+
+
+@pytest.mark.parametrize("prior", [Uniform(0.0, 1.0), LogUniform(1.0, 2.0), Normal(0.0, 1.0), LogNormal(-1.0, 2.0)])
+def test_compiled_code_may_fill_a_prior_with_anything(prior):
+    """Marks, tracers and arrays of many priors pass; only what a person makes is checked."""
+    leaves, structure = jax.tree.flatten(prior)
+    for filling in (object(), None, 0, False):
+        made = jax.tree.unflatten(structure, [filling] * len(leaves))
+        assert jax.tree.leaves(made, is_leaf=lambda x: x is None) == [filling] * len(leaves)
+    many = jax.tree.map(lambda x: jnp.stack([jnp.asarray(x), jnp.asarray(x)]), prior)
+    drawn = jax.jit(jax.vmap(lambda one: one.constrain(0.3)))(many)
+    np.testing.assert_allclose(drawn, float(prior.constrain(0.3)), rtol=1e-12)
+
+
 def test_cuts_that_leave_nothing_are_refused():
     for make in (
         lambda: truncated_normal(5.0, 0.1, upper=0.0),

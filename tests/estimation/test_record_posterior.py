@@ -206,15 +206,7 @@ def test_a_density_of_ones_own_predicts_no_record(draws, record):
 
 
 @pytest.mark.parametrize(
-    "prior",
-    [
-        st.Uniform(1.0, -5.0),
-        st.Uniform(np.nan, 0.0),
-        st.Uniform(-np.inf, 0.0),
-        st.Normal(-3.0, -1.0),
-        st.Normal(0.0, 0.0),
-        1.0,
-    ],
+    "prior", [st.Uniform(jnp.array(1.0), -5.0), st.Normal(jnp.array(np.nan), 1.0), st.Uniform, 1.0]
 )
 def test_what_is_no_prior_is_refused_by_name(prior):
     with pytest.raises(st.InputError) as refused:

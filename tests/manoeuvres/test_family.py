@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.manoeuvres.family import Family, check_family
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, check_limits
 from seatrial.manoeuvres.shapes import SHAPES
 
@@ -166,20 +166,43 @@ def test_chirp_grows_exponentially_from_its_period():
     ],
 )
 def test_periods_that_do_not_fit(settings, period, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=f"(?s){message}"):
         family(**settings).manoeuvre(AMPLITUDE, period)
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"start": -1.0}, "an end within the duration"),
+        ({"start": -1.0}, "start.*-1.0.*0 or more"),
         ({"start": 20.5}, "an end within the duration"),
-        ({"active": float("nan")}, "an end within the duration"),
-        ({"ramp": -0.1}, "edges of -0.1 s"),
+        ({"active": float("nan")}, "active.*nan.*finite number, above 0"),
+        ({"active": "40 s"}, "active.*'40 s'"),
+        ({"duration": float("inf")}, "duration.*inf"),
+        ({"sample_time": 0.0}, "sample_time.*above 0"),
+        ({"sample_time": 7.0}, "a tenth of the duration at most"),
+        ({"sample_time": 1e-9}, "at most 200000 samples"),
+        ({"trim": float("nan")}, "trim.*nan"),
+        ({"control": None}, "control.*None"),
+        ({"seed": 1.5}, "seed.*whole number"),
+        ({"seed": -1}, "seed.*0 or more"),
+        ({"ramp": -0.1}, "ramp.*-0.1"),
         ({"kind": "doublets"}, 'did you mean "doublet"'),
     ],
 )
 def test_impossible_families(settings, message):
+    with pytest.raises(InputError, match=f"(?s){message}"):
+        family(**settings)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "held", "message"),
+    [
+        ((float("nan"), 8.0), {}, "amplitude"),
+        ((AMPLITUDE, "8 s"), {}, "a period from"),
+        ((AMPLITUDE, 8.0), {"n": 1.0}, "this one is driven"),
+        ((AMPLITUDE, 8.0), {"delta_r": float("nan")}, "schedule, delta_r"),
+    ],
+)
+def test_impossible_members(arguments, held, message):
     with pytest.raises(InputError, match=message):
-        check_family(family(**settings))
+        family().schedule(*arguments, **held)

@@ -24,7 +24,25 @@ def test_excess(limits, broken):
 
 @pytest.mark.parametrize("value", [-1.0, 0.0, 1.0])
 def test_reaching_a_limit_is_allowed(value):
-    assert Limits(lower=value, upper=value, rate=0.0).excess(np.full(3, value), 0.1) == {}
+    rising = value + np.array([0.0, 1.0, 1.0])
+    assert Limits(lower=value, upper=value + 1.0, rate=10.0).excess(rising, 0.1) == {}
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"lower": 2.0, "upper": 1.0}, "lower below upper"),
+        ({"lower": 1.0, "upper": 1.0}, "lower below upper"),
+        ({"upper": np.nan}, "Limits, upper"),
+        ({"lower": -np.inf}, "None for no bound"),
+        ({"upper": "157 rad/s"}, "Limits, upper"),
+        ({"rate": 0.0}, "above 0"),
+        ({"rate": -1.0}, "above 0"),
+    ],
+)
+def test_impossible_limits(settings, message):
+    with pytest.raises(InputError, match=message):
+        Limits(**settings)
 
 
 def test_excess_of_a_batch_is_along_time():

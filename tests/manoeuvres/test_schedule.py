@@ -109,3 +109,27 @@ def test_rows_between_samples_are_told(tmp_path):
     table = rows(tmp_path, "time_s,n_rpm\n0,1000\n0.25,1000\n0.27,1200\n0.3,1000\n0.3,1100\n1,1100\n")
     assert table.skipped(table.schedule(STEP)) == (3, 4)
     assert table.skipped(table.schedule(0.01)) == ()
+
+
+@pytest.mark.parametrize(
+    ("time", "controls", "message"),
+    [
+        ([0.0], {"n": [1.0]}, "1 sample"),
+        ([0.0, 0.1, 0.1], {"n": [1.0, 2.0, 3.0]}, "not rising throughout"),
+        ([0.1, 0.2], {"n": [1.0, 2.0]}, "two or more times that rise from 0 s"),
+        ([0.0, np.nan], {"n": [1.0, 2.0]}, r"time\[1\]"),
+        (None, {"n": [1.0]}, "schedule, time"),
+        ([0.0, 0.1], {"n": [1.0]}, r"shape \(2,\)"),
+        ([0.0, 0.1], {"n": [1.0, np.inf]}, r"control n\[1\]"),
+        ([0.0, 0.1], {"n": "ab"}, "control n"),
+        ([0.0, 0.1], [[1.0, 2.0]], "a mapping of names"),
+    ],
+)
+def test_what_cannot_be_commanded(time, controls, message):
+    with pytest.raises(InputError, match=message):
+        Schedule(time, controls)
+
+
+def test_lists_are_taken_for_arrays():
+    schedule = Schedule([0, 0.1, 0.2], {"n": [1, 2, 3]})
+    np.testing.assert_array_equal(schedule.columns([("n", 0.0)])["n"], [1.0, 2.0, 3.0])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -37,6 +39,15 @@ def test_agreement_on_a_known_evidence():
     assert found.status == ""
     assert (found.diagnostics["checks"], found.diagnostics["modes"]) == (1, 1)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
+
+
+def test_draws_of_the_importance_sampling_are_those_asked_for():
+    """Four times the draws halve its error, and no random number of tempered SMC moves."""
+    target, _ = one_peak()
+    few, many = (agreed_evidence(target, KEYS, replace(SMALL, draws=n)).diagnostics["methods"] for n in (2048, 8192))
+    (importance, smc) = few
+    assert few[importance]["std_error"] / many[importance]["std_error"] == pytest.approx(2.0, rel=0.1)
+    assert few[smc]["log_value"] == many[smc]["log_value"]
 
 
 def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():

@@ -1,7 +1,8 @@
+import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import load_surge, surge_names
+from seatrial.vehicles.catalogue import load_surge, load_vehicle, make_vehicle, surge_names
 from seatrial.vehicles.surge import surge_vehicle
 from tests.cases import U0
 
@@ -33,3 +34,43 @@ def test_unknown_vehicle(name):
         load_surge(name)
     assert "remus100_surge" in caught.value.expected
     assert "remus100_surge" in caught.value.remedy
+
+
+@pytest.mark.parametrize("name", [None, "", 3, ["remus100_surge"]])
+def test_a_name_is_text(name):
+    with pytest.raises(InputError, match="vehicle, name"):
+        load_vehicle(name)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": None}, "vehicle, name"),
+        ({"mass": "31 kg"}, 'vehicle "ours", mass'),
+        ({"mass": -1.0}, 'vehicle "ours", mass'),
+        ({"mass": [31.0]}, 'vehicle "ours", mass'),
+        ({"coefficients": ["X_u"]}, "a mapping of names"),
+        ({"coefficients": {"X_u": np.nan}}, r'coefficients\["X_u"\]'),
+        ({"coefficients": {"X_u": "-3"}}, r'coefficients\["X_u"\]'),
+        ({"inertia": (1.0, 2.0)}, "2 of them"),
+        ({"inertia": 3.0}, "inertia"),
+        ({"inertia": ("1", 2.0, 3.0)}, "inertia x"),
+        ({"moves": "u"}, 'write \\["u"\\]'),
+        ({"moves": ["n"]}, "u, v, w, p, q, r"),
+        ({"actuators": {"n": 0.5}}, "actuator n"),
+        ({"actuators": [0.5]}, "actuators"),
+        ({"thrusters": [(0.0, 0.0, 0.0)]}, r"thrusters\[0\]"),
+        ({"added_coriolis": "none"}, "added_coriolis"),
+        ({"wakes": 0.1}, 'did you mean "wake"'),
+        ({"wake": 1.0}, "wake"),
+        ({"trim": {"u": np.inf}}, "trim"),
+        ({"centre_of_gravity": (0.0, 0.0)}, "centre_of_gravity"),
+        ({"mass": None, "thrust_deduction": np.nan}, "thrust_deduction"),
+        ({"mass": None, "trim": [1.0]}, "trim"),
+        ({"mass": None, "weight": 300.0}, "thrust_deduction, wake, trim"),
+    ],
+)
+def test_impossible_vehicles(changes, message):
+    usual = {"name": "ours", "mass": 31.0, "coefficients": {"X_u": -3.0, "T_nabsn": 6e-4}}
+    with pytest.raises(InputError, match=message):
+        make_vehicle(**{**usual, **changes})

@@ -28,7 +28,7 @@ DIAGONAL = {"X_udot": -1.0, "Y_vdot": -20.0, "Z_wdot": -20.0, "K_pdot": -0.1, "M
         ({"thrust_deduction": 1.0}, "thrust_deduction"),
         ({"wake": 1.2}, "wake"),
         ({"fixed": {"Y_v": float("nan")}}, "Y_v"),
-        ({"trim": {"u": float("inf")}}, "u\n"),
+        ({"trim": {"u": float("inf")}}, 'trim\\["u"\\]'),
         ({"fixed": {"Y_rdot": 1.93, "N_vdot": -1.93}}, "the added mass of an ideal fluid is symmetric"),
     ],
 )
@@ -98,15 +98,25 @@ def test_terms_that_act():
 
 
 @pytest.mark.parametrize(
-    ("actuators", "words"),
+    ("settings", "words"),
     [
-        ({"delta": Actuator(1.0)}, "no such control"),
-        ({"n": Actuator(-1.0)}, "time constant"),
-        ({"n": Actuator(1.0, lower=2.0, upper=1.0)}, "time constant"),
-        ({"n": Actuator(1.0, rate=0.0)}, "time constant"),
+        ({"time_constant": -1.0}, "time_constant"),
+        ({"time_constant": float("nan")}, "time_constant"),
+        ({"time_constant": "1 s"}, "time_constant"),
+        ({"lower": 2.0, "upper": 1.0}, "lower below upper"),
+        ({"lower": float("nan")}, "Actuator, lower"),
+        ({"rate": 0.0}, "rate"),
     ],
 )
-def test_impossible_actuators(actuators, words):
+def test_impossible_actuators(settings, words):
+    with pytest.raises(InputError, match=words):
+        Actuator(**{"time_constant": 1.0, **settings})
+
+
+@pytest.mark.parametrize(
+    ("actuators", "words"), [({"delta": Actuator(1.0)}, "no such control"), ({"n": 1.0}, "an Actuator")]
+)
+def test_actuators_of_nothing(actuators, words):
     model = whole_vehicle(whole_hull("a", 30.0, INERTIA), ("T_nabsn",), moves=("u",))
     with pytest.raises(InputError, match=words):
         with_actuators(model, actuators)

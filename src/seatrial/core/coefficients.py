@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import FORCE, MOMENT, RATES, SIGNALS, Dimension
 
@@ -82,6 +83,7 @@ class CoefficientName:
         Raises:
             InputError: malformed name; the message points at the first character that cannot be read.
         """
+        check_kind(text, str, "coefficient name", "write for example X_u, X_uabsu, T_nabsn or N_delta_r")
         axis, separator, rest = text.partition("_")
         if axis not in AXES or not separator:
             raise InputError(

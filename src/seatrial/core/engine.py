@@ -92,6 +92,22 @@ def prepare(tell: bool = False) -> None:
     configure(cache=False)
 
 
+def check_precision() -> None:
+    """Check that arrays made now are of double precision, where something else may have changed JAX since it was set up.
+
+    Raises:
+        InputError: they are not, though nobody asked for it in the environment.
+    """
+    jax = sys.modules.get("jax")
+    if jax is not None and not jax.config.jax_enable_x64 and not _asked_for_float32():
+        raise InputError(
+            "JAX in this process",
+            found="float32, switched on after seatrial had set float64",
+            expected="float64, in which seatrial computes",
+            remedy='call jax.config.update("jax_enable_x64", True) first, or compute in float32 in a process of its own',
+        )
+
+
 def cache_directory() -> Path:
     """Folder of compiled kernels: `$XDG_CACHE_HOME/seatrial/xla`, by default under `~/.cache`."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"

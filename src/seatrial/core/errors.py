@@ -71,8 +71,8 @@ def file_error(error: OSError) -> InputError:
     )
 
 
-def nearest(name: str, allowed: Iterable[str]) -> str:
+def nearest(name: object, allowed: Iterable[str]) -> str:
     """Return the remedy text for a misspelt name: the nearest allowed one, or the whole list."""
     names = list(allowed)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     return f'did you mean "{close[0]}"?' if close else "use one of: " + ", ".join(names)

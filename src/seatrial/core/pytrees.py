@@ -5,9 +5,9 @@ fields for equal, and tells them apart by their hash alone. Where two hashes fal
 was compiled for a uniform prior serves a normal one, without a word (seen with JAX 0.10).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 
@@ -15,7 +15,10 @@ Kind = TypeVar("Kind", bound=type)
 
 
 def compiled_tree(*fixed: str) -> Callable[[Kind], Kind]:
-    """Decorator of a dataclass: its fields become leaves of compiled code, or branches, those named `fixed` part of its structure."""
+    """Decorate a dataclass: its fields become leaves of compiled code, or branches, those named `fixed` part of its structure.
+
+    Compiled code puts it together without its `__init__`: leaves may be tracers or marks that no check of numbers understands.
+    """
 
     def register(kind: Kind) -> Kind:
         numbers = [field.name for field in fields(kind) if field.name not in fixed]
@@ -26,11 +29,16 @@ def compiled_tree(*fixed: str) -> Callable[[Kind], Kind]:
                 [(key, getattr(tree, key.name)) for key in keys],
                 tuple(getattr(tree, name) for name in fixed),
             ),
-            lambda structure, leaves: kind(
-                **dict(zip(numbers, leaves, strict=True)), **dict(zip(fixed, structure, strict=True))
-            ),
+            lambda structure, leaves: _assemble(kind, zip((*numbers, *fixed), (*leaves, *structure), strict=True)),
             lambda tree: ([getattr(tree, name) for name in numbers], tuple(getattr(tree, name) for name in fixed)),
         )
         return kind
 
     return register
+
+
+def _assemble(kind: type, parts: Iterable[tuple[str, Any]]) -> Any:
+    tree = object.__new__(kind)
+    for name, part in parts:
+        object.__setattr__(tree, name, part)
+    return tree

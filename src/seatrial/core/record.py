@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text
 from seatrial.core.errors import InputError
 
 Role = Literal["control", "measurement"]
@@ -104,24 +105,31 @@ def make_record(
         provenance: source, hash and options.
         label: short name.
 
+    Returns:
+        the record, in SI as the columns are: of n samples, the controls and the measurements each in a table of a column a channel.
+
     Raises:
         InputError: fewer than three samples, time not strictly increasing, a gap in a control, a channel without data.
     """
-    time = np.asarray(time, float)
+    check_kind(provenance, Provenance, "provenance", 'write for example Provenance("own numbers", "")')
+    check_text(label, "label", "give a short name")
     where = f"{provenance.source}, record {label!r}"
+    time = check_array(time, f"{where}, time", least=0, is_finite=False)
+    channels = check_each_of(channels, Channel, f"{where}, channels", 'write Channel("u", "m/s", "measurement")')
+    check_mapping(columns, f"{where}, columns", 'write for example {"u": speeds}')
     check_time(time, where)
     controls = tuple(channel for channel in channels if channel.role == "control")
     measured = tuple(channel for channel in channels if channel.role == "measurement")
     _check_map(channels, columns, where)
+    arrays = {
+        name: check_array(columns[name], f'{where}, channel "{name}"', is_finite=False)
+        for name in (channel.name for channel in channels)
+    }
     for channel in channels:
-        _check_column(np.asarray(columns[channel.name], float), channel, time, where)
+        _check_column(arrays[channel.name], channel, time, where)
 
     def stack(group: tuple[Channel, ...]) -> np.ndarray:
-        return (
-            np.column_stack([np.asarray(columns[channel.name], float) for channel in group])
-            if group
-            else np.empty((time.size, 0))
-        )
+        return np.column_stack([arrays[channel.name] for channel in group]) if group else np.empty((time.size, 0))
 
     return Record(time, stack(controls), stack(measured), controls + measured, provenance, label)
 

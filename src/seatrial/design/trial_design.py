@@ -5,12 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_numbers
+from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
 from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
 from seatrial.design.sweep import Sweep, sweep_family
+from seatrial.estimation.posterior import check_priors
 from seatrial.estimation.priors import Prior
-from seatrial.manoeuvres.family import Family, check_family
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.run import Draws
@@ -75,7 +78,7 @@ def design_trial(
 
     Args:
         model: vehicle; what it leaves open is what the trial is to tell.
-        belief: draws of a posterior, or priors, of its coefficients by name.
+        belief: draws of a posterior, or priors, of its coefficients by name, SI.
         families: shapes of the driven control, with its trim and timing.
         amplitude: changes from trim, SI.
         period: s.
@@ -83,24 +86,44 @@ def design_trial(
         start: state at the first sample, signal name to SI value; 0 where nothing is said.
         held: value of every control that is not driven, SI.
         limits: bounds of the driven control.
-        rates: samples a second of sensors that are slower than the families' sample time.
+        rates: samples a second of sensors that are slower than the families' sample time, 1/s.
+
+    Returns:
+        every design that was looked at with its entropy reduction, nats, and the best of them.
 
     Raises:
         InputError: no design inside the limits, or something unknown of a coefficient or a control.
         NumericalError: the expected motion diverges for a design inside the limits.
     """
-    chosen = [families] if isinstance(families, Family) else list(families)
+    check_precision()
+    check_kind(
+        model, VehicleModel, "model", 'build it of a vehicle: load_vehicle("remus100_surge").build(free=["X_u"])'
+    )
+    shapes = [families] if isinstance(families, Family) else families
+    chosen = check_each_of(shapes, Family, "families", "give one Family, or a list of them")
+    grid = check_array(amplitude, "amplitude"), check_array(period, "period")
+    noise = check_numbers(noise, "noise", known=model.channel_units(), above=0.0)
+    start = check_numbers(start, "start", known=model.states)
+    held = check_numbers(held, "held", known=model.controls)
+    rates = check_numbers(rates, "rates", known=noise, above=0.0)
+    check_kind(limits, Limits, "limits", "write for example Limits(upper=150.0)")
+    if not (noise and chosen):
+        raise InputError(
+            "families" if noise else "noise",
+            found="none",
+            expected="one family at least" if noise else "one measured channel at least",
+            remedy="name what is driven" if noise else 'give its standard deviation, for example {"u": 0.02}',
+        )
     names = tuple(term.text for term in model.coefficients)
     before = _belief(belief, names)
-    state = tuple((start or {}).get(name, 0.0) for name in model.states)
+    state = tuple(start.get(name, 0.0) for name in model.states)
     space, scales = coefficient_space(model, before, state, noise)
     sweeps, refused = [], {}
     for family in chosen:
-        trim = _trim(model, family, held or {})
-        mask = _measured(family, noise, rates or {})
+        trim = _trim(model, family, held)
+        mask = _measured(family, noise, rates)
         try:
-            checked, grid = check_family(family), (np.asarray(amplitude, float), np.asarray(period, float))
-            sweeps.append(sweep_family(space, checked, *grid, limits, measured=mask, trim=trim))
+            sweeps.append(sweep_family(space, family, *grid, limits, measured=mask, trim=trim))
         except InputError as error:
             if len(chosen) == 1:
                 raise
@@ -126,6 +149,7 @@ def _belief(belief: Draws | Mapping[str, Prior], names: tuple[str, ...]) -> Gaus
     """Joint normal of the coefficients, SI."""
     if isinstance(belief, Draws):
         return normal_belief(belief.array(names))
+    check_priors(belief, "belief")
     if missing := [name for name in names if name not in belief]:
         raise InputError(
             "belief",

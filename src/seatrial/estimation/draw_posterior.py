@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.argument_checks import check_choice, check_count
+from seatrial.core.errors import InputError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
-from seatrial.estimation.posterior import Posterior, as_key, named_draws
+from seatrial.estimation.posterior import Posterior, as_key, check_posterior, named_draws
 from seatrial.sampling import sampler
 from seatrial.sampling.names import DEFAULT, METHODS
 from seatrial.sampling.nested import sample_nested
@@ -29,10 +30,18 @@ class NestedSettings:
     Attributes:
         live: live points.
         draws: equally weighted draws that are taken of the points.
+
+    Raises:
+        InputError: a size that is none.
     """
 
     live: int = 500
     draws: int = 2000
+
+    def __post_init__(self) -> None:
+        """Refuse sizes of no run."""
+        check_count(self.live, "NestedSettings, live", least=2, remedy="take a hundred or more")
+        check_count(self.draws, "NestedSettings, draws", remedy="take a few hundred or more")
 
 
 Settings = ChainSettings | SMCSettings | NestedSettings
@@ -74,7 +83,15 @@ def sample(
         InputError: no such method, or settings of another.
         NumericalError: nothing of the prior can be simulated, or the mode is not found.
     """
-    _check_method(method)
+    check_posterior(posterior)
+    if isinstance(method, Settings):
+        raise InputError(
+            "method",
+            found=f"a {type(method).__name__}",
+            expected="the name of a method",
+            remedy="write settings=… for it",
+        )
+    check_choice(method, METHODS, "method")
     kind = type(SIZES[method])
     settings = kind() if settings is None else settings
     if not isinstance(settings, kind):
@@ -88,12 +105,12 @@ def sample(
 
 
 def find_method(name: str) -> Draw:
-    """Method by name, of the size for many runs.
+    """Return a method by name, of the size for many runs.
 
     Raises:
         InputError: no such method.
     """
-    _check_method(name)
+    check_choice(name, METHODS, "method")
     return partial(_sample_small, name)
 
 
@@ -107,11 +124,6 @@ def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> np
     starts = mode.z + SPREAD * noise @ np.linalg.cholesky(mode.cov).T
     finite = np.isfinite(evaluate(target, starts))
     return np.where(finite[:, None], starts, mode.z)
-
-
-def _check_method(name: str) -> None:
-    if name not in METHODS:
-        raise InputError("method", found=f'"{name}"', expected=", ".join(METHODS), remedy=nearest(name, METHODS))
 
 
 def _by_chains(posterior: Posterior, method: str, settings: ChainSettings, key: jax.Array, progress: Progress) -> Draws:

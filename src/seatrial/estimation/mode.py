@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.optimize import minimize
 
+from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.information import expand_everywhere
-from seatrial.estimation.posterior import Posterior, as_key, values_of
+from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
 from seatrial.sampling.target import AT_ONCE, evaluate
 
 if TYPE_CHECKING:
@@ -94,9 +95,16 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512,
         tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
             straight way to a maximum already found is not: it has nothing else to show.
 
+    Returns:
+        the mode, and the normal approximation about it.
+
     Raises:
+        InputError: no posterior, or sizes that are none.
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
+    check_posterior(posterior)
+    check_count(starts, "starts", remedy="take some hundreds")
+    check_count(tries, "tries", remedy="leave it out, or follow a few")
     candidates = np.asarray(posterior.sample_prior(as_key(key), starts))
     drawn = _best(evaluate(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]

@@ -8,6 +8,7 @@ it (Carlin and Chib, Journal of the Royal Statistical Society B 57, 1995), and t
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from numbers import Integral
 from typing import Any
 
 import jax
@@ -15,6 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.core.argument_checks import check_kind, check_mapping, shown
+from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import Prior
@@ -22,6 +25,7 @@ from seatrial.sampling.run import Draws
 from seatrial.sampling.target import AT_ONCE
 
 LogLikelihood = Callable[[dict[str, Any], Any], Any]
+_A_POSTERIOR = "build it with `make_posterior` or `posterior_of_density`"
 
 
 @compiled_tree("name", "unit", "label")
@@ -157,26 +161,30 @@ class _OfValues:
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
 
-def check_priors(priors: Mapping[str, Prior]) -> None:
+def check_priors(priors: Mapping[str, Prior], place: str = "priors") -> None:
     """Refuse what is no prior, or has no spread.
 
+    Args:
+        priors: by parameter.
+        place: of them, for the error.
+
     Raises:
-        InputError: the first of them.
+        InputError: no mapping, or the first of what it holds that is none.
     """
-    for name, prior in priors.items():
-        place, remedy = f'priors["{name}"]', "for example Uniform(lower, upper) or Normal(mean, sd)"
-        if not (hasattr(prior, "bounds") and hasattr(prior, "log_density")):
-            raise InputError(place, found=repr(prior)[:80], expected="a prior", remedy=remedy)
+    for name, prior in check_mapping(priors, place, 'write for example {"X_u": Uniform(-20.0, 0.0)}').items():
+        here, remedy = f'{place}["{name}"]', "for example Uniform(lower, upper) or Normal(mean, sd)"
+        if isinstance(prior, type) or not (hasattr(prior, "bounds") and hasattr(prior, "log_density")):
+            raise InputError(here, found=shown(prior), expected="a prior", remedy=remedy)
         try:
             (low, high), sd = map(float, prior.bounds), float(prior.sd)
-            sound = low < high and 0 < sd < np.inf
+            sound = low < high and 0 < sd < np.inf and bool(np.isfinite(float(prior.mean)))
         except (ArithmeticError, TypeError, ValueError):
             sound = False
         if not sound:
             raise InputError(
-                place,
-                found=repr(prior)[:80],
-                expected="a lower bound below the upper one, and a finite standard deviation above 0",
+                here,
+                found=shown(prior),
+                expected="a lower bound below the upper one, a finite mean, and a finite standard deviation above 0",
                 remedy=remedy,
             )
 
@@ -192,16 +200,24 @@ def posterior_of_density(
         priors: one for each parameter, in the order of the report.
         units: of the parameters, for tables; "1" where not given.
 
+    Returns:
+        a posterior whose parameters have the names of the priors.
+
     Raises:
         InputError: no prior, or a function that cannot be compiled or returns no scalar.
     """
+    check_precision()
+    if not callable(log_density):
+        raise InputError(
+            "log_density", found=shown(log_density), expected="a function of a mapping", remedy="put the priors second"
+        )
+    check_priors(priors)
     if not priors:
         raise InputError(
             "priors", found="none", expected="one parameter at least", remedy='for example {"a": Normal(0, 1)}'
         )
-    check_priors(priors)
     _check_density(log_density, tuple(priors))
-    known = units or {}
+    known = check_mapping(units or {}, "units", 'write for example {"X_u": "kg/s"}')
     parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())
     return Posterior(parameters, _OfValues(log_density), ())
 
@@ -212,6 +228,16 @@ def values_of(posterior: Posterior, z: Float[np.ndarray, "*batch d"]) -> Float[n
     blocks = np.minimum(np.arange(-(-len(flat) // AT_ONCE) * AT_ONCE), len(flat) - 1).reshape(-1, AT_ONCE)
     values = np.concatenate([np.asarray(posterior.constrain(flat[block])) for block in blocks])
     return values[: len(flat)].reshape(np.shape(z))
+
+
+def check_posterior(posterior: Any, place: str = "posterior") -> None:
+    """Check what something is computed of, before anything is: that it is a posterior, and that JAX is in double precision.
+
+    Raises:
+        InputError: it is none, or something has switched JAX to float32.
+    """
+    check_precision()
+    check_kind(posterior, Posterior, place, _A_POSTERIOR)
 
 
 def named_draws(posterior: Posterior, draws: Draws) -> Draws:
@@ -231,8 +257,14 @@ def named_draws(posterior: Posterior, draws: Draws) -> Draws:
 
 
 def as_key(key: jax.Array | int) -> jax.Array:
-    """Return a random key, from a seed where an integer is given."""
-    return jax.random.key(key) if isinstance(key, int) else key
+    """Return a random key, from a seed where an integer is given.
+
+    Raises:
+        InputError: neither.
+    """
+    if isinstance(key, Integral) and not isinstance(key, bool):
+        return jax.random.key(int(key))
+    return check_kind(key, jax.Array, "key", "give a whole number as a seed, or a key of jax.random")
 
 
 def _check_density(log_density: Callable[[dict[str, Any]], Any], names: tuple[str, ...]) -> None:

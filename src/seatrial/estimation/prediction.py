@@ -9,11 +9,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.posterior import Parameter, Posterior, as_key
+from seatrial.estimation.posterior import Parameter, Posterior, as_key, check_posterior
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import start_of
 from seatrial.estimation.replicate import motions
@@ -94,9 +95,16 @@ def predict(
         n: draws that are simulated, at most.
         key: random key, or a seed.
 
+    Returns:
+        the mean and the standard deviations of every measured channel at the n times of the record, SI.
+
     Raises:
-        InputError: a posterior of no records, or a control, channel or start that the record lacks.
+        InputError: a posterior of no records, draws of another one, or a control, channel or start that the record lacks.
     """
+    check_posterior(posterior)
+    check_kind(draws, Draws, "draws", "draw them with `sample`")
+    check_kind(record, Record, "record", "read it with `read_log`, or make it with `make_record` or `simulate`")
+    check_count(n, "n", remedy="simulate a hundred draws or more")
     likelihood = posterior.likelihood
     if not isinstance(likelihood, OutputError | FilterError):
         raise InputError(
@@ -104,6 +112,13 @@ def predict(
             found="a log density of one's own",
             expected="a posterior of records, of `make_posterior`",
             remedy="simulate with the draws themselves",
+        )
+    if draws.names != posterior.names:
+        raise InputError(
+            "draws",
+            found=", ".join(draws.names),
+            expected="the parameters of the posterior: " + ", ".join(posterior.names),
+            remedy="give the draws that were taken of this posterior",
         )
     output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
     sensors = output.simulator.sensors

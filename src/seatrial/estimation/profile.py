@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_kind, check_known, check_names
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior import Posterior, check_posterior
 
 # Climb the log-likelihood from many starts at once, inside the prior's bounds, with a parameter held in each.
 #
@@ -173,16 +174,24 @@ class Profile:
 
 
 def profile_likelihood(posterior: Posterior, mode: Mode, names: Sequence[str] | None = None) -> tuple[Profile, ...]:
-    """Profile likelihoods, all parameters and both sides followed at once, each point started from the one before.
+    """Return profile likelihoods, all parameters and both sides followed at once, each point started from the one before.
 
     Args:
         posterior: posterior; of its prior only the bounds matter.
         mode: its mode, where the search begins.
         names: parameters to profile; None for all.
 
+    Returns:
+        one profile for each parameter, in the order of the names: values in its SI unit, and the fall of the log-likelihood there.
+
     Raises:
+        InputError: no posterior, no mode, or no such parameter.
         NumericalError: the likelihood at the mode is not finite, or a better fit keeps turning up along the profiles.
     """
+    check_posterior(posterior)
+    check_kind(mode, Mode, "mode", "find it with `find_mode`")
+    if names is not None:
+        check_known(check_names(names, "names", posterior.names[0]), posterior.names, "names")
     chosen = [posterior.names.index(name) for name in (posterior.names if names is None else names)]
     problem = bounded_slope(posterior, mode)
     start = np.asarray(mode.values, float)

@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
@@ -34,6 +36,7 @@ from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 
 DELAY = "delay"
+_A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
 UNSEEN_SD = 1.0
 """Standard deviation of a state at the start where no sensor shows it, in its own unit."""
 
@@ -53,8 +56,9 @@ def make_posterior(
     Args:
         model: vehicle; its coefficients are unknown, all others are part of it.
         records: trials, each with a label of its own.
-        priors: of each unknown by name, SI; the head of this module lists the names. What each trial has of its own may have a prior of
-            its own, as `u_0[trial]`.
+        priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
+            sensor; `delay`, `current`, `process_u`, `spread_X_u` and `u_0`. What each trial has of its own may have a prior of its
+            own, as `u_0[trial]`.
         sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
         start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
         start_sd: where a filter is used, how well each state is known at the start, SI; where not given, as well as its sensor's noise is
@@ -68,9 +72,15 @@ def make_posterior(
         InputError: an unknown without a prior, a prior that nothing uses, a channel or control that a record lacks, or a velocity of
             which nothing says where it starts.
     """
-    records = [records] if isinstance(records, Record) else list(records)
+    check_precision()
+    check_model(model)
+    records = [records] if isinstance(records, Record) else list(check_each_of(records, Record, "records", _A_RECORD))
+    if not records:
+        raise InputError("records", found="none", expected="one record at least", remedy=_A_RECORD)
     chosen = sensors_of(model, records, sensors)
     check_priors(priors)
+    own = check_names(own, "own", "bias_u")
+    check_numbers(start_sd, "start_sd", known=model.states, above=0.0)
     labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
     unknown = _unknowns(model, chosen, stated)
     each = (*own, *(one.name for one in unknown if one.is_initial))
@@ -98,6 +108,17 @@ def make_posterior(
     return Posterior(parameters, likelihood, data, guess)
 
 
+def check_model(model: VehicleModel) -> None:
+    """Check that a vehicle has been built.
+
+    Raises:
+        InputError: it has not, or is none.
+    """
+    check_kind(
+        model, VehicleModel, "model", 'build it of a vehicle: load_vehicle("remus100_surge").build(free=["X_u"])'
+    )
+
+
 def sensors_of(
     model: VehicleModel, records: Sequence[Record], sensors: Sequence[Sensor | str] | None
 ) -> tuple[Sensor, ...]:
@@ -106,24 +127,39 @@ def sensors_of(
     Raises:
         InputError: a channel that the vehicle does not have, or none at all.
     """
+    if sensors is not None:
+        return stated_sensors(model, sensors)
     known = model.channel_units()
-    asked = [name for name in records[0].measured if name in known] if sensors is None else list(sensors)
-    chosen = tuple(Sensor(one) if isinstance(one, str) else one for one in asked)
-    for sensor in chosen:
-        if sensor.channel not in known:
-            raise InputError(
-                "sensors",
-                found=f'channel "{sensor.channel}"',
-                expected="one of " + ", ".join(known),
-                remedy=nearest(sensor.channel, known),
-            )
-    if not chosen:
+    measured = [name for name in records[0].measured if name in known]
+    if not measured:
         raise InputError(
             f'record "{records[0].label}"',
             found="no channel that the vehicle has",
             expected="one of " + ", ".join(known),
             remedy="measure one of them, or choose another vehicle",
         )
+    return stated_sensors(model, measured)
+
+
+def stated_sensors(model: VehicleModel, sensors: Sequence[Sensor | str]) -> tuple[Sensor, ...]:
+    """Return sensors as stated, each of another channel; a name alone is a sensor of white noise.
+
+    Raises:
+        InputError: none, something that is neither, a channel that the vehicle does not have, or one twice.
+    """
+    known, example = model.channel_units(), 'write for example ["u"] or [Sensor("u", bias=True)]'
+    asked = check_sequence(sensors, "sensors", example)
+    chosen = check_each_of([Sensor(one) if isinstance(one, str) else one for one in asked], Sensor, "sensors", example)
+    if not chosen:
+        raise InputError("sensors", found="none", expected="one of " + ", ".join(known), remedy=example)
+    for sensor in chosen:
+        if sensor.channel not in known or [one.channel for one in chosen].count(sensor.channel) > 1:
+            raise InputError(
+                "sensors",
+                found=f'channel "{sensor.channel}"' + " twice" * (sensor.channel in known),
+                expected="each once, of " + ", ".join(known),
+                remedy="leave one out" if sensor.channel in known else nearest(sensor.channel, known),
+            )
     return chosen
 
 
@@ -131,9 +167,11 @@ def start_of(model: VehicleModel, record: Record, known: Mapping[str, float], fr
     """Return the state at the first sample, SI: as known, else as first measured; angles, positions and actuators else at rest.
 
     Raises:
-        InputError: a velocity of which neither says anything, unless it is `free`.
+        InputError: a velocity of which neither says anything, unless it is `free`; or what is known of no state.
     """
-    known = {**_first_measured(record), **known}
+    named = [*(ANGLES if QUATERNION[0] in model.states else ()), *(set(model.states) - set(QUATERNION))]
+    stated = check_numbers(known, "start", known=sorted({*named, *(name.removesuffix(ACTUAL) for name in named)}))
+    known = {**_first_measured(record), **stated}
     missing = [state for state in model.states if state in RATES and state not in known]
     if missing and not free:
         raise InputError(

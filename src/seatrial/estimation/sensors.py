@@ -7,10 +7,12 @@ A lag is of first order, tau dy/dt = x - y. Across a step h over which x is a st
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from seatrial.core.argument_checks import check_choice, check_kind, check_text
 
 Noise = Literal["white", "coloured", "heavy"]
 """Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t."""
@@ -26,6 +28,9 @@ class Sensor:
         bias: whether it has a constant error, `bias_u`.
         lag: whether it answers late, with the time constant `lag_u`, s.
         over_ground: whether a velocity is measured over ground, and not through the water.
+
+    Raises:
+        InputError: no name, a kind of noise that there is not, or something else than True and False.
     """
 
     channel: str
@@ -33,6 +38,14 @@ class Sensor:
     bias: bool = False
     lag: bool = False
     over_ground: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse what no sensor is."""
+        check_text(self.channel, "Sensor, channel", 'name what it measures, for example "u"')
+        check_choice(self.noise, get_args(Noise), "Sensor, noise")
+        for name in ("bias", "lag", "over_ground"):
+            remedy = "say whether, with True or False; how large is a value or a prior of its own"
+            check_kind(getattr(self, name), bool, f"Sensor, {name}", remedy)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -2,18 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import inf
 
 import jax
 import numpy as np
 
+from seatrial.core.argument_checks import check_kind, check_known, check_number, check_numbers, check_text
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import ANGLES, QUATERNION, RATES, signal_unit
+from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.posterior import as_key
-from seatrial.estimation.record_posterior import likelihood_of, sensors_of, start_of
+from seatrial.estimation.record_posterior import DELAY, check_model, likelihood_of, start_of, stated_sensors
 from seatrial.estimation.replicate import replicate
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name
+from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel
 
@@ -35,25 +41,33 @@ def simulate(
         model: vehicle.
         values: true value of every coefficient and of what the sensors need (`sigma_u`, and `bias_u` and the like where a sensor has
             them), SI; also `delay`, `current` and `process_u` where they are to be.
-        schedule: controls over time.
+        schedule: controls over time, SI.
         sensors: measured channels; a name alone is a sensor of white noise.
         start: state at the first sample, signal name to SI value; velocities are needed, angles and positions begin at 0.
-        rates: samples a second of sensors that are slower than the schedule.
+        rates: samples a second of sensors that are slower than the schedule, by channel, 1/s.
         key: random key of the noise, or a seed.
         label: short name of the record.
 
+    Returns:
+        what the sensors show at the times of the schedule, n of them, NaN between the samples of slower ones; in SI.
+
     Raises:
-        InputError: a value or a velocity at the start that is missing, or a control that the schedule lacks.
+        InputError: a value or a velocity at the start that is missing, one that nothing uses or that nothing has, a control that the
+            schedule lacks, or a rate that it has not.
         NumericalError: a vehicle that runs away.
     """
+    check_precision()
+    check_model(model)
+    check_kind(schedule, Schedule, "schedule", "take one of `Family.schedule`, or build it of times and controls")
+    check_text(label, "label", "give a short name")
     controls = {name: _control(schedule, name) for name in model.controls}
-    time = np.asarray(schedule.time, float)
-    blank = _blank(time, controls, sensors, rates or {}, label)
-    chosen = sensors_of(model, [blank], sensors)
-    _check_values(model, chosen, values)
+    time = schedule.time
+    chosen = stated_sensors(model, sensors)
+    values = _checked_values(model, chosen, values)
+    blank = _blank(time, controls, chosen, _checked_rates(rates, chosen, time), label)
     starts = [start_of(model, replace(blank, measurement=np.full_like(blank.measurement, np.nan)), start or {})]
     likelihood, data = likelihood_of(model, [blank], chosen, values, starts)
-    made = replicate(likelihood, dict(values), data, as_key(key))
+    made = replicate(likelihood, values, data, as_key(key))
     columns = dict(controls)
     for sensor, channel in zip(chosen, made.channels, strict=True):
         shown, present = (np.asarray(column[0])[: time.size] for column in (channel.measured, channel.present))
@@ -63,7 +77,7 @@ def simulate(
                 "check the signs of the damping: negative coefficients dissipate"
             )
         columns[sensor.channel] = np.where(present > 0, shown, np.nan)
-    told = {"values": dict(values), "start": dict(start or {}), "rates": dict(rates or {})}
+    told = {"values": values, "start": dict(start or {}), "rates": dict(rates or {})}
     return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(told), told), label)
 
 
@@ -75,36 +89,97 @@ def _control(schedule: Schedule, name: str) -> np.ndarray:
             expected=f"{name} among them, which drives the vehicle",
             remedy="add it, held at one value where it is not to act",
         )
-    return np.asarray(schedule.controls[name], float)
+    return schedule.controls[name]
 
 
 def _blank(
     time: np.ndarray,
     controls: Mapping[str, np.ndarray],
-    sensors: Sequence[Sensor | str],
+    sensors: Sequence[Sensor],
     rates: Mapping[str, float],
     label: str,
 ) -> Record:
     """A record without measurements: zeros where each sensor gives a sample."""
     channels = [Channel(name, signal_unit(name), "control") for name in controls]
     columns = []
-    for sensor in sensors:
-        name = sensor if isinstance(sensor, str) else sensor.channel
+    for name in (sensor.channel for sensor in sensors):
         every = max(1, round(1.0 / (rates[name] * (time[1] - time[0])))) if name in rates else 1
         columns.append(np.where(np.arange(time.size) % every == 0, 0.0, np.nan))
         channels.append(Channel(name, signal_unit(name), "measurement"))
     source = Provenance(SIMULATED, "")
     return Record(
-        time, np.column_stack(list(controls.values())), np.column_stack(columns), tuple(channels), source, label
+        time,
+        np.array(list(controls.values())).reshape(len(controls), time.size).T,
+        np.column_stack(columns),
+        tuple(channels),
+        source,
+        label,
     )
 
 
-def _check_values(model: VehicleModel, sensors: Sequence[Sensor], values: Mapping[str, float]) -> None:
-    needed = [term.text for term in model.coefficients] + [name for sensor in sensors for name in sensor.parameters]
-    if missing := [name for name in needed if name not in values]:
+def _checked_rates(
+    rates: Mapping[str, float] | None, sensors: Sequence[Sensor], time: np.ndarray
+) -> Mapping[str, float]:
+    """Return the rates, each of a sensor, and between one sample a trial and one at every time of the schedule."""
+    given = check_numbers(rates, "rates", known=[sensor.channel for sensor in sensors], above=0.0)
+    fastest, slowest = 1.0 / float(time[1] - time[0]), 1.0 / float(time[-1] - time[0])
+    for name, rate in given.items():
+        if not slowest <= rate <= fastest * (1 + 1e-6):
+            raise InputError(
+                f'rates["{name}"]',
+                found=f"{rate:g} samples a second",
+                expected=f"from {slowest:.3g}, two in the whole trial, to {fastest:.6g}, one at every time of the schedule",
+                remedy="correct it, leave it out, or take a schedule with a shorter sample time",
+            )
+    return given
+
+
+def _checked_values(model: VehicleModel, sensors: Sequence[Sensor], values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of everything that is simulated."""
+    given = check_numbers(values, "values", remedy='write for example {"X_u": -3.0, "sigma_u": 0.02}')
+    of_sensors = [name for sensor in sensors for name in sensor.parameters]
+    filtered = [process_name(state) for state in model.states]
+    pushed = filtered if any(name in given for name in filtered) else []
+    needed = [*(term.text for term in model.coefficients), *of_sensors, *pushed]
+    if missing := [name for name in needed if name not in given]:
         raise InputError(
             "values",
             found="none of " + ", ".join(missing),
             expected="a value of " + ", ".join(needed),
             remedy=f'for example values["{missing[0]}"] = 0.0',
         )
+    used = {name: given[name] for name in (*needed, DELAY, CURRENT) if name in given}
+    _check_others(model, {name: value for name, value in given.items() if name not in used}, [*needed, DELAY, CURRENT])
+    scales = [correlation_name(one.channel) for one in sensors] + [dof_name(one.channel) for one in sensors]
+    for name in (*of_sensors, *pushed, DELAY):
+        if name in used and not name.startswith(bias_name("")):
+            above, least = (0.0, -inf) if name in scales else (-inf, 0.0)
+            check_number(used[name], f'values["{name}"]', above=above, least=least)
+    return used
+
+
+def _check_others(model: VehicleModel, others: Mapping[str, float], used: Sequence[str]) -> None:
+    """Check that what is given beside what is needed is what the vehicle has, or has no part in its motion."""
+    constants = dict(model.constants)
+    for name, value in others.items():
+        if name in constants:
+            if not np.isclose(value, constants[name], rtol=1e-9, atol=0.0):
+                raise InputError(
+                    f'values["{name}"]',
+                    found=f"{value:g}",
+                    expected=f"{constants[name]:g}, which the vehicle was built with",
+                    remedy=f'leave it out, or build the vehicle with free=["{name}", …]',
+                )
+        elif _would_act(model, name):
+            check_known([name], used, "values")
+
+
+def _would_act(model: VehicleModel, name: str) -> bool:
+    """Return whether a coefficient of this name would have a part in the motion; True of what is no coefficient."""
+    try:
+        term = CoefficientName.parse(name)
+    except InputError:
+        return True
+    own = "u" if term.axis == "T" else dict(zip("XYZKMN", RATES, strict=True)).get(term.axis)
+    present = {*model.states, *model.controls, *(ANGLES if QUATERNION[0] in model.states else ())}
+    return own in present and all(signal in present for signal in term.signals)

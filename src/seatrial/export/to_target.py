@@ -8,6 +8,7 @@ import numpy as np
 
 from seatrial import __version__
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
@@ -45,18 +46,21 @@ def export_to(
     Raises:
         InputError: an unknown target or option, or a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
+    out = check_path(folder, "folder")
+    if draws is not None:
+        check_kind(draws, Draws, "draws", "draw them with `sample`")
     if isinstance(what, PublishedVehicle):
         _refuse(what.hull.name, structure=structure, rest=rest)
         vehicle, provenance = of_estimates(what, draws)
     else:
         _refuse(str(what), draws=draws)
-        place = what.folder if isinstance(what, Campaign) else Path(what)
+        place = what.folder if isinstance(what, Campaign) else check_path(what, "what")
         if place.exists():
             vehicle, provenance = of_campaign(place, structure, rest)
         else:
             _refuse(str(what), structure=structure, rest=rest)
             vehicle, provenance = of_catalogue(str(what))
-    return export_vehicle(make_exporter(to, **options), vehicle, provenance, Path(folder))
+    return export_vehicle(make_exporter(to, **options), vehicle, provenance, out)
 
 
 def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple[ExportedVehicle, ExportProvenance]:

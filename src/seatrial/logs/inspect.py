@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from seatrial.core.argument_checks import check_path
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
@@ -112,7 +113,7 @@ def inspect_log(
     Raises:
         InputError: a log that cannot be read.
     """
-    path = Path(path)
+    path = check_path(path, "log, path")
     log = LogFile(path, layout)
     infos = catalogue(log)
     chosen = infos if table is None else (pick(infos, table, str(path)),)

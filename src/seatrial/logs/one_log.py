@@ -1,9 +1,19 @@
 """A log read into a record in one call: which column is which signal, and which of them drive the vehicle."""
 
 from collections.abc import Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
+from seatrial.core.argument_checks import (
+    check_known,
+    check_mapping,
+    check_names,
+    check_number,
+    check_path,
+    check_text,
+    shown,
+)
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record, Role
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES
@@ -11,6 +21,9 @@ from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
+
+_LAYOUT = ("clock", "delimiter", "skip_rows", "header_rows", "names", "encoding", "table", "axes")
+"""What may be said of a log's layout, see `LogSource`."""
 
 
 def record_of_log(
@@ -36,7 +49,8 @@ def record_of_log(
         start: where to begin, s from the first sample.
         end: where to end, s likewise.
         label: short name; by default the file's.
-        layout: `clock`, `delimiter`, `skip_rows`, `header_rows`, `names`, `encoding`, `table` and `axes` of `LogSource`.
+        layout: `clock` ("as_stamped", "even" or "drop_repeated"), `axes` ("NED" or "ENU"), `table` of a log that has several; of text
+            `delimiter`, `skip_rows`, `header_rows`, `names` and `encoding`.
 
     Returns:
         a record in SI whose time starts at 0.
@@ -44,6 +58,14 @@ def record_of_log(
     Raises:
         InputError: a file, column or unit that cannot be used, or a control that is no channel.
     """
+    path = check_path(path, "log, path")
+    asked = _columns(path, channels, time)
+    check_names(controls, f"{path}, controls", "n")
+    check_known(layout, _LAYOUT, f"{path}, arguments")
+    for name, value in (("start", start), ("end", end), ("step", step)):
+        if value is not None:
+            check_number(value, name, above=0.0 if name == "step" else -inf, remedy="give it in s")
+    check_text(path.stem if label is None else label, "label", "give a short name")
     if unmapped := [name for name in controls if name not in channels]:
         raise InputError(
             f"{path}, controls",
@@ -52,12 +74,27 @@ def record_of_log(
             remedy="map the control to a column",
         )
     roles: dict[str, Role] = {name: "control" if name in controls else "measurement" for name in channels}
-    maps = {name: ColumnMap(column, unit, roles[name]) for name, (column, unit) in channels.items()}
-    source = LogSource(Path(path), *(time or (None, None)), maps, **layout)
+    maps = {name: ColumnMap(column, unit, roles[name]) for name, (column, unit) in asked.items()}
+    source = LogSource(path, *(time or (None, None)), maps, **layout)
     made: dict[str, Role] = dict.fromkeys(
         (*RATES, *ANGLES), "measurement"
     )  # of quaternions, and of velocities over the earth
     tables = to_body(
         [read_log(source)], made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)}
     )
-    return align(tables, step=step, start=start, end=end, label=Path(path).stem if label is None else label)
+    return align(tables, step=step, start=start, end=end, label=path.stem if label is None else label)
+
+
+def _columns(path: Path, channels: Any, time: Any) -> Mapping[str, tuple[str, str]]:
+    """Return the channels, each checked to be a column and its unit, as the time is."""
+    example = 'write for example {"u": ("speed", "m/s")}'
+    asked = check_mapping(channels, f"{path}, channels", example)
+    if not asked:
+        raise InputError(f"{path}, channels", found="none", expected="one channel at least", remedy=example)
+    pairs = {f'channel "{name}"': pair for name, pair in asked.items()} | ({} if time is None else {"time": time})
+    for place, pair in pairs.items():
+        is_pair = isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)
+        if not is_pair:
+            remedy = 'write time=("t", "s")' if place == "time" else example
+            raise InputError(f"{path}, {place}", found=shown(pair), expected="a column and its unit", remedy=remedy)
+    return asked

@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from seatrial.core.argument_checks import as_number, check_choice, check_count, check_number, check_text, shown
 from seatrial.core.array_module import array_module
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.schedule import Schedule
+from seatrial.manoeuvres.schedule import MOST_SAMPLES, Schedule
 from seatrial.manoeuvres.shapes import SHAPES, Shape
 
 
 @dataclass(frozen=True)
 class Family:
-    """What all members share; SI. Check one with `check_family`.
+    """What all members share, a trial's timing and shape; SI.
 
     Attributes:
         control: channel that is driven; others stay at trim.
@@ -25,8 +26,12 @@ class Family:
         sample_time: s.
         start: when the control first leaves trim, s.
         ramp: time every edge takes, from one level to the next, s; 0 for steps.
-        kind: shape, a key of `SHAPES`.
+        kind: shape, such as `step`, `doublet`, `repeated-doublet`, `multistep-3211`, `random-steps`, `multisine` or `chirp`; the reference
+            of the campaign file lists all of them.
         seed: of random levels.
+
+    Raises:
+        InputError: a shape that there is not, a time that is none, or times that contradict each other.
     """
 
     control: str
@@ -38,6 +43,18 @@ class Family:
     ramp: float = 0.0
     kind: str = "repeated-doublet"
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse settings that no trial has."""
+        check_text(self.control, "Family, control", 'name the control that is driven, for example "n"')
+        check_number(self.trim, "Family, trim")
+        check_choice(self.kind, SHAPES, "Family, kind")
+        for name in ("duration", "active"):
+            check_number(getattr(self, name), f"Family, {name}", above=0.0, remedy="give a time in s, for example 40.0")
+        for name in ("start", "ramp"):
+            check_number(getattr(self, name), f"Family, {name}", least=0.0, remedy="give a time in s, or leave it out")
+        check_count(self.seed, "Family, seed", least=0)
+        _check_times(self)
 
     @property
     def shape(self) -> Shape:
@@ -69,13 +86,10 @@ class Family:
         return within & (turns >= max(self.ramp, self.sample_time))
 
     def manoeuvre(self, amplitude: float, period: float) -> Manoeuvre:
-        """One member.
-
-        Raises:
-            InputError: a period that does not fit.
-        """
-        if not self.fits(np.array(period)):
-            raise InputError(f"manoeuvre {self.words}, period", found=f"{period:g} s", **self.expected())
+        """Return one member; arguments and errors as `schedule`."""
+        check_number(amplitude, f"manoeuvre {self.words}, amplitude")
+        if not self.fits(np.array(as_number(period))):
+            raise InputError(f"manoeuvre {self.words}, period", found=f"{shown(period)} s", **self.expected())
         settings = {
             "trim": self.trim,
             "amplitude": amplitude,
@@ -92,13 +106,25 @@ class Family:
         return Manoeuvre(self.words, self.control, self.duration, settings, signal)
 
     def schedule(self, amplitude: float, period: float, **held: float) -> Schedule:
-        """One member as controls over time, SI; all other controls are held at the value given.
+        """Return one member as controls over time.
+
+        Args:
+            amplitude: change of the control from trim, SI.
+            period: what the shape takes for it, s.
+            held: values at which other controls are held, SI.
 
         Raises:
-            InputError: a period that does not fit.
+            InputError: an amplitude that is none, a period that does not fit, or a value for the driven control.
         """
         time, driven = self.manoeuvre(amplitude, period).sample(self.sample_time)
-        others = {name: np.full(time.size, float(value)) for name, value in held.items()}
+        if self.control in held:
+            raise InputError(
+                f"manoeuvre {self.words}, {self.control}",
+                found="a value at which it is held",
+                expected="other controls only: this one is driven",
+                remedy="set `trim` of the family",
+            )
+        others = {name: np.full(time.size, check_number(value, f"schedule, {name}")) for name, value in held.items()}
         return Schedule(time, {self.control: driven, **others})
 
     def expected(self) -> dict[str, str]:
@@ -111,24 +137,22 @@ class Family:
         }
 
 
-def check_family(family: Family) -> Family:
-    """Check the settings that all members share, and return the family.
-
-    Raises:
-        InputError: naming the setting at fault.
-    """
-    where = f"manoeuvre {family.kind}"
-    if family.kind not in SHAPES:
-        raise InputError(where, found="no such shape", expected=", ".join(SHAPES), remedy=nearest(family.kind, SHAPES))
-    if not (family.start >= 0 and family.active > 0 and family.start + family.active <= family.duration * (1 + 1e-9)):
+def _check_times(family: Family) -> None:
+    """Check that samples and the active time fit into the duration."""
+    step = check_number(
+        family.sample_time, "Family, sample_time", above=0.0, remedy="give a time in s, for example 0.1"
+    )
+    if step > family.duration / 10 or family.duration > MOST_SAMPLES * step:
         raise InputError(
-            where,
+            "Family, sample_time",
+            found=f"{step:g} s, of a trial of {family.duration:g} s",
+            expected=f"a tenth of the duration at most, and at most {MOST_SAMPLES} samples in all",
+            remedy="a hundredth of the fastest time constant is short enough",
+        )
+    if family.start + family.active > family.duration * (1 + 1e-9):
+        raise InputError(
+            "Family, active",
             found=f"start {family.start:g} s + active {family.active:g} s",
             expected=f"an end within the duration, {family.duration:g} s",
-            remedy="lengthen the duration: the quiet tail after the input is informative too",
+            remedy="lengthen the duration or shorten `active`: the quiet tail after the input is informative too",
         )
-    if not family.ramp >= 0:
-        raise InputError(
-            where, found=f"edges of {family.ramp:g} s", expected="0 s or more", remedy="0 s makes each edge a step"
-        )
-    return family

@@ -7,6 +7,7 @@ from math import inf
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_number, check_order
 from seatrial.core.errors import InputError
 
 
@@ -36,11 +37,28 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of a control channel: absolute value and rate of change, SI; None where there is no bound."""
+    """Bounds of a control channel; None where there is none.
+
+    Attributes:
+        lower: least value, SI.
+        upper: greatest value, SI.
+        rate: greatest speed of change, SI units a second.
+
+    Raises:
+        InputError: a bound that is no finite number, a lower one that is not below the upper one, or a rate that is not positive.
+    """
 
     lower: float | None = None
     upper: float | None = None
     rate: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that leave nothing between them."""
+        for name, least in (("lower", -inf), ("upper", -inf), ("rate", 0.0)):
+            if (bound := getattr(self, name)) is not None:
+                check_number(bound, f"Limits, {name}", above=least, remedy="give its SI value, or None for no bound")
+        if self.lower is not None and self.upper is not None:
+            check_order(self.lower, self.upper, "Limits")
 
     def excess(self, control: np.ndarray, sample_time: float) -> dict[str, tuple[float, float]]:
         """Bounds that are broken: name to (largest value found, bound). Empty where all hold.

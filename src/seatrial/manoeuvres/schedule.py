@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_array, check_mapping
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import signal_unit
@@ -37,10 +38,29 @@ class Schedule:
     Attributes:
         time: sample times, s, rising from 0, shape (n,).
         controls: by name, held from each sample to the next, SI, each of shape (n,).
+
+    Raises:
+        InputError: fewer than two samples, times that do not rise from 0, or a control of another length or with gaps.
     """
 
     time: Float[np.ndarray, " n"]
     controls: Mapping[str, Float[np.ndarray, " n"]]
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be commanded, and take lists for arrays."""
+        time = check_array(self.time, "schedule, time")
+        if time.size < 2 or time[0] != 0 or (np.diff(time) <= 0).any():
+            raise InputError(
+                "schedule, time",
+                found=f"{time.size} sample{'s' * (time.size != 1)} from {time[0]:g} s to {time[-1]:g} s"
+                + ", not rising throughout" * bool((np.diff(time) <= 0).any()),
+                expected="two or more times that rise from 0 s",
+                remedy="count the time from the beginning of the trial, and sort the samples",
+            )
+        given = check_mapping(self.controls, "schedule, controls", 'write for example {"n": speeds}')
+        found = {name: check_array(x, f"schedule, control {name}", size=time.size) for name, x in given.items()}
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "controls", found)
 
     def columns(self, trim: Sequence[tuple[str, float]]) -> dict[str, Float[np.ndarray, " n"]]:
         """Return every control of a vehicle, SI, in its order; those that the schedule leaves alone are held at trim."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.run import Outcome
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
@@ -44,6 +45,7 @@ CONTENTS = {
 
 def write_report(outcome: Outcome) -> Path:
     """Write `report.html` in the campaign's folder, atomically, and return its path."""
+    check_kind(outcome, Outcome, "outcome", "make it with `run_loop`")
     path = Store(outcome.campaign.folder).report
     write_text(path, render(outcome))
     return path

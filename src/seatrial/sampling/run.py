@@ -4,7 +4,7 @@ A run advances in blocks of 100 iterations. Iteration t uses the key folded with
 and resumed, gives the same bits.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,6 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.argument_checks import check_count, check_names, shown
 from seatrial.core.errors import InputError, NumericalError, nearest
 from seatrial.sampling.diagnostics import complaints, diagnose, mixing
 
@@ -31,12 +32,30 @@ class ChainSettings:
         warmup: iterations that adapt and are dropped, a multiple of 100.
         draws: iterations after them, a multiple of 100.
         thin: every how many-th of these is kept, a divisor of 100.
+
+    Raises:
+        InputError: a size that is none of these.
     """
 
     chains: int = 32
     warmup: int = 500
     draws: int = 1500
     thin: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse sizes of which no whole number of blocks is made."""
+        check_count(self.chains, "ChainSettings, chains", remedy="take 4 chains or more, so that they can be compared")
+        for name, least in (("warmup", 0), ("draws", BLOCK)):
+            value = getattr(self, name)
+            check_count(value, f"ChainSettings, {name}", least=least, multiple_of=BLOCK, remedy="round it to a hundred")
+        check_count(self.thin, "ChainSettings, thin", remedy="1 keeps every draw")
+        if BLOCK % self.thin:
+            raise InputError(
+                "ChainSettings, thin",
+                found=str(self.thin),
+                expected=f"a divisor of {BLOCK}",
+                remedy="for example 2, 5 or 10",
+            )
 
 
 class Run(NamedTuple):
@@ -77,7 +96,8 @@ class Mixing(NamedTuple):
 class Draws:
     """Draws of named parameters after warm-up, by chain; a population counts as one chain.
 
-    `draws["X_u"]` are those of one parameter, in its own unit, of shape (chains, draws).
+    `draws["X_u"]` are those of one parameter, in its own unit, of shape (chains, draws); `"X_u" in draws` asks for a name, and
+    iterating goes through the names.
 
     Attributes:
         z: unconstrained positions, shape (chains, draws, d).
@@ -112,13 +132,25 @@ class Draws:
         """
         return self.values[..., self._place(name)]
 
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the parameters."""
+        return iter(self.names)
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a parameter of that name."""
+        return name in self.names
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return len(self.names)
+
     def array(self, names: Sequence[str] | None = None) -> Float[np.ndarray, "n k"]:
         """Return the draws of some parameters, all where none are named, chain after chain, shape (n, k).
 
         Raises:
             InputError: no parameter of that name.
         """
-        places = [self._place(name) for name in (self.names if names is None else names)]
+        places = [self._place(name) for name in (self.names if names is None else check_names(names, "names"))]
         return self.values.reshape(-1, len(self.names))[:, places]
 
     def mixing(self) -> Mixing:
@@ -174,7 +206,7 @@ class Draws:
     def _place(self, name: str) -> int:
         if name in self.names:
             return self.names.index(name)
-        raise InputError("draws", found=f'"{name}"', expected=", ".join(self.names), remedy=nearest(name, self.names))
+        raise InputError("draws", found=shown(name), expected=", ".join(self.names), remedy=nearest(name, self.names))
 
 
 def unnamed_draws(

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.argument_checks import check_count, check_number
 from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
@@ -36,12 +37,24 @@ class SMCSettings:
     Attributes:
         particles: number of particles.
         moves: Metropolis moves of each particle at each temperature; None for max(8, 2 d, d^2 / 5).
-        target_ess: effective share of the particles each temperature step keeps.
+        target_ess: effective share of the particles each temperature step keeps, above 0 and below 1.
+
+    Raises:
+        InputError: a size that is none of these.
     """
 
     particles: int = 1024
     moves: int | None = None
     target_ess: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse sizes of no run."""
+        check_count(self.particles, "SMCSettings, particles", least=2, remedy="take a few hundred or more")
+        if self.moves is not None:
+            check_count(
+                self.moves, "SMCSettings, moves", remedy="leave it out: it follows from the number of parameters"
+            )
+        check_number(self.target_ess, "SMCSettings, target_ess", above=0.0, below=1.0, remedy="0.5 is usual")
 
     def moves_for(self, dim: int) -> int:
         """Moves at each temperature for a target of `dim` parameters.

@@ -19,15 +19,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import stats
 
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
-from seatrial.estimation.posterior import Posterior, as_key
+from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
-from seatrial.selection.importance import distance, importance_evidence, laplace_proposal
+from seatrial.selection.importance import ImportanceSettings, distance, importance_evidence, laplace_proposal
 
 # Search for modes beside the highest one known, among particles of tempered SMC that are cooled on to p L^10.
 #
@@ -182,7 +183,8 @@ def agreed_evidence(
     Args:
         posterior: density to integrate.
         keys: random keys; or one of which both are made, or a seed.
-        settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly.
+        settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly; and draws of the
+            importance sampling.
         progress: called with the work done and the work in all.
 
     Returns:
@@ -190,8 +192,11 @@ def agreed_evidence(
         errors for each; its status is empty only if both are healthy and agree.
 
     Raises:
+        InputError: no posterior, or settings of something else.
         NumericalError: tempered SMC cannot leave the prior.
     """
+    check_posterior(posterior)
+    check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
     keys = keys if isinstance(keys, Keys) else Keys(*jax.random.split(as_key(keys)))
     gathering = Gathering(settings.repeats)
     waiting = gathering.begin()
@@ -209,7 +214,7 @@ def do(
 ) -> EvidenceRun | Weighed:
     """Do one piece of an evidence."""
     if piece.repeat is None:
-        return _weigh(posterior, piece, keys.importance)
+        return _weigh(posterior, piece, keys.importance, settings.draws)
     key = jax.random.fold_in(keys.smc, piece.repeat)
     smc = sample_warm(posterior, key, settings.smc, progress)
     cold = smc.particles[:0]
@@ -325,7 +330,7 @@ def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequen
     return Evidence(chosen.log_value, chosen.std_error, chosen.method, diagnostics, "; ".join(said))
 
 
-def _weigh(posterior: Posterior, piece: Piece, key: jax.Array) -> Weighed:
+def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> Weighed:
     """Importance sampling about the mode and what particles of the first repeat met besides."""
     if piece.first is None:
         raise ValueError("importance sampling needs the particles of the first repeat")
@@ -333,7 +338,7 @@ def _weigh(posterior: Posterior, piece: Piece, key: jax.Array) -> Weighed:
     try:
         mode = find_mode(posterior, jax.random.split(key, 3)[0])
         known = [mode, *further_modes(posterior, mode, sets)]
-        evidence = importance_evidence(posterior, key, mode, further=known[1:])
+        evidence = importance_evidence(posterior, key, mode, ImportanceSettings(draws), known[1:])
     except NumericalError as error:
         failure = str(error)
     return Weighed(evidence, failure, tuple(_higher(posterior, *sets, [mode.log_density for mode in known])))

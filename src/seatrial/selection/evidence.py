@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from scipy import stats
 
+from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.target import Target
@@ -39,10 +40,26 @@ class Evidence:
 
 @dataclass(frozen=True)
 class EvidenceSettings:
-    """Independent repeats of the sampler, and its settings."""
+    """Size of an evidence.
+
+    Attributes:
+        repeats: independent runs of tempered SMC, two or more, whose spread tells the error.
+        smc: size of each.
+        draws: fresh draws of the importance sampling that is compared with them; `smc_evidence` has none.
+
+    Raises:
+        InputError: fewer than two repeats, or a size that is none.
+    """
 
     repeats: int = 2
     smc: SMCSettings = SMCSettings()
+    draws: int = 20480
+
+    def __post_init__(self) -> None:
+        """Refuse sizes of which no error is known."""
+        check_count(self.repeats, "EvidenceSettings, repeats", least=2, remedy="2 or more: one alone has no error")
+        check_kind(self.smc, SMCSettings, "EvidenceSettings, smc", "write smc=SMCSettings(particles=512)")
+        check_count(self.draws, "EvidenceSettings, draws", least=1024, remedy="take some ten thousand")
 
 
 def smc_evidence(

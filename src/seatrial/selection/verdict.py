@@ -8,9 +8,10 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError
 from seatrial.core.progress import Progress, no_progress
-from seatrial.estimation.posterior import Posterior, as_key
+from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
@@ -133,13 +134,19 @@ def compare(
         key: random key, or a seed.
         progress: called with the evidences that are there, and how many there will be.
 
+    Returns:
+        the probability of each, that of each term in question, and both in words.
+
     Raises:
-        InputError: fewer than two.
+        InputError: fewer than two, something that is no posterior, or settings of something else.
         NumericalError: an evidence that cannot be computed.
     """
+    for label, posterior in check_mapping(posteriors, "posteriors", "write {label: posterior}").items():
+        check_posterior(posterior, f'posteriors["{label}"]')
+    check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
     if len(posteriors) < 2:
         raise InputError(
-            "compare",
+            "posteriors",
             found=f"{len(posteriors)} posteriors",
             expected="two at least",
             remedy="use `evidence` for one alone",

@@ -12,6 +12,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from seatrial.core.argument_checks import check_kind, check_number, check_order
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
 from seatrial.vehicles.model import Params, VehicleModel
@@ -26,12 +27,23 @@ class Actuator:
         lower: least value, SI.
         upper: greatest value, SI.
         rate: greatest speed of change, SI units a second.
+
+    Raises:
+        InputError: a time constant below 0, limits that leave nothing between them, or a rate that is not positive.
     """
 
     time_constant: float
     lower: float = -inf
     upper: float = inf
     rate: float = inf
+
+    def __post_init__(self) -> None:
+        """Refuse what no actuator is."""
+        check_number(self.time_constant, "Actuator, time_constant", least=0.0, remedy="give its lag in s, 0 for none")
+        check_order(self.lower, self.upper, "Actuator", is_finite=False)
+        check_number(
+            self.rate, "Actuator, rate", above=0.0, is_finite=False, remedy="leave it out where it is not limited"
+        )
 
 
 def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator]) -> VehicleModel:
@@ -42,7 +54,7 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator]) -> Ve
         actuators: by control.
 
     Raises:
-        InputError: no such control, or limits that leave nothing between them.
+        InputError: no such control.
     """
     for name, actuator in actuators.items():
         _check(model, name, actuator)
@@ -104,10 +116,4 @@ def _check(model: VehicleModel, name: str, actuator: Actuator) -> None:
             expected="one of " + (", ".join(model.controls) or "none"),
             remedy=nearest(name, model.controls),
         )
-    if not (0 <= actuator.time_constant < inf and actuator.lower < actuator.upper and actuator.rate > 0):
-        raise InputError(
-            place,
-            found=f"time constant {actuator.time_constant}, limits {actuator.lower} to {actuator.upper}, rate {actuator.rate}",
-            expected="a time constant of 0 or more, a lower limit below the upper one, and a positive rate",
-            remedy="give SI values",
-        )
+    check_kind(actuator, Actuator, place, remedy="write for example Actuator(0.5)")

@@ -9,11 +9,11 @@ Hydrodynamics and Motion Control, 2nd ed., 2021, eq. (3.49).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
 
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_number, check_numbers, check_sequence
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
@@ -22,6 +22,8 @@ GRAVITY = 9.81
 """m/s^2, as most sources round it."""
 AXES = ("X", "Y", "Z", "K", "M", "N")
 """Axes of force and moment, in the order of the velocities u, v, w, p, q, r."""
+_XYZ = ("x", "y", "z")
+_SHARE = "give a share, such as 0.1"
 
 
 @dataclass(frozen=True)
@@ -100,22 +102,24 @@ def whole_hull(
     Raises:
         InputError: a number that is no physical one, an inertia that no body has, or an added mass that is not symmetric.
     """
-    weight = mass * GRAVITY if weight is None else weight
+    place = f'vehicle "{name}"'
+    mass = check_number(mass, f"{place}, mass", above=0.0)
+    weight = mass * GRAVITY if weight is None else check_number(weight, f"{place}, weight", above=0.0)
     hull = Hull(
         name,
-        float(mass),
-        _three(inertia),
-        _three(products),
-        _three(centre_of_gravity),
-        _three(centre_of_buoyancy),
-        float(weight),
-        float(weight if buoyancy is None else buoyancy),
-        float(thrust_deduction),
-        float(wake),
-        dict(fixed or {}),
-        dict(trim or {}),
+        mass,
+        _three(inertia, f"{place}, inertia", _XYZ, may_lack=True),
+        _three(products, f"{place}, products", ("xy", "xz", "yz")),
+        _three(centre_of_gravity, f"{place}, centre_of_gravity", _XYZ),
+        _three(centre_of_buoyancy, f"{place}, centre_of_buoyancy", _XYZ),
+        weight,
+        weight if buoyancy is None else check_number(buoyancy, f"{place}, buoyancy", above=0.0),
+        thrust_deduction,
+        wake,
+        check_numbers(fixed, f"{place}, fixed"),
+        check_numbers(trim, f"{place}, trim"),
     )
-    _check_numbers(hull)
+    check_hull_numbers(hull)
     _check_body(hull)
     if symmetric:
         _check_symmetry(hull)
@@ -169,36 +173,34 @@ def asymmetric_pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
     return [(a, b) for (a, one), (b, other) in pairs if abs(one - other) > 1e-6 * max(abs(one), abs(other))]
 
 
-def _three(values: Sequence) -> tuple:
-    first, second, third = (None if value is None else float(value) for value in values)
+def _three(values: Sequence, place: str, parts: tuple[str, str, str], *, may_lack: bool = False) -> tuple:
+    remedy = "give three numbers in SI" + ", None where one is unknown" * may_lack
+    given = check_sequence(values, place, remedy)
+    if len(given) != 3:
+        raise InputError(place, found=f"{len(given)} of them", expected="three: " + ", ".join(parts), remedy=remedy)
+    first, second, third = (
+        None if may_lack and value is None else check_number(value, f"{place} {part}", remedy=remedy)
+        for value, part in zip(given, parts, strict=True)
+    )
     return first, second, third
 
 
-def _check_numbers(hull: Hull) -> None:
+def check_hull_numbers(hull: Hull) -> None:
+    """Check every number of a hull by itself.
+
+    Raises:
+        InputError: one that is none, or that no vehicle has.
+    """
     place = f'vehicle "{hull.name}"'
-    numbers = {
-        **{key: getattr(hull, key) for key in ("mass", "weight", "buoyancy", "thrust_deduction", "wake")},
-        **{f"inertia {axis}": value for axis, value in zip("xyz", hull.inertia, strict=True) if value is not None},
-        **{f"products {pair}": value for pair, value in zip(("xy", "xz", "yz"), hull.products, strict=True)},
-        **{f"centre_of_gravity {axis}": value for axis, value in zip("xyz", hull.centre_of_gravity, strict=True)},
-        **{f"centre_of_buoyancy {axis}": value for axis, value in zip("xyz", hull.centre_of_buoyancy, strict=True)},
-        **hull.fixed,
-        **hull.trim,
-    }
-    for key, value in numbers.items():
-        positive = key in ("mass", "weight", "buoyancy") or key.startswith("inertia")
-        fraction = key in ("thrust_deduction", "wake")
-        if (
-            not isfinite(value)
-            or (positive and value <= 0)
-            or (fraction and (value >= 1 or (value < 0 and key != "wake")))
-        ):
-            raise InputError(
-                f"{place}, {key}",
-                found=str(value),
-                expected="a positive number" if positive else "a number below 1" if fraction else "a finite number",
-                remedy="give its SI value",
-            )
+    if hull.mass is not None:
+        sizes = {key: getattr(hull, key) for key in ("mass", "weight", "buoyancy")}
+        sizes |= {f"inertia {axis}": x for axis, x in zip("xyz", hull.inertia, strict=True) if x is not None}
+        for key, value in sizes.items():
+            check_number(value, f"{place}, {key}", above=0.0)
+    check_number(hull.thrust_deduction, f"{place}, thrust_deduction", least=0.0, below=1.0, remedy=_SHARE)
+    check_number(hull.wake, f"{place}, wake", below=1.0, remedy=_SHARE)
+    for key, value in {**hull.fixed, **hull.trim}.items():
+        check_number(value, f"{place}, {key}")
 
 
 def _check_body(hull: Hull) -> None:

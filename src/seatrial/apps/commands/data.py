@@ -15,7 +15,8 @@ def simulate(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Also run another design: next, free_form, self_oscillation, searched, batch, or batch_2 alone.",
+            help="Also run another design by the name of its schedule, for example next; or free_form, self_oscillation, searched, "
+            "proposed, batch (all its trials) or batch_2 (one of them).",
         ),
     ] = None,
     schedule: Annotated[
@@ -26,7 +27,10 @@ def simulate(
         ),
     ] = None,
     label: Annotated[
-        str | None, typer.Option(help="Name of its record; that of the design or of the file if not given.")
+        str | None,
+        typer.Option(
+            help="Name of the record that is added, for example second; if not given, that of its design or of its file."
+        ),
     ] = None,
     alone: Annotated[
         bool, typer.Option("--alone", help="Run it instead of the trials so far, not after them.")

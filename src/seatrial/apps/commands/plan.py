@@ -49,14 +49,24 @@ def design(
     context: typer.Context,
     folder: Folder,
     free_form: Annotated[
-        int, typer.Option(min=0, max=200, help="Also search so many levels one by one, by gradients.")
+        int,
+        typer.Option(
+            min=0,
+            max=200,
+            help="Also make a schedule of no fixed shape: so many levels of equal length, each sought by itself, for example 24.",
+        ),
     ] = 0,
     self_oscillation: Annotated[
         bool,
         typer.Option("--self-oscillation", help="Also choose the self-oscillating test (zigzag) of [design.relay]."),
     ] = False,
     trials: Annotated[
-        int, typer.Option(min=0, max=20, help="Also choose so many trials that are worth most together.")
+        int,
+        typer.Option(
+            min=0,
+            max=20,
+            help="Also choose a batch of so many different trials that tell most together, for example 3.",
+        ),
     ] = 0,
     sensors: Annotated[
         bool, typer.Option("--sensors", help="Also weigh the best design with other rates and noises of each sensor.")
@@ -70,7 +80,9 @@ def design(
     compare: Annotated[
         int,
         typer.Option(
-            min=0, max=1000, help="Also compute the expected information gain of so many designs, 5 at least."
+            min=0,
+            max=1000,
+            help="Also check the ranking: simulate the expected information gain of so many designs (5 or more), for example 12.",
         ),
     ] = 0,
     quiet: Quiet = False,

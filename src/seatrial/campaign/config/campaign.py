@@ -32,7 +32,7 @@ from seatrial.design.sweep import Trim
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.sensors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
-from seatrial.manoeuvres.family import Family, check_family
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, count_structures
@@ -243,7 +243,7 @@ class Campaign:
     def families(self) -> tuple[Family, ...]:
         """Families that are swept; all of one control, trim and timing."""
         with located(self.where("design.families")):
-            return tuple(check_family(replace(self.family, kind=kind, seed=self.seed)) for kind in self.design.kinds)
+            return tuple(replace(self.family, kind=kind, seed=self.seed) for kind in self.design.kinds)
 
     @property
     def family(self) -> Family:

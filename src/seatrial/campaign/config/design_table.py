@@ -13,8 +13,6 @@ from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.model import VehicleModel
 
-MOST_SAMPLES = 200_000
-"""Samples of a designed trial: beyond, a sweep no longer fits the memory of a laptop."""
 TRACKS = ("distance", "advance")
 """Limits of the way travelled, m."""
 LONGEST = 1e5
@@ -175,45 +173,11 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
         key: keys.si(getattr(table, key), "s", f"design.{key}")
         for key in ("duration", "active", "sample_time", "start", "ramp")
     }
-    for key in ("active", "start", "ramp"):
-        if seconds[key] < 0 or (key == "active" and seconds[key] == 0):
-            raise InputError(
-                keys.where(f"design.{key}"),
-                found=getattr(table, key),
-                expected="more than 0 s" if key == "active" else "0 s or more",
-                remedy='for example "40 s"' if key == "active" else "correct it, or leave the key out",
-            )
-    family = Family(table.control, trim, **seconds)
-    if not family.duration > 0:
-        raise InputError(
-            keys.where("design.duration"),
-            found=f"{family.duration:g} s",
-            expected="more than 0",
-            remedy='for example "60 s"',
-        )
-    if not 0 < family.sample_time <= family.duration / 10:
-        raise InputError(
-            keys.where("design.sample_time"),
-            found=f"{family.sample_time:g} s",
-            expected="more than 0 and a tenth of the duration at most",
-            remedy='for example "0.02 s"',
-        )
-    samples = round(family.duration / family.sample_time)
-    if samples > MOST_SAMPLES:
-        raise InputError(
-            keys.where("design.sample_time"),
-            found=f"{samples} samples in a trial of {family.duration:g} s",
-            expected=f"at most {MOST_SAMPLES}",
-            remedy="use a longer sample time: a hundredth of the fastest time constant is enough",
-        )
-    if family.start + family.active > family.duration * (1 + 1e-9):
-        raise InputError(
-            keys.where("design.active"),
-            found=f"start {family.start:g} s + active {family.active:g} s",
-            expected=f"an end within the duration, {family.duration:g} s",
-            remedy="lengthen the duration or shorten `active`",
-        )
-    return family
+    try:
+        return Family(table.control, trim, **seconds)
+    except InputError as error:
+        key = keys.where(f"design.{error.where.rpartition(' ')[2]}")
+        raise InputError(key, found=error.found, expected=error.expected, remedy=error.remedy) from None
 
 
 def _relay(table: RelayTable, keys: FileKeys, channels: Sequence[str]) -> RelaySettings:

@@ -35,6 +35,7 @@ from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.truth import check_truth
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
+from seatrial.core.argument_checks import check_path
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
 from seatrial.selection.structures import Structure
@@ -52,7 +53,7 @@ def load_campaign(folder: Path | str) -> Campaign:
     Raises:
         InputError: no such file, one that is too large or not UTF-8, malformed TOML, unknown or missing key, wrong type, unit or name.
     """
-    folder = campaign_folder(Path(folder))
+    folder = campaign_folder(check_path(folder, "campaign, folder"))
     path = folder / FILE_NAME
     if not path.is_file():
         raise InputError(
@@ -121,7 +122,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         imports=None if file.imported is None else read_imports(file.imported, keys, recorded),
         process_noise=process_noise,
         estimation=estimation,
-        selection=SelectionSettings(file.selection.particles, file.selection.repeats),
+        selection=SelectionSettings(file.selection.particles, file.selection.repeats, file.selection.draws),
         compute=_compute(file.compute),
         known_from=known_from,
         folder=folder,

@@ -1,6 +1,7 @@
 """From `[prior.NAME]` tables to priors in SI."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import inf, isfinite
 
 from seatrial.campaign.config.campaign import no_prior
@@ -38,6 +39,9 @@ _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
     ),
 }
 """Distribution to the numbers it needs, how many bounds it may have beside them (one at least), and what makes it."""
+
+_CALLED = {"location": "mean", "scale": "sd"}
+"""Arguments of a truncated normal by their keys."""
 
 
 def read_priors(
@@ -123,11 +127,13 @@ def read_prior(table: PriorTable, unit: str, where: str, *, name: str = "", iner
             `physical` where nothing is known about the sign.
     """
     numbers = _numbers(table, where)
-    _check_sizes(table.distribution, numbers, where)
+    make = _KINDS[table.distribution][2]
+    with _of_key(where, numbers):
+        make(**numbers)
     factor = 1.0 if table.unit is None else to_si(1.0, table.unit, unit, f"{where}.unit")
     with located(where):
         si = {key: value if key == "factor" else value * factor for key, value in numbers.items()}
-        prior = _KINDS[table.distribution][2](**si)
+        prior = make(**si)
     return _physical(prior, name, inertia, f"{where}.physical") if table.physical else prior
 
 
@@ -163,44 +169,16 @@ def _not_these(distribution: str, where: str, found: str) -> InputError:
     return InputError(where, found=found, expected=f"{keys} for a {distribution} prior", remedy="correct the table")
 
 
-def _check_sizes(distribution: str, numbers: dict[str, float], where: str) -> None:
-    """Check that sizes are positive and bounds in order."""
-    for key in ("sd", "scale"):
-        if key in numbers and not numbers[key] > 0:
-            raise InputError(
-                f"{where}.{key}",
-                found=f"{numbers[key]:g}",
-                expected="more than 0",
-                remedy="fix the coefficient in the vehicle instead if it is known",
-            )
-    if "lower" in numbers and "upper" in numbers and not numbers["lower"] < numbers["upper"]:
-        raise InputError(
-            where,
-            found=f"lower {numbers['lower']:g}, upper {numbers['upper']:g}",
-            expected="lower below upper",
-            remedy="swap or correct them: nothing lies between",
-        )
-    if distribution == "log-uniform" and not numbers["lower"] > 0:
-        raise InputError(
-            f"{where}.lower",
-            found=f"{numbers['lower']:g}",
-            expected="more than 0 for a log-uniform prior",
-            remedy="give the smallest size that can matter",
-        )
-    if numbers.get("median") == 0:
-        raise InputError(
-            f"{where}.median",
-            found="0",
-            expected="a median above or below 0, whose sign all values have",
-            remedy="give the value that is as likely too large as too small, for example -3.0",
-        )
-    if "factor" in numbers and not numbers["factor"] > 1:
-        raise InputError(
-            f"{where}.factor",
-            found=f"{numbers['factor']:g}",
-            expected="more than 1: two values in three lie within this factor of the median",
-            remedy="2.0 says: between half and twice the median",
-        )
+@contextmanager
+def _of_key(where: str, numbers: Mapping[str, float]) -> Iterator[None]:
+    """Put the key of a table in the place of the argument that an error of a prior names."""
+    try:
+        yield
+    except InputError as error:
+        name = error.where.rpartition(", ")[2]
+        key = next((key for key in (name, _CALLED.get(name)) if key in numbers), None)
+        place = f"{where}: {error.where}" if key is None else f"{where}.{key}"
+        raise InputError(place, found=error.found, expected=error.expected, remedy=error.remedy) from None
 
 
 def _physical(prior: Prior, name: str, inertia: float, where: str) -> Prior:

@@ -250,10 +250,11 @@ class EstimationSettings:
 
 @dataclass(frozen=True)
 class SelectionSettings:
-    """Particles and independent repeats behind each evidence."""
+    """Particles and independent repeats of tempered SMC behind each evidence, and draws of the importance sampling beside it."""
 
     particles: int = 1024
     repeats: int = 2
+    draws: int = 20480
 
 
 @dataclass(frozen=True)

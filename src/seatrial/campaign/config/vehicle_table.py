@@ -192,7 +192,9 @@ def _actuators(table: VehicleTable, keys: FileKeys, body: PublishedVehicle) -> d
         }
         if written.rate is not None:
             limits["rate"] = keys.si(written.rate, f"({unit})/s", f"{key}.rate")
-        found[name] = Actuator(keys.si(written.lag, "s", f"{key}.lag"), **limits)
+        lag = keys.si(written.lag, "s", f"{key}.lag")
+        with located(keys.where(key)):
+            found[name] = Actuator(lag, **limits)
     return found
 
 

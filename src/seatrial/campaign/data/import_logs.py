@@ -11,6 +11,7 @@ from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.settings import Imports, LogFile
 from seatrial.campaign.data.simulate import check_simulated, no_record, simulated_records
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError, located
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record, Role
@@ -40,6 +41,7 @@ def get_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
     Raises:
         InputError: it says neither, or as the two.
     """
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     return simulate_trials(campaign, reporter) if campaign.imports is None else import_trials(campaign, reporter)
 
 

@@ -20,6 +20,7 @@ from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import on_accelerator
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
@@ -233,6 +234,7 @@ def stored_next(campaign: Campaign, estimate: OfStructure) -> StoredResult[Desig
 
 def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
     """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
 
     def sweep() -> xr.Dataset:
         model = campaign.model(campaign.full)

@@ -17,6 +17,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
@@ -75,6 +76,8 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     Returns:
         one posterior for each structure; `.data` holds draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
     """
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
+    check_kind(trials, Trials, "trials", "make them with `get_trials`")
     store, kept = Store(campaign.folder), stored_estimates(campaign, trials)
     missing = [one for one, result in kept.items() if not result.is_current()]
     if missing:

@@ -16,6 +16,7 @@ from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.campaign.store.structures import StoredSelection, read_selection
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import ALARM, FLOOR, EvidenceRun, Gathering, Keys, Piece, Weighed, do
@@ -37,6 +38,8 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
         trials: records, of `get_trials`.
         reporter: told how far the evidences have come.
     """
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
+    check_kind(trials, Trials, "trials", "make them with `get_trials`")
 
     def compute() -> dict[str, Any]:
         return _as_json(_select(campaign, trials, _evidences(campaign, trials, reporter)))
@@ -128,7 +131,7 @@ def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | Weigh
     """One piece of an evidence."""
     campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
     keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
-    settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles))
+    settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles), table.draws)
     return do(study.posterior(part.structure), part.piece, keys, settings, report)
 
 

@@ -16,6 +16,7 @@ from seatrial.campaign.selection.select_structure import structure_rows
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.manoeuvres.family import Family
@@ -77,6 +78,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     Raises:
         InputError: as the steps; that the next trial cannot be designed is said before the first of them.
     """
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     campaign.control_trim(campaign.model(campaign.full))
     flow = Workflow(campaign, reporter)
     found = {step.name: flow.get(step.name) for step in LOOP}

@@ -7,24 +7,38 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from seatrial.core.argument_checks import check_number, check_order, is_traced
 from seatrial.core.pytrees import compiled_tree
 
 CORNER = 50.0
 """Sharpness of the bend where the box map leaves the line: within 1/50 of the width of a bound."""
+_BELIEVED = "give the smallest and the largest value you would believe"
 
 
 @compiled_tree()
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform between two bounds.
+    """Uniform between two finite bounds, the lower one below the upper one.
 
     With t = z / sqrt(12) + 1/2 and the sharpness k, the share of the width is y = (softplus(k t) - softplus(k (t - 1))) / k:
     a straight line inside the box that bends smoothly to its bounds. A posterior that is nearly normal in the parameter
     stays so in z; the usual logistic map turns the long thin ridges of correlated drag coefficients into bananas.
+
+    Attributes:
+        lower: bound, in the parameter's unit.
+        upper: likewise.
+
+    Raises:
+        InputError: a bound that is no finite number, or nothing between them.
     """
 
     lower: float
     upper: float
+
+    def __post_init__(self) -> None:
+        """Refuse bounds with nothing between them."""
+        if not is_traced(self.lower, self.upper):
+            check_order(self.lower, self.upper, "Uniform prior", remedy=_BELIEVED)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -71,10 +85,26 @@ class Uniform:
 @compiled_tree()
 @dataclass(frozen=True)
 class LogUniform:
-    """Uniform in the logarithm between two positive bounds: for scales, such as noise or a correlation time."""
+    """Uniform in the logarithm between two positive bounds: for scales, such as noise or a correlation time.
+
+    Attributes:
+        lower: bound above 0, in the parameter's unit.
+        upper: likewise, above the lower one.
+
+    Raises:
+        InputError: a bound that is no finite number above 0, or nothing between them.
+    """
 
     lower: float
     upper: float
+
+    def __post_init__(self) -> None:
+        """Refuse bounds with nothing between them."""
+        if not is_traced(self.lower, self.upper):
+            check_number(
+                self.lower, "LogUniform prior, lower", above=0.0, remedy="give the smallest size that can matter"
+            )
+            check_order(self.lower, self.upper, "LogUniform prior", remedy=_BELIEVED)
 
     @property
     def bounds(self) -> tuple[float, float]:

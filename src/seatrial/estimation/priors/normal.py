@@ -7,8 +7,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from seatrial.core.argument_checks import check_number, is_traced
+from seatrial.core.errors import InputError
 from seatrial.core.pytrees import compiled_tree
 
+FIXED = "give what you would believe; a coefficient that is known is fixed in the vehicle instead"
 LARGEST = 600.0
 """Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision."""
 
@@ -16,10 +19,24 @@ LARGEST = 600.0
 @compiled_tree()
 @dataclass(frozen=True)
 class Normal:
-    """Normal by mean and standard deviation; z is standard normal."""
+    """Normal by mean and standard deviation; z is standard normal.
+
+    Attributes:
+        mean: in the parameter's unit.
+        sd: standard deviation above 0, likewise.
+
+    Raises:
+        InputError: a number that is none, or no spread.
+    """
 
     mean: float
     sd: float
+
+    def __post_init__(self) -> None:
+        """Refuse what has no spread."""
+        if not is_traced(self.mean, self.sd):
+            check_number(self.mean, "Normal prior, mean")
+            check_number(self.sd, "Normal prior, sd", above=0.0, remedy=FIXED)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -54,10 +71,31 @@ class LogNormal:
 
     With z standard normal the value is median * factor^z, or median * factor^-z for a negative median, so that it grows with z.
     It has the median's sign: damping "about -3 kg/m, give or take a factor of two" is `LogNormal(-3.0, 2.0)`.
+
+    Attributes:
+        median: above or below 0, in the parameter's unit.
+        factor: above 1, a plain number.
+
+    Raises:
+        InputError: a median of 0, or a factor that is not above 1.
     """
 
     median: float
     factor: float
+
+    def __post_init__(self) -> None:
+        """Refuse a median without a sign and a factor without a spread."""
+        if is_traced(self.median, self.factor):
+            return
+        if check_number(self.median, "LogNormal prior, median") == 0.0:
+            raise InputError(
+                "LogNormal prior, median",
+                found="0",
+                expected="a median above or below 0, whose sign all values have",
+                remedy="give the value that is as likely too large as too small, for example -3.0",
+            )
+        remedy = "2.0 says: two values in three lie between half and twice the median"
+        check_number(self.factor, "LogNormal prior, factor", above=1.0, remedy=remedy)
 
     @property
     def bounds(self) -> tuple[float, float]:

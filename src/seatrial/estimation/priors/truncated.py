@@ -13,9 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr, ndtri
 
+from seatrial.core.argument_checks import check_number, check_order
 from seatrial.core.errors import InputError
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors.box import CORNER
+from seatrial.estimation.priors.normal import FIXED
 
 LEAST = 1e-9
 """Share of a normal that an interval must hold: below, stating it as this normal cut is surely a mistake."""
@@ -26,7 +28,7 @@ FARTHEST = 10.0
 @compiled_tree()
 @dataclass(frozen=True)
 class TruncatedNormal:
-    """A normal cut at its bounds; build it with `truncated_normal` or `half_normal`, which work out its moments.
+    """A normal cut at its bounds; build it with `truncated_normal` or `half_normal`, which check it and work out its moments.
 
     Attributes:
         location: mean of the normal before the cut.
@@ -108,8 +110,11 @@ def truncated_normal(location: float, scale: float, lower: float = -inf, upper: 
         upper: bound, or inf; one of the two is finite.
 
     Raises:
-        InputError: no bound at all, or an interval that holds next to nothing of the normal.
+        InputError: a number that is none, no bound at all, or an interval that holds next to nothing of the normal.
     """
+    check_number(location, "truncated normal prior, location")
+    check_number(scale, "truncated normal prior, scale", above=0.0, remedy=FIXED)
+    check_order(lower, upper, "truncated normal prior", is_finite=False)
     where = f"normal {location:g} ± {scale:g} between {lower:g} and {upper:g}"
     if not (isfinite(lower) or isfinite(upper)):
         raise InputError(where, found="no bound", expected="one bound at least", remedy="use a normal prior")
@@ -124,9 +129,7 @@ def truncated_normal(location: float, scale: float, lower: float = -inf, upper: 
     if not share > LEAST:
         raise InputError(
             where,
-            found=f"a share of {share:.1g} of the normal between the bounds"
-            if low < high
-            else "nothing between the bounds",
+            found=f"a share of {share:.1g} of the normal between the bounds",
             expected="a support that the normal reaches",
             remedy="move the mean, widen the standard deviation or the bounds: the prior is empty",
         )
@@ -147,8 +150,9 @@ def half_normal(scale: float, *, lower: float | None = None, upper: float | None
         upper: bound from which it falls off downwards.
 
     Raises:
-        InputError: no bound, or two.
+        InputError: a number that is none, no bound, or two.
     """
+    check_number(scale, "half-normal prior, scale", above=0.0, remedy=FIXED)
     if (lower is None) == (upper is None):
         raise InputError(
             "half-normal prior",

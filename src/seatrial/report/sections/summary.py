@@ -151,6 +151,7 @@ def method_section(outcome: Outcome) -> dict[str, Any]:
         "initial": estimation.initial,
         "particles": selection.particles,
         "repeats": selection.repeats,
+        "importance_draws": selection.draws,
         "filter": outcome.filter.attrs["filter"],
         "failures": int(outcome.filter.attrs["failures"]),
         "nis": short(ratio),

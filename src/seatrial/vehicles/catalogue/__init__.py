@@ -11,13 +11,23 @@ from importlib.resources import files
 from pathlib import PurePath
 from typing import Any
 
+from seatrial.core.argument_checks import (
+    check_choice,
+    check_each_of,
+    check_kind,
+    check_known,
+    check_mapping,
+    check_names,
+    check_numbers,
+    check_text,
+)
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES, signal_unit
 from seatrial.core.units import quantity
 from seatrial.vehicles.active_dof import AddedCoriolis, acting_terms
 from seatrial.vehicles.actuators import Actuator, with_actuators
-from seatrial.vehicles.hull import GRAVITY, Hull, whole_hull
+from seatrial.vehicles.hull import GRAVITY, Hull, check_hull_numbers, whole_hull
 from seatrial.vehicles.linearise import trim
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
 from seatrial.vehicles.model import VehicleModel
@@ -27,6 +37,9 @@ from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
 _FOSSEN, _SURGE, _LONGITUDINAL = "remus100_fossen", "_surge", "_longitudinal"
+_OF_UNKNOWN = ("thrust_deduction", "wake", "trim")
+"""What may be said of a body whose mass is unknown."""
+_BODY = (*_OF_UNKNOWN, "centre_of_gravity", "centre_of_buoyancy", "products", "weight", "buoyancy", "symmetric")
 
 
 @dataclass(frozen=True)
@@ -70,9 +83,7 @@ class PublishedVehicle:
         """
         known = {**self.hull.fixed, **self.coefficients}
         for name in names:
-            if name not in known:
-                where = f'vehicle "{self.hull.name}"'
-                raise InputError(where, found=f'"{name}"', expected=", ".join(known), remedy=nearest(name, known))
+            check_choice(name, known, f'vehicle "{self.hull.name}"')
         fixed, others = (
             {name: value for name, value in some.items() if name not in names}
             for some in (self.hull.fixed, self.coefficients)
@@ -100,6 +111,10 @@ class PublishedVehicle:
         Raises:
             InputError: a restriction of a written vehicle, or as of `whole_vehicle`.
         """
+        place = f'vehicle "{self.hull.name}"'
+        for what, names in (("moves", moves), ("given", given), ("free", free)):
+            if names is not None:
+                check_names(names, f"{place}, {what}")
         chosen = tuple(moves or self.moves)
         if self.written is not None:
             if chosen != self.moves or given or free is not None:
@@ -154,19 +169,25 @@ def make_vehicle(
         actuators: lags and limits by control.
         thrusters: of an open frame; none for one propeller on the axis.
         added_coriolis: whether Coriolis forces of the added mass are among the coefficients or follow from it (`automatic`).
-        body: of an unknown mass `thrust_deduction`, `wake` and `trim`; else also `centre_of_gravity`, `centre_of_buoyancy`, `products`,
-            `weight`, `buoyancy` and `symmetric` of `whole_hull`.
+        body: of an unknown mass `thrust_deduction` (0 to 1), `wake` (below 1) and `trim` (signal to SI value); else also
+            `centre_of_gravity` and `centre_of_buoyancy` (x, y, z, m), `products` of inertia (xy, xz, yz, kg m^2), `weight` and
+            `buoyancy` (N), and `symmetric`, whether added mass has to be.
 
     Raises:
         InputError: a name that is none, or numbers that no body has.
     """
-    values = {CoefficientName.parse(key).text: float(value) for key, value in coefficients.items()}
+    place = f'vehicle "{check_text(name, "vehicle, name", "give a short name")}"'
+    given = check_numbers(coefficients, f"{place}, coefficients", remedy='write for example {"X_uabsu": -3.0}')
+    values = {CoefficientName.parse(key).text: value for key, value in given.items()}
+    check_known(body, _BODY if mass is not None else _OF_UNKNOWN, f"{place}, arguments")
+    _check_parts(place, moves, actuators, thrusters, added_coriolis)
     fixed = {key: value for key, value in values.items() if CoefficientName.parse(key).is_added_mass}
     hull = (
-        Hull(name, None, **_of_unknown(name, body))
+        Hull(name, None, **{**body, "trim": check_numbers(body.get("trim"), f"{place}, trim")})
         if mass is None
         else whole_hull(name, mass, inertia, fixed=fixed, **body)
     )
+    check_hull_numbers(hull)
     free = {key: value for key, value in values.items() if key not in fixed}
     return PublishedVehicle(
         hull,
@@ -194,17 +215,14 @@ class LongitudinalEntry:
     coefficients: dict[str, float]
 
 
-def _of_unknown(name: str, body: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What is said of a body whose mass is unknown."""
-    known = ("thrust_deduction", "wake", "trim")
-    if others := [key for key in body if key not in known]:
-        raise InputError(
-            f'vehicle "{name}", {others[0]}',
-            found="a part of a body whose mass is unknown",
-            expected="only " + ", ".join(known),
-            remedy="give the mass, or leave it out",
-        )
-    return body
+def _check_parts(place: str, moves: Any, actuators: Any, thrusters: Any, added_coriolis: Any) -> None:
+    """Check what a vehicle consists of beside its body."""
+    for one in () if moves is None else check_names(moves, f"{place}, moves"):
+        check_choice(one, RATES, f"{place}, moves")
+    for control, one in check_mapping(actuators or {}, f"{place}, actuators", 'write {"n": Actuator(0.5)}').items():
+        check_kind(one, Actuator, f"{place}, actuator {control}", "write for example Actuator(0.5)")
+    check_each_of(thrusters, Thruster, f"{place}, thrusters", "write [Thruster(place, direction)]")
+    check_choice(added_coriolis, ("named", "automatic"), f"{place}, added_coriolis")
 
 
 def vehicle_names() -> tuple[str, ...]:
@@ -213,14 +231,19 @@ def vehicle_names() -> tuple[str, ...]:
     return tuple(sorted((*tables, _FOSSEN)))
 
 
-@cache
 def load_vehicle(name: str) -> PublishedVehicle:
     """Load a vehicle by name.
+
+    Args:
+        name: one of `vehicle_names()`.
+
+    Returns:
+        the vehicle with its published coefficients, SI.
 
     Raises:
         InputError: no vehicle of that name.
     """
-    return _load(name, vehicle_names())
+    return _load(check_text(name, "vehicle, name", "give a name of `vehicle_names()`"), vehicle_names())
 
 
 def surge_names() -> tuple[str, ...]:
@@ -304,6 +327,7 @@ def from_prime(name: str, value: float, *, density: float, length: float, speed:
     return value * prime_scale(name, density=density, length=length, speed=speed)
 
 
+@cache
 def _load(name: str, names: tuple[str, ...]) -> PublishedVehicle:
     if name not in names:
         raise InputError(

@@ -5,6 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from seatrial.campaign.store.stored_result import FILE_NAME
+from seatrial.core.argument_checks import check_path
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 
@@ -32,7 +33,7 @@ def init_campaign(folder: Path | str, template: str) -> Path:
     Raises:
         InputError: no such template, or a folder that holds a campaign already.
     """
-    text, path = template_text(template), Path(folder) / FILE_NAME
+    text, path = template_text(template), check_path(folder, "campaign, folder") / FILE_NAME
     if path.exists():
         raise InputError(
             str(path),
