@@ -51,7 +51,7 @@ class Maxima(NamedTuple):
 def bounded_slope(posterior: Posterior, mode: Mode) -> Slope:
     """Return a posterior's likelihood to climb inside its prior's bounds."""
     ends = []
-    for parameter in posterior.parameters:
+    for parameter in posterior.present_parameters:
         low, high = (float(bound) for bound in parameter.prior.bounds)
         mean, far = float(parameter.prior.mean), FAR * float(parameter.prior.sd)
         low, high = (low if np.isfinite(low) else mean - far), (high if np.isfinite(high) else mean + far)
@@ -191,8 +191,8 @@ def profile_likelihood(posterior: Posterior, mode: Mode, names: Sequence[str] | 
     check_posterior(posterior)
     check_kind(mode, Mode, "mode", "find it with `find_mode`")
     if names is not None:
-        check_known(check_names(names, "names", posterior.names[0]), posterior.names, "names")
-    chosen = [posterior.names.index(name) for name in (posterior.names if names is None else names)]
+        check_known(check_names(names, "names", posterior.present_names[0]), posterior.present_names, "names")
+    chosen = [posterior.present_names.index(name) for name in (posterior.present_names if names is None else names)]
     problem = bounded_slope(posterior, mode)
     start = np.asarray(mode.values, float)
     for _ in range(4):
@@ -293,7 +293,7 @@ def _next_start(problem: Slope, path: _Path) -> np.ndarray:
 def _profile(problem: Slope, best: Maxima, index: int, paths: Sequence[_Path]) -> Profile:
     below, above = paths
     points = [*reversed(below.points[1:]), below.points[0], *above.points[1:]]
-    parameter = problem.posterior.parameters[index]
+    parameter = problem.posterior.present_parameters[index]
 
     def end(path: _Path) -> float:
         inside, outside = _bracket(path)

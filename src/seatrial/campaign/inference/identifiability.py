@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, OfStructure, read_known
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
@@ -44,11 +44,11 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
     """Judge a fit by the information of its data at the mode and the covariance of its draws; a current result is read."""
 
     def judge() -> dict[str, Any]:
-        posterior = build_posterior(campaign, estimate.structure, trials.fit)
+        posterior = Study(campaign, trials.fit).posterior(estimate.structure)
         values = estimate.data["mode"].values
         information = likelihood_information(posterior, values)
         cov = np.atleast_2d(np.cov(estimate.draws().T))
-        found = identify(posterior.parameters, values, information, cov=cov, at=campaign.hull.trim)
+        found = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
         return asdict(_known(found, information, estimate.structure.label))
 
     return stored_known_after(campaign, estimate).read_or_make(judge)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array
 
+from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import HasKey, read_profiles
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, nearest
@@ -76,15 +77,16 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
         NumericalError: a likelihood of several maxima.
     """
     structure = campaign.full
-    posterior = build_posterior(campaign, structure, trials.fit)
-    chosen = list(dict.fromkeys(names)) or list(posterior.names)
+    posterior = Study(campaign, trials.fit).posterior(structure)
+    known = posterior.present_names
+    chosen = list(dict.fromkeys(names)) or list(known)
     for name in chosen:
-        if name not in posterior.names:
+        if name not in known:
             raise InputError(
                 "--parameter",
                 found=f'"{name}"',
-                expected=f"a parameter of {structure.label}: " + ", ".join(posterior.names),
-                remedy=nearest(name, posterior.names),
+                expected=f"a parameter of {structure.label}: " + ", ".join(known),
+                remedy=nearest(name, known),
             )
     kept = stored_profiles(campaign, trials)
     found = kept.read(kept.path) if kept.is_current() else {}
@@ -98,13 +100,13 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
             found[profile.name] = profile
             kept.write({"profiles": [_as_json(item) for item in found.values()]})
             progress(done, len(missing))
-    labels = {parameter.name: parameter.label for parameter in posterior.parameters}
+    labels = {parameter.name: parameter.label for parameter in posterior.present_parameters}
     return Profiled(structure, tuple(found[name] for name in chosen), tuple(labels[name] for name in chosen))
 
 
 def _each(posterior: Posterior, key: Array, names: Sequence[str]) -> Iterator[Profile]:
     """Profiles, a few at a time; `key` is that of the mode."""
-    mode = find_mode(posterior, key)
+    mode = find_mode(posterior, key).only(posterior.places)
     for start in range(0, len(names), TOGETHER):
         yield from profile_likelihood(posterior, mode, names[start : start + TOGETHER])
 
