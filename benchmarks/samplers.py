@@ -36,7 +36,7 @@ def sampling(cores: int) -> list[Row | Ratio]:
         smc_evidence(posterior, jax.random.key(seed), evidence)
         smc.append(time.perf_counter() - start)
     what = f"adaptive Metropolis, {settings.chains} chains, worst parameter"
-    name = f"tempered SMC evidence, {evidence.repeats} x {evidence.smc.particles} particles"
+    name = f"tempered SMC evidence, {evidence.repeats} x {evidence.smc.particles_for(posterior.dim)} particles"
     return [
         Row(GROUP, what, cores, "effective samples/s", float(np.median(rates[1:])), min(rates[1:])),
         Row(GROUP, name, cores, "s", float(np.median(smc[1:])), min(smc[1:])),

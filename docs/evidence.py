@@ -193,7 +193,7 @@ def evaluations(method: str, d: int, answers: dict[str, Answer]) -> int | None:
             return size.draws + size.pilot * (1 + answer.diagnostics["refits"])
         case "smc" if answer.diagnostics:
             steps = sum(answer.diagnostics["temperatures"])
-            return smc.smc.particles * (steps * smc.smc.moves_for(d) + smc.repeats)
+            return smc.smc.particles_for(d) * (steps * smc.smc.moves_for(d) + smc.repeats)
         case "ladder":
             return (ladder.warmup + ladder.draws) * ladder.rungs * ladder.copies * max(2, d // 2)
         case "bridge":

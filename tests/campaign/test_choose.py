@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.campaign.compute import shared_work as study
+from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection.select_structure import agreement_words, select_structure
@@ -17,9 +17,7 @@ def selection_of(folder: Path, monkeypatch, full, without):
     """Selection of a campaign whose two structures have these posteriors."""
     campaign = load_campaign(write_small(folder))
     trials = get_trials(campaign)
-    monkeypatch.setattr(
-        study, "build_posterior", lambda _, structure, records: full if "X_u" in structure.terms else without
-    )
+    monkeypatch.setattr(Study, "posterior", lambda _, structure: full if "X_u" in structure.terms else without)
     return select_structure(campaign, trials)
 
 

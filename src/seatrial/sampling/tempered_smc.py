@@ -35,7 +35,7 @@ class SMCSettings:
     """Size of a run.
 
     Attributes:
-        particles: number of particles.
+        particles: number of particles; None for max(512, 64 d).
         moves: Metropolis moves of each particle at each temperature; None for max(8, 2 d, d^2 / 5).
         target_ess: effective share of the particles each temperature step keeps, above 0 and below 1.
 
@@ -43,18 +43,23 @@ class SMCSettings:
         InputError: a size that is none of these.
     """
 
-    particles: int = 1024
+    particles: int | None = None
     moves: int | None = None
     target_ess: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse sizes of no run."""
-        check_count(self.particles, "SMCSettings, particles", least=2, remedy="take a few hundred or more")
+        if self.particles is not None:
+            check_count(self.particles, "SMCSettings, particles", least=2, remedy="take a few hundred or more")
         if self.moves is not None:
             check_count(
                 self.moves, "SMCSettings, moves", remedy="leave it out: it follows from the number of parameters"
             )
         check_number(self.target_ess, "SMCSettings, target_ess", above=0.0, below=1.0, remedy="0.5 is usual")
+
+    def particles_for(self, dim: int) -> int:
+        """Return the number of particles for a target of `dim` parameters."""
+        return self.particles if self.particles is not None else max(512, 64 * dim)
 
     def moves_for(self, dim: int) -> int:
         """Moves at each temperature for a target of `dim` parameters.
@@ -119,13 +124,14 @@ def sample_tempered_smc(
         NumericalError: the temperature stopped advancing, because almost no particle has a finite likelihood.
     """
     start_key, key = jax.random.split(key)
+    particles = settings.particles_for(target.dim)
     begin, step, resample = _steps(settings, target.dim)
-    start = start or prior_particles(target, start_key, settings.particles)
+    start = start or prior_particles(target, start_key, particles)
     alive = start.alive
     state = begin(target, start.particles, start.temperature)
     if alive == 0.0:
         raise NumericalError(
-            f"none of {settings.particles} draws from the prior has a finite likelihood: under this prior the model "
+            f"none of {particles} draws from the prior has a finite likelihood: under this prior the model "
             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     log_evidence, temperatures, acceptance = float(np.log(alive)), [], []
@@ -147,7 +153,7 @@ def sample_tempered_smc(
                 np.array(temperatures),
                 np.array(acceptance),
                 alive,
-                lost / settings.particles,
+                lost / particles,
             )
         if not np.isfinite(log_evidence) or temperature <= before:
             break
@@ -164,7 +170,7 @@ def _steps(settings: SMCSettings, dim: int):
     import blackjax.smc.resampling
 
     walk = blackjax.additive_step_random_walk.build_kernel()
-    scale = 2.38 / np.sqrt(dim)
+    scale, count = 2.38 / np.sqrt(dim), settings.particles_for(dim)
 
     def move(key: Array, state: Any, log_density: Any, factor: Array):
         return walk(key, state, log_density, lambda k, z: scale * factor @ jax.random.normal(k, z.shape))
@@ -177,12 +183,12 @@ def _steps(settings: SMCSettings, dim: int):
         return jnp.maximum(target.log_likelihood(z), _FLOOR)
 
     def weighted_factor(key: Array, state: Any, info: Any) -> dict[str, Array]:
-        drawn = blackjax.smc.resampling.systematic(key, state.weights, settings.particles)
+        drawn = blackjax.smc.resampling.systematic(key, state.weights, count)
         return factor_of(state.particles[drawn])
 
     def lanes(target: Target) -> int:
-        particles = jax.ShapeDtypeStruct((settings.particles, dim), float)
-        whole = LANES if settings.particles % LANES == 0 else settings.particles
+        particles = jax.ShapeDtypeStruct((count, dim), float)
+        whole = LANES if count % LANES == 0 else count
         return lanes_at_once(jax.vmap(target.log_likelihood), particles, cpu=whole)
 
     def kernel(target: Target) -> Any:

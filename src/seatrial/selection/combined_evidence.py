@@ -78,7 +78,7 @@ class Cooled:
 def sample_warm(target: Target, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress) -> SMCResult:
     """Run tempered SMC as it is, by the program that `sample_cold` goes on with; errors as `sample_tempered_smc`."""
     start_key, key = jax.random.split(key)
-    start = prior_particles(target, start_key, settings.particles)
+    start = prior_particles(target, start_key, settings.particles_for(target.dim))
     return sample_tempered_smc(Cooled(target, np.ones(())), key, settings, progress, start=start)
 
 

@@ -51,7 +51,7 @@ class EvidenceSettings:
         InputError: fewer than two repeats, or a size that is none.
     """
 
-    repeats: int = 2
+    repeats: int = 4
     smc: SMCSettings = SMCSettings()
     draws: int = 20480
 

@@ -310,11 +310,12 @@ class SelectionTable(Table):
     """`[selection]`: size of the two methods behind each evidence: particles and independent repeats of tempered SMC, and draws of the
     importance sampling about the modes.
 
-    Where a verdict asks for more particles, more repeats or more draws, these are meant.
+    Without `particles` there are 512, or 64 for each parameter where that is more. Where a verdict asks for more particles, more
+    repeats or more draws, these are meant.
     """
 
-    particles: int = Field(default=1024, ge=64, le=1_000_000)
-    repeats: int = Field(default=2, ge=2, le=1000)
+    particles: int | None = Field(default=None, ge=64, le=1_000_000)
+    repeats: int = Field(default=4, ge=2, le=1000)
     draws: int = Field(default=20480, ge=1024, le=10_000_000)
 
 

@@ -252,8 +252,8 @@ class EstimationSettings:
 class SelectionSettings:
     """Particles and independent repeats of tempered SMC behind each evidence, and draws of the importance sampling beside it."""
 
-    particles: int = 1024
-    repeats: int = 2
+    particles: int | None = None
+    repeats: int = 4
     draws: int = 20480
 
 
