@@ -53,8 +53,10 @@ def with_campaign(folder: Path, quiet: bool, work: Callable[[Any, Any], Exit]) -
 def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
     """Do work under a reporter, and end with its exit code; an interrupt ends at once."""
     from seatrial.apps.console import ConsoleReporter
+    from seatrial.core import engine
 
     reporter = ConsoleReporter(quiet)
+    engine.tell_of_compiling(reporter.say)
     signal.signal(signal.SIGINT, lambda *_: _stop(reporter))
     with reporter.watching():
         code = work(reporter)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +13,7 @@ from seatrial.core.batching import lanes_at_once, on_accelerator
 from seatrial.core.display_units import shown_unit
 from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
@@ -136,9 +136,9 @@ def sweep_family(
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
-    predict = _predict(method or unscented_filter(len(space.states)))
+    method = method or unscented_filter(len(space.states))
     step = jnp.asarray(family.sample_time)
-    gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), controls)
+    gain, peak, sd, failures = in_blocks(lambda control: _predict(method, space, start, control, step, gaps), controls)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
         worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
@@ -227,9 +227,9 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
         return [np.concatenate(parts)[:n] for parts in zip(*results, strict=True)]
 
 
-@lru_cache(maxsize=16)
-def _predict(method: Filter):
-    def one(space: StateSpace, start: Array, control: Array, step: Array, gaps: Array):
+@program(static_argnums=0)
+def _predict(method: Filter, space: StateSpace, start: Array, controls: Array, step: Array, gaps: Array):
+    def one(control: Array):
         d = space.n_dynamic
         fixed = tuple(start[d:])
 
@@ -247,4 +247,4 @@ def _predict(method: Filter):
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
 
-    return jax.jit(jax.vmap(one, in_axes=(None, None, 0, None, None)))
+    return jax.vmap(one)(controls)

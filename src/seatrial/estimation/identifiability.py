@@ -7,7 +7,6 @@ before the data of (I + P^-1)^-1 with the prior's P: over half the value, or ove
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
 from itertools import combinations
 
 import jax
@@ -16,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.estimation.combinations import (
     Combination,
     Invisible,
@@ -313,8 +313,8 @@ def identifiability_of_design(
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
     step = jnp.full(len(control), sample_time)
     weight = jnp.broadcast_to(1.0 / jnp.array(list(noise.values()), float), (len(control), len(noise)))
-    run = _design_information(model, tuple(noise))
-    information = np.asarray(run(params, jnp.asarray(control, float), step, jnp.asarray(start, float), weight))
+    trial = params, jnp.asarray(control, float), step, jnp.asarray(start, float), weight
+    information = np.asarray(_information(model, tuple(noise), *trial))
     return identify(parameters, values, information, at=at)
 
 
@@ -324,9 +324,9 @@ def _untouched(name: str) -> str:
     return f"the data do not touch {name}: no measurement depends on it; fix it, or measure what it moves"
 
 
-@lru_cache(maxsize=16)
-def _design_information(model: VehicleModel, channels: tuple[str, ...]):
-    return jax.jit(partial(coefficient_information, model, channels))
+@program(static_argnums=(0, 1))
+def _information(model: VehicleModel, channels: tuple[str, ...], *trial: jax.Array) -> jax.Array:
+    return coefficient_information(model, channels, *trial)
 
 
 def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.estimation.posterior import Posterior, as_key
 from seatrial.sampling.target import AT_ONCE, evaluate
 
@@ -165,7 +166,7 @@ class _Expansion(NamedTuple):
     hessian: Array
 
 
-@jax.jit
+@program
 def _expand(posterior: Posterior, z: Array) -> _Expansion:
     """Return all three at once: one program to compile instead of three, and compiling is most of the time."""
 
@@ -181,7 +182,7 @@ def _expand(posterior: Posterior, z: Array) -> _Expansion:
     return _Expansion(value, gradient, hessian)
 
 
-@jax.jit
+@program
 def _slope(posterior: Posterior, z: Array) -> Array:
     """Return the derivative of each parameter's value with respect to its own z."""
     return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))[1]

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import jax
@@ -11,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws
@@ -63,12 +63,12 @@ class Posterior:
         """Number of parameters."""
         return len(self.parameters)
 
-    @jax.jit
+    @program
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Parameter values, SI, of unconstrained vectors."""
         return jnp.stack([parameter.prior.constrain(z[..., i]) for i, parameter in enumerate(self.parameters)], -1)
 
-    @jax.jit
+    @program
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Unconstrained vectors of parameter values inside the support."""
         return jnp.stack(
@@ -88,7 +88,7 @@ class Posterior:
         """Unnormalised log posterior density of z."""
         return self.log_prior(z) + self.log_likelihood(z)
 
-    @partial(jax.jit, static_argnames="n")
+    @program(static_argnames="n")
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
         """Unconstrained draws from the prior."""
         keys = jax.random.split(key, self.dim)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
@@ -143,7 +144,7 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
 def outputs_of_draws(likelihood: OutputError | FilterError):
     """Return the compiled function of draws' values, the data of one trial and a key for each: outputs, shape (draws, n, m)."""
 
-    @jax.jit
+    @program
     def of_draws(values: Mapping[str, Any], data: TrialData, keys: jax.Array) -> jax.Array:
         return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys)
 

@@ -1,15 +1,14 @@
 """A family of open-loop trials: one shape on one control, of which a design chooses amplitude and period."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.programs import program
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.manoeuvres.shapes import SHAPES, Shape
@@ -134,6 +133,6 @@ def check_family(family: Family) -> Family:
     return family
 
 
-@partial(jax.jit, static_argnums=0)
+@program(static_argnums=0)
 def _share(shape: Shape, elapsed: Array, period: Any, active: float, ramp: float, levels: Array) -> Array:
     return shape.share(elapsed, period, active, ramp, levels)

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import LANES, Target
@@ -176,7 +177,7 @@ def _steps(settings: SMCSettings, dim: int):
             batch_size=lanes(target),
         )
 
-    @jax.jit
+    @program
     def draw(target: Target, key: Array):
         draw_key, pick_key = jax.random.split(key)
         drawn = target.sample_prior(draw_key, settings.particles)
@@ -187,13 +188,13 @@ def _steps(settings: SMCSettings, dim: int):
         )
         return drawn[picked], share
 
-    @jax.jit
+    @program
     def begin(target: Target, particles: Array, temperature: Array):
         state = kernel(target).init(particles)
         begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature, float))
         return state._replace(sampler_state=begun, parameter_override=factor_of(particles))
 
-    @jax.jit
+    @program
     def step(target: Target, state: Any, log_scale: Array, key: Array):
         state, info = kernel(target).step(key, state)
         acceptance = jnp.mean(info.update_info.acceptance_rate)
@@ -204,6 +205,6 @@ def _steps(settings: SMCSettings, dim: int):
     return draw, begin, step
 
 
-@jax.jit
+@program
 def _resample(state: Any, key: Array) -> Array:
     return state.particles[blackjax.smc.resampling.systematic(key, state.weights, state.particles.shape[0])]

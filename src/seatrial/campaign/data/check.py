@@ -10,6 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.inference.posterior import initial_state, random_key
+from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
@@ -130,7 +131,7 @@ def _excitation_as_moved(
     return [RecordFinding("all", "excitation", "note", value, f"but {reason}", remedy)]
 
 
-@jax.jit
+@program
 def _shown(plan: TrialPlan, values: Array, control: Array) -> Array:
     """What the sensors would show of several vehicles, shape (d, n, m)."""
     return jax.vmap(lambda one: plan.outputs(one, control))(values)

@@ -6,10 +6,8 @@ names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -17,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import DELAY, actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.estimation.replicate import draw_noise
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
@@ -129,7 +128,7 @@ def _check_controls(given: tuple[str, ...], known: tuple[str, ...]) -> None:
         )
 
 
-@partial(jax.jit, static_argnums=0)
+@program(static_argnums=0)
 def _follow(
     simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
 ) -> tuple[Array, Array]:

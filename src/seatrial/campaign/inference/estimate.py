@@ -17,6 +17,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
@@ -198,12 +199,15 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
     )
 
 
+@program
+def _values_and_slopes(posterior: Posterior, z: jax.Array) -> tuple[jax.Array, jax.Array]:
+    return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))
+
+
 def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
     """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
     z = jnp.broadcast_to(jnp.linspace(-4.0, 4.0, CURVE)[:, None], (CURVE, posterior.dim))
-    values, slopes = (
-        np.asarray(x).T for x in jax.jit(jax.jvp, static_argnums=0)(posterior.constrain, (z,), (jnp.ones_like(z),))
-    )
+    values, slopes = (np.asarray(x).T for x in _values_and_slopes(posterior, z))
     log_density = np.stack([np.asarray(p.prior.log_density(z[:, i])) for i, p in enumerate(posterior.parameters)])
     density = np.exp(log_density) / np.abs(slopes)
     order = np.argsort(values, axis=1)

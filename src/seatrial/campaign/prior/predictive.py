@@ -6,7 +6,6 @@ arXiv:2011.01808, section 2.4.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from zlib import crc32
 
 import jax
@@ -22,6 +21,7 @@ from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record
 from seatrial.estimation.output_error import initial_name, own_name
@@ -65,26 +65,38 @@ def speeds(
         step: time to the next sample, s; uniform if there is a delay.
         keep: indices of samples.
     """
-    run, kept, lost = _batch(model, state, delay is not None), [], []
+    kept, lost = [], []
     for i in range(0, len(start), BATCH):
         part = slice(i, i + BATCH)
         values = {name: column[part] for name, column in params.items()}
         late = np.zeros(len(start[part])) if delay is None else delay[part]
-        speed, whole = run(values, late, start[part], control, step, np.asarray(keep))
+        batch = values, late, start[part], control, step, np.asarray(keep)
+        speed, whole = _batch(model, state, delay is not None, *batch)
         kept.append(np.asarray(speed))
         lost.append(~np.asarray(whole))
     return np.concatenate(kept), np.concatenate(lost)
 
 
-@lru_cache(maxsize=16)
-def _batch(model: VehicleModel, state: str, delayed: bool):
-    def one(values: dict, late: Array, start: Array, control: Array, step: Array, keep: Array) -> tuple[Array, Array]:
+@program(static_argnums=(0, 1, 2))
+def _batch(
+    model: VehicleModel,
+    state: str,
+    delayed: bool,
+    values: dict,
+    late: Array,
+    starts: Array,
+    control: Array,
+    step: Array,
+    keep: Array,
+) -> tuple[Array, Array]:
+    def one(own: dict, late: Array, start: Array) -> tuple[Array, Array]:
+        held = control
         if delayed:
-            control = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0])
-        speed = simulate(model, values, control, step, start)[:, model.states.index(state)]
+            held = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0])
+        speed = simulate(model, own, held, step, start)[:, model.states.index(state)]
         return speed[keep], (jnp.abs(speed) <= FASTEST).all()
 
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None, None, None)))
+    return jax.vmap(one)(values, late, starts)
 
 
 def steady_motion(
