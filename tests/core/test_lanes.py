@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.core import batching as lanes
+from seatrial.core import engine
 from seatrial.core.batching import backend, lanes_at_once, map_in_step, map_lanes
 from seatrial.design.sweep import in_blocks, sweep_family
 from seatrial.estimation.information import expand_likelihood
@@ -41,6 +42,7 @@ def accelerator(monkeypatch):
     def go_on(memory: int = lanes.MEMORY) -> None:
         monkeypatch.setattr(lanes, "backend", lambda: "gpu")
         monkeypatch.setattr(lanes, "MEMORY", memory)
+        monkeypatch.setattr(engine, "_keeps_programs", False)  # they are those of a processor
         jax.clear_caches()
 
     yield go_on

@@ -115,8 +115,10 @@ def _worked(home: Path, reporter: Any, work: Work, answer: Answer) -> Exit:
 def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
     """Do work under a reporter, and end with its exit code; an interrupt ends at once."""
     from seatrial.apps.console import ConsoleReporter
+    from seatrial.core import engine
 
     reporter = ConsoleReporter(quiet)
+    engine.tell_of_compiling(reporter.say)
     signal.signal(signal.SIGINT, lambda *_: _stop(reporter))
     with reporter.watching():
         code = work(reporter)

@@ -7,7 +7,9 @@ left alone. When what is set, and why: docs/decisions/0019.
 
 import os
 import sys
+import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,15 @@ _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
 _CACHE_LIMITS = {"min_compile_time_secs": ("0.2", float), "min_entry_size_bytes": ("-1", int)}
 """Which compiled code is kept: key of `jax_persistent_cache_…`, and its value as text and type."""
 _REMEDY = "call seatrial.configure() where the program begins"
+_NO = ("0", "false", "f", "no", "n", "off")
 _is_prepared = False
+_keeps_programs = False
+_say: Callable[[str], None] | None = None
+_compiling = 0.0
+_SLOW = 2.0
+"""Seconds of compiling after which it is told."""
+BEGAN = time.time()
+"""When this process began to load the package."""
 
 
 class EngineWarning(UserWarning):
@@ -33,10 +43,10 @@ def configure(cache: bool = True) -> None:
     JAX_COMPILATION_CACHE_DIR stay as they are where they are set.
 
     Args:
-        cache: whether compiled code is kept under `$XDG_CACHE_HOME/seatrial/xla`, by default in `~/.cache`, for later processes; that of
-            the rest of the program too.
+        cache: whether compiled code is kept under `$XDG_CACHE_HOME/seatrial`, by default in `~/.cache`, for later processes: seatrial's
+            own programs, ready to run, and what the rest of the program compiles too.
     """
-    global _is_prepared
+    global _is_prepared, _keeps_programs
     started = _has_computed()
     if started and not _fuses_time_loops(os.environ.get("XLA_FLAGS", "")):
         warnings.warn(
@@ -59,6 +69,7 @@ def configure(cache: bool = True) -> None:
         jax.config.update("jax_enable_x64", True)
     if cache:
         _keep_compiled(jax, started)
+        _keeps_programs = os.environ.get("JAX_ENABLE_COMPILATION_CACHE", "1").lower() not in _NO
     _is_prepared = True
 
 
@@ -110,8 +121,34 @@ def check_precision() -> None:
 
 def cache_directory() -> Path:
     """Folder of compiled kernels: `$XDG_CACHE_HOME/seatrial/xla`, by default under `~/.cache`."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "seatrial" / "xla"
+    return _cache() / "xla"
+
+
+def keeps_programs() -> bool:
+    """Whether seatrial's own compiled programs are kept, as `configure` was told."""
+    return _keeps_programs
+
+
+def program_directory() -> Path:
+    """Folder of these programs, beside those kernels."""
+    return _cache() / "programs"
+
+
+def tell_of_compiling(say: Callable[[str], None]) -> None:
+    """Have somebody told, once, that programs are being compiled and kept, when that takes more than two seconds in all."""
+    global _say
+    _say = say
+
+
+def compiled_for(seconds: float) -> None:
+    """Count the time that a program took to be compiled and kept."""
+    global _compiling, _say
+    _compiling += seconds
+    if _compiling > _SLOW and _say is not None:
+        say, _say = _say, None
+        say(
+            f"compiling programs for this kind of vehicle and data; they are kept in {program_directory()}, and the next run is faster"
+        )
 
 
 def cores() -> int:
@@ -119,8 +156,12 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def _cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "seatrial"
+
+
 def _asked_for_float32() -> bool:
-    return os.environ.get("JAX_ENABLE_X64", "1").lower() in ("0", "false", "f", "no", "n", "off")
+    return os.environ.get("JAX_ENABLE_X64", "1").lower() in _NO
 
 
 def _has_computed() -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
 from seatrial.design.integrals import follow_joint
 from seatrial.design.safety import check_runs
@@ -248,7 +249,7 @@ def check_cost(plan: TrialPlan, cost: TrialCost) -> None:
                 )
 
 
-@jax.jit
+@program
 def _totals(plan: TrialPlan, cost: TrialCost, controls: Array, draws: Array) -> Array:
     def total(values: Array, control: Array) -> Array:
         end, _, _ = follow_joint(plan, {"spent": cost.per_second}, values, control, lambda memory, now: (memory, None))

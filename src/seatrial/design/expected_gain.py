@@ -31,6 +31,7 @@ from scipy.special import logsumexp
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.programs import program
 from seatrial.design.prior_belief import Belief, draw_z, entropies, log_priors, outputs_of, values_of
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -233,7 +234,7 @@ def _chance(z: np.ndarray, origin: "_Slopes") -> np.ndarray:
     return 0.5 * (expected - (origin.pull * turned).sum(1)) + (turned * z).sum(1)
 
 
-@partial(jax.jit, static_argnums=6)
+@program(static_argnums=6)
 def _explain(
     plan: TrialPlan, belief: Belief, control: Array, z: Array, noise: Array, t: Array, climbs: int
 ) -> tuple[Array, Array, _Slopes]:
@@ -318,7 +319,7 @@ def _local_gains(
     return z, 0.5 * np.linalg.slogdet(np.eye(len(width)) + information * np.outer(width, width))[1]
 
 
-@jax.jit
+@program
 def _information(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> Array:
     """Return the information about z."""
 

@@ -4,13 +4,13 @@ I = sum_k (dy_k/dc)^T R^-1 (dy_k/dc),  sensitivities along the noise-free motion
 """
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.estimation.information import coefficient_information
 from seatrial.vehicles.model import VehicleModel
 
@@ -34,16 +34,24 @@ def fisher_information(
         noise: standard deviation of each measured channel, SI.
     """
     values = {coefficient.text: params[coefficient.text] for coefficient in model.coefficients}
-    information = _information(model, tuple(noise))
     sds = jnp.array(list(noise.values()))
-    return np.asarray(information(values, jnp.asarray(control), sample_time, jnp.asarray(start, float), sds))
+    at = values, jnp.asarray(control), sample_time, jnp.asarray(start, float), sds
+    return np.asarray(_information(model, tuple(noise), *at))
 
 
-@lru_cache(maxsize=16)
-def _information(model: VehicleModel, channels: tuple[str, ...]):
-    def one(values: dict, control: Array, sample_time: Array, start: Array, sds: Array) -> Array:
+@program(static_argnums=(0, 1))
+def _information(
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    values: dict,
+    controls: Array,
+    sample_time: Array,
+    start: Array,
+    sds: Array,
+) -> Array:
+    def one(control: Array) -> Array:
         step = jnp.full(control.shape[0], sample_time)
         weight = jnp.broadcast_to(1.0 / sds, (control.shape[0], len(channels)))
         return coefficient_information(model, channels, values, control, step, start, weight)
 
-    return jax.jit(jax.vmap(one, in_axes=(None, 0, None, None, None)))
+    return jax.vmap(one)(controls)

@@ -7,13 +7,13 @@ course, many numbers, run forwards.
 """
 
 from collections.abc import Mapping
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_move, joint_start, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
@@ -71,37 +71,37 @@ class Course(NamedTuple):
     spent: Array
 
 
-@partial(jax.jit, static_argnames="block")
+@program(static_argnames="block")
 def utility(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, ""]:
     """Return the utility, nats, of one input: x are the levels' changes from trim over the span."""
     return _utility(setup, x, block)
 
 
-@partial(jax.jit, static_argnames="block")
+@program(static_argnames="block")
 def utility_slope(setup: Setup, x: Float[Array, " m"], block: int) -> Float[Array, " m"]:
     """Return the gradient of the utility in x."""
     return jax.grad(lambda x: _utility(setup, x, block))(x)
 
 
-@partial(jax.jit, static_argnames="block")
+@program(static_argnames="block")
 def utilities(setup: Setup, x: Float[Array, "lanes m"], block: int) -> tuple[Float[Array, " lanes"]]:
     """Return the utilities of several inputs, nats."""
     return (jax.vmap(lambda x: _utility(setup, x, block))(x),)
 
 
-@partial(jax.jit, static_argnames="block")
+@program(static_argnames="block")
 def courses(setup: Setup, watched: Watched, x: Float[Array, "lanes m"], block: int) -> Course:
     """Courses of several inputs for every draw: lanes and draws lead each shape."""
     return jax.vmap(lambda x: _courses(setup, watched, x, block))(x)
 
 
-@partial(jax.jit, static_argnames="block")
+@program(static_argnames="block")
 def worst_course(setup: Setup, watched: Watched, x: Float[Array, " m"], kept: Float[Array, " S"], block: int) -> Course:
     """Worst of the draws that are kept, number by number."""
     return _worst_course(setup, watched, x, kept, block)
 
 
-@partial(jax.jit, static_argnames="block")
+@program(static_argnames="block")
 def worst_course_slope(
     setup: Setup, watched: Watched, x: Float[Array, " m"], kept: Float[Array, " S"], block: int
 ) -> Course:

@@ -5,7 +5,6 @@ mean 0 and standard deviation 1, or nearly, and every function here that compile
 """
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +13,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.priors import Prior
@@ -118,7 +118,7 @@ def outputs_of(
     return plan.outputs(values_of(belief, z), control).ravel()
 
 
-@partial(jax.jit, static_argnums=2)
+@program(static_argnums=2)
 def _draws(belief: Belief, key: jax.Array, n: int) -> tuple[Array, Array]:
     """Draws of z and of the coefficients."""
     if isinstance(belief, Gaussian):
@@ -129,6 +129,6 @@ def _draws(belief: Belief, key: jax.Array, n: int) -> tuple[Array, Array]:
     return z, jax.vmap(lambda one: values_of(belief, one))(z)
 
 
-@jax.jit
+@program
 def _log_densities(belief: Belief, z: Array) -> Array:
     return jax.vmap(lambda one: log_priors(belief, one))(z)

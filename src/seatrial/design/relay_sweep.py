@@ -1,7 +1,6 @@
 """Sweep of self-oscillating tests over control amplitude and threshold: the entropy reduction of every design, in step."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.design.sweep import in_blocks
@@ -105,9 +105,9 @@ def sweep_relay(
     start = space.initial.mean if truth is None else jnp.asarray(truth, float)
     gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
     error = jnp.zeros(n) if noise is None else jnp.asarray(noise, float)
-    predict = _predict(method or unscented_filter(len(space.states)), family)
+    method = method or unscented_filter(len(space.states))
     gain, peak, sd, switches, reached, failures = in_blocks(
-        lambda a, y: predict(space, start, a, y, gaps, error), amplitudes, thresholds
+        lambda a, y: _predict(method, family, space, start, a, y, gaps, error), amplitudes, thresholds
     )
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
@@ -168,9 +168,18 @@ def _reversal(family: RelayFamily, amplitude: float) -> np.ndarray:
     return family.control_trim + np.append(np.arange(-amplitude, amplitude, step), amplitude)
 
 
-@lru_cache(maxsize=16)
-def _predict(method: Filter, family: RelayFamily):
-    def one(space: StateSpace, start: Array, amplitude: Array, threshold: Array, gaps: Array, error: Array):
+@program(static_argnums=(0, 1))
+def _predict(
+    method: Filter,
+    family: RelayFamily,
+    space: StateSpace,
+    start: Array,
+    amplitudes: Array,
+    thresholds: Array,
+    gaps: Array,
+    error: Array,
+):
+    def one(amplitude: Array, threshold: Array):
         run = run_relay(space, family, amplitude, threshold, start, error)
         step = jnp.full(run.control.shape[0], family.sample_time)
         summary = summarise_filter(method, space, run.control, run.outputs + gaps, step)
@@ -178,4 +187,4 @@ def _predict(method: Filter, family: RelayFamily):
         peak = jnp.max(jnp.abs(run.state[:, 0]))
         return gain, peak, summary.final.sd[space.n_dynamic :], run.switches, run.reached, summary.failures
 
-    return jax.jit(jax.vmap(one, in_axes=(None, None, 0, 0, None, None)))
+    return jax.vmap(one)(amplitudes, thresholds)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.design.fisher_utilities import Criterion
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -120,7 +121,7 @@ def local_utility(
     return utility_table(plan, controls, np.asarray(values, float)[None], criterion).values[:, 0]
 
 
-@jax.jit
+@program
 def _information(plan: TrialPlan, controls: Array, which: Array, values: Array) -> Array:
     return jax.vmap(lambda i, point: plan.information(point, controls[i]))(which, values)
 

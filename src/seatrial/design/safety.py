@@ -20,6 +20,7 @@ import scipy
 from jaxtyping import Array, Bool, Float, Int
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.design.integrals import follow_joint
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits, limit_integrals, room
 from seatrial.design.sweep import in_blocks
@@ -243,13 +244,13 @@ def check_runs(
     return np.asarray(controls, float), np.asarray(draws, float)
 
 
-@jax.jit
+@program
 def _rooms(plan: TrialPlan, limits: tuple, draws: Array, controls: Array, ends: Array) -> tuple[Array, Array]:
     of_draws = jax.vmap(least_rooms, in_axes=(None, None, 0, None))
     return jax.vmap(lambda control, end: of_draws(plan.until(end), limits, draws, control))(controls, ends)
 
 
-@jax.jit
+@program
 def _paired_rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array) -> tuple[Array, Array]:
     return jax.vmap(lambda control, values: least_rooms(plan, limits, values, control))(controls, draws)
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.design.fisher_utilities import Criterion
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -84,6 +85,6 @@ def sensor_worth(
     return results
 
 
-@jax.jit
+@program
 def _slopes(plan: TrialPlan, control: Array, values: Array) -> Array:
     return jax.vmap(lambda point: jax.jacfwd(plan.outputs)(point, control))(values)

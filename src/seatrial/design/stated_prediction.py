@@ -6,7 +6,6 @@ With gradient g of the prediction in the coefficients and their covariance P its
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.design.integrals import follow_joint, integrals_for
 from seatrial.design.trial_plan import TrialPlan, plan_trial
 from seatrial.vehicles.model import VehicleModel
@@ -46,8 +46,8 @@ class Prediction:
         Raises:
             NumericalError: the motion diverges there.
         """
-        value, gradient = _value_and_slope(self.signal)(
-            self.plan, jnp.asarray(self.control, float), jnp.asarray(values, float)
+        value, gradient = _value_and_slope(
+            self.signal, self.plan, jnp.asarray(self.control, float), jnp.asarray(values, float)
         )
         if not (np.isfinite(value) and np.isfinite(gradient).all()):
             raise NumericalError(
@@ -77,15 +77,11 @@ def prediction(
     return Prediction(of, after, signal, plan_trial(model, start, {}, n, after / n), tuple(control))
 
 
-@lru_cache(maxsize=16)
-def _value_and_slope(name: str):
-    def run(plan: TrialPlan, control: Array, values: Array) -> Array:
+@program(static_argnums=0)
+def _value_and_slope(name: str, plan: TrialPlan, control: Array, values: Array) -> tuple[Array, Array]:
+    def of_values(values: Array) -> Array:
         integrals = integrals_for(plan.model, (name,), "prediction")
         held = jnp.broadcast_to(control, (plan.step.shape[0], control.shape[0]))
         return follow_joint(plan, integrals, values, held, lambda memory, _: (memory, None))[0][name]
 
-    def both(plan: TrialPlan, control: Array, values: Array) -> tuple[Array, Array]:
-        of_values = partial(run, plan, control)
-        return of_values(values), jax.jacfwd(of_values)(values)
-
-    return jax.jit(both)
+    return of_values(values), jax.jacfwd(of_values)(values)

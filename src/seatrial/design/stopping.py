@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -95,6 +96,6 @@ def best_stops(
     return BestStops(rate[each, best], np.asarray(at)[best], length[best], by_end[each, best])
 
 
-@jax.jit
+@program
 def _until(plan: TrialPlan, controls: Array, ends: Array, which: Array, values: Array) -> Array:
     return jax.vmap(lambda i, point: information_until(plan, point, controls[i], ends))(which, values)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -136,12 +135,12 @@ def sweep_family(
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else np.asarray(truth, float)
     gaps = np.where(mask > 0, 0.0, np.nan)
-    predict = _predict(method or unscented_filter(len(space.states)))
+    chosen = method or unscented_filter(len(space.states))
     # After the last sample no time passes and nothing is measured.
     n, size = controls.shape[1], bucket_length(controls.shape[1])
     step, gaps = filled(np.full(n - 1, family.sample_time), size, 0.0), filled(gaps, size, np.nan)
     lanes = filled(controls.swapaxes(0, 1), size).swapaxes(0, 1)
-    gain, peak, sd, failures = in_blocks(lambda control: predict(space, start, control, step, gaps), lanes)
+    gain, peak, sd, failures = in_blocks(lambda control: _predict(chosen, space, start, control, step, gaps), lanes)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.any():
         worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
@@ -228,9 +227,9 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
         return [np.concatenate(parts)[:n] for parts in zip(*results, strict=True)]
 
 
-@lru_cache(maxsize=16)
-def _predict(method: Filter):
-    def one(space: StateSpace, start: Array, control: Array, steps: Array, gaps: Array):
+@program(static_argnums=0)
+def _predict(method: Filter, space: StateSpace, start: Array, controls: Array, steps: Array, gaps: Array):
+    def one(control: Array):
         d = space.n_dynamic
         fixed = tuple(start[d:])
 
@@ -247,4 +246,4 @@ def _predict(method: Filter):
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
 
-    return jax.jit(jax.vmap(one, in_axes=(None, None, 0, None, None)))
+    return jax.vmap(one)(controls)

@@ -26,6 +26,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize_scalar
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 
 FEWEST = 12
 """Measured samples from which noise and smoothness can be told apart at all."""
@@ -162,7 +163,7 @@ def _most_likely(
     return float(np.exp(result.x if result.fun < losses[best] else tried[best]))
 
 
-@jax.jit
+@program
 def _losses(data: tuple, usual: float, taus: Float[Array, " k"], sigma: float) -> Float[Array, " k"]:
     """Return minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
 
@@ -177,7 +178,7 @@ def _losses(data: tuple, usual: float, taus: Float[Array, " k"], sigma: float) -
     return jax.vmap(loss)(taus)
 
 
-@jax.jit
+@program
 def _smoothed(data: tuple, usual: float, tau: float) -> tuple[Array, Array, Array, Array]:
     """Means and variances of signal and rate, shape (2, n), in units of sigma^2; innovations over their deviations, and where told.
 

@@ -13,7 +13,6 @@ does not touch (refined instrumental variables: Young and Jakeman, Int. J. Contr
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +21,7 @@ from jaxtyping import Array, Float
 from scipy.signal import savgol_coeffs
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
@@ -171,8 +171,8 @@ def _regress(
     kept: list[tuple[np.ndarray, ...]] = []
     for trial, speed in zip(trials, instruments, strict=True):
         control = jnp.asarray(trial.control)
-        constant, phi = (np.asarray(x) for x in _regressors(model)(jnp.asarray(trial.speed), control))
-        z = phi if speed is trial.speed else np.asarray(_regressors(model)(jnp.asarray(speed), control)[1])
+        constant, phi = (np.asarray(x) for x in _regressors(model, jnp.asarray(trial.speed), control))
+        z = phi if speed is trial.speed else np.asarray(_regressors(model, jnp.asarray(speed), control)[1])
         there = np.isfinite(trial.acceleration) & np.isfinite(phi).all(1)
         kept.append((phi[there], z[there], (trial.acceleration - constant)[there]))
     phi, z, y = (np.concatenate(parts) for parts in zip(*kept, strict=True))
@@ -210,8 +210,8 @@ def _long_run(scores: Float[np.ndarray, "n k"], memory: int) -> Float[np.ndarray
     return total
 
 
-@lru_cache(maxsize=16)
-def _regressors(model: VehicleModel):
+@program(static_argnums=0)
+def _regressors(model: VehicleModel, speed: Array, controls: Array) -> tuple[Array, Array]:
     """Acceleration without any free coefficient, and by a unit of each, at many samples."""
     names = [term.text for term in model.coefficients]
 
@@ -222,7 +222,7 @@ def _regressors(model: VehicleModel):
         zero = jnp.zeros(len(names))
         return rate(zero), jax.jacfwd(rate)(zero)
 
-    return jax.jit(jax.vmap(one))
+    return jax.vmap(one)(speed, controls)
 
 
 def _motion(model: VehicleModel, names: tuple[str, ...], values: np.ndarray, trial: Accelerations) -> np.ndarray:

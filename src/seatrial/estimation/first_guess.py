@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, RATES
 from seatrial.estimation.priors import Prior
@@ -131,7 +132,7 @@ def _linearised(model: VehicleModel, rates: tuple[int, ...]):
         result = model.derivative(known, tuple(state), tuple(control))
         return jnp.stack([jnp.asarray(result[i]) for i in rates])
 
-    @jax.jit
+    @program
     def along(values: Array, state: Array, control: Array) -> tuple[Array, Array]:
         middle = 0.5 * (state[1:] + state[:-1])  # the control holds over the step
         each = jax.vmap(rate, (None, 0, 0))(values, middle, control[:-1])

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once
+from seatrial.core.programs import program
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
@@ -90,7 +91,7 @@ def is_noise(posterior: Posterior) -> np.ndarray:
     return np.array([name in names for name in posterior.present_names])
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(static_argnums=(0, 1))
 def coefficient_information(
     model: VehicleModel,
     channels: tuple[str, ...],
@@ -155,7 +156,7 @@ def sensitivity_loop(
     return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k))), advance
 
 
-@jax.jit
+@program
 def _expand(posterior: Posterior, values: Array) -> tuple[Array, Array, Array]:
     def likelihood_twice(point: Array) -> tuple[Array, Array]:
         value = posterior.likelihood(dict(zip(posterior.names, point, strict=True)), posterior.data)
@@ -172,7 +173,7 @@ def _expand(posterior: Posterior, values: Array) -> tuple[Array, Array, Array]:
     return jax.vmap(expand)(values)
 
 
-@jax.jit
+@program
 def _with_simulated_data(posterior: Posterior, values: Array) -> Posterior:
     """Return the same posterior had every sensor shown what the simulation at these values does."""
     likelihood, data = posterior.likelihood, posterior.data

@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 
 from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.estimation.information import expand_everywhere
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
 from seatrial.sampling.target import AT_ONCE, evaluate
@@ -220,7 +221,7 @@ def _expand(posterior: Posterior, z: Float[np.ndarray, " d"]) -> _Expansion:
     )
 
 
-@jax.jit
+@program
 def _expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
     """Return log prior densities with two derivatives, shape (3, d), and values with two derivatives, shape (d,) each."""
     prior, value = posterior.log_priors, posterior.constrain

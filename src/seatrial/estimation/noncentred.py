@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.output_error import deviation_name, spread_name
@@ -63,7 +64,7 @@ class Uncoupled:
         """Number of components."""
         return self.posterior.dim
 
-    @jax.jit
+    @program
     def coupled(self, x: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Return the posterior's own z."""
         mean, shrink = self._of_common(x)
@@ -71,7 +72,7 @@ class Uncoupled:
         mean, shrink = self._of_deviations(z)
         return z.at[..., self.deviation].set(mean + shrink * z[..., self.deviation])
 
-    @jax.jit
+    @program
     def uncoupled(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """These coordinates of the posterior's z."""
         mean, shrink = self._of_deviations(z)
@@ -154,10 +155,15 @@ def uncoupled_mode(target: Target, mode: Mode) -> Mode:
     if not isinstance(target, Uncoupled):
         return mode
     z = jnp.asarray(mode.z)
-    change = np.asarray(jax.jit(jax.jacfwd(Uncoupled.uncoupled, argnums=1))(target, z))
+    change = np.asarray(_change(target, z))
     back = np.linalg.inv(change)
     precision, cov = back.T @ mode.precision @ back, change @ mode.cov @ change.T
     return mode._replace(z=np.asarray(target.uncoupled(z)), precision=precision, cov=cov)
+
+
+@program
+def _change(target: Uncoupled, z: Array) -> Array:
+    return jax.jacfwd(target.uncoupled)(z)
 
 
 def coupled(target: Target, x: Any) -> Any:

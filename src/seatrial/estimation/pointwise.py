@@ -1,7 +1,6 @@
 """Log density of every single measurement under every draw, log p(y_k | h(x_k)): what cross-validation of the fit is made of."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import jax
@@ -11,6 +10,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.trial_data import TrialData
@@ -71,7 +71,7 @@ def pointwise_log_likelihood(
     return table.reshape(chains, n, count)
 
 
-@partial(jax.jit, static_argnums=0)
+@program(static_argnums=0)
 def _densities(likelihood: OutputError, values: dict[str, Array], data: TrialData) -> Float[Array, "draws trials m n"]:
     """Return the log density of every sample, measured or not, under several draws."""
     return jax.vmap(lambda one: _of_one_draw(likelihood, one, data))(values)

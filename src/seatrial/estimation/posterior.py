@@ -7,7 +7,6 @@ it (Carlin and Chib, Journal of the Royal Statistical Society B 57, 1995), and t
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from numbers import Integral
 from typing import Any
 
@@ -19,6 +18,7 @@ from jaxtyping import Array, Float, Int
 from seatrial.core.argument_checks import check_kind, check_mapping, shown
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws
@@ -90,12 +90,12 @@ class Posterior:
         """Names of the parameters that the structure has."""
         return tuple(self.names[i] for i in self.places)
 
-    @jax.jit
+    @program
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Parameter values, SI, of unconstrained vectors; 0 for what is absent."""
         return self._where_present(self._by_kind(lambda prior, x: prior.constrain(x), z), 0.0)
 
-    @jax.jit
+    @program
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
         """Unconstrained vectors of parameter values inside the support; 0 for what is absent."""
         return self._where_present(self._by_kind(lambda prior, x: prior.unconstrain(x), values), 0.0)
@@ -122,7 +122,7 @@ class Posterior:
         """Unnormalised log posterior density of z."""
         return self.log_prior(z) + self.log_likelihood(z)
 
-    @partial(jax.jit, static_argnames="n")
+    @program(static_argnames="n")
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
         """Unconstrained draws from the prior."""
         draws = self._by_kind(lambda prior, key: prior.sample(key, (n,)), jax.random.split(key, self.dim))

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
@@ -157,7 +158,7 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
 def outputs_of_draws(likelihood: OutputError | FilterError):
     """Return the compiled function of draws' values, the data of one trial and a key: outputs, shape (draws, n, m)."""
 
-    @jax.jit
+    @program
     def of_draws(values: Mapping[str, Any], data: TrialData, key: jax.Array) -> jax.Array:
         keys = jax.random.split(key, 1 + jax.tree.leaves(values)[0].shape[0])
         return jax.vmap(lambda one, key: motions(likelihood, one, data, key)[0])(values, keys[1:])

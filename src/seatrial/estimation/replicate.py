@@ -1,20 +1,20 @@
 """Data that a likelihood would have made: the measurements of its trials replaced by simulated ones, gaps and times kept."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.estimation.filter_error import FilterError, process_name
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import ChannelData, TrialData
 
 
-@partial(jax.jit, static_argnums=0)
+@program(static_argnums=0)
 def replicate(
     likelihood: OutputError | FilterError, values: Mapping[str, Any], data: TrialData, key: jax.Array
 ) -> TrialData:

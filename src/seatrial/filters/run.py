@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Filter
 
@@ -100,7 +101,7 @@ def filter_within(
 
 @lru_cache(maxsize=64)
 def _runner(method: Filter, keep_trace: bool):
-    @jax.jit
+    @program
     def run(space: StateSpace, control: Array, measurement: Array, step: Array):
         return _pass(method, keep_trace, space, control, measurement, step, None)
 

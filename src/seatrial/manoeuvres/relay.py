@@ -7,16 +7,15 @@ It is the relay with hysteresis of Åström and Hägglund (Automatica 20, 1984) 
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import partial
 from math import inf
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.numerics.integrate import time_loop
@@ -209,7 +208,7 @@ def check_family(family: RelayFamily, space: StateSpace) -> None:
             )
 
 
-@partial(jax.jit, static_argnums=1)
+@program(static_argnums=1)
 def _run(space: StateSpace, family: RelayFamily, amplitude: Array, threshold: Array, start: Array, noise: Array):
     d, fed_back = space.n_dynamic, space.outputs.index(family.output)
     fixed = tuple(start[d:])

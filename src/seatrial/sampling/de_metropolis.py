@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
@@ -75,7 +76,7 @@ def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSett
     return keep(run, state, drawn, settings)
 
 
-@jax.jit
+@program
 def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warmup: int):
     chains, d = state.z.shape
     rows = state.archive.shape[0]

@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.core.programs import program
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.adaptive_metropolis import ChainState
 from seatrial.sampling.run import BLOCK, ChainSettings, Run, keep
@@ -60,7 +61,7 @@ class _Place(NamedTuple):
     acceptance: Array
 
 
-@jax.jit
+@program
 def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup: int):
     chains, d = state.z.shape
     even = d + d % 2

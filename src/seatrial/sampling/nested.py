@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.sampling.target import Target
 
 ALIVE_DRAWS = 64
@@ -136,7 +137,7 @@ def _integrate(
     return log_evidence, float(share @ (log_likelihood - log_evidence)), share
 
 
-@jax.jit
+@program
 def _log_likelihoods(target: Target, z: Array) -> Array:
     return jax.vmap(target.log_likelihood)(z)
 
@@ -148,11 +149,11 @@ def _compiled(live: int, batch: int, moves: int):
     def sampler(target: Target) -> Any:
         return blackjax.nss(target.log_prior, target.log_likelihood, num_inner_steps=moves, num_delete=batch)
 
-    @jax.jit
+    @program
     def start(target: Target, points: Array):
         return sampler(target).init(points)
 
-    @jax.jit
+    @program
     def advance(target: Target, state, key: Array):
         state, info = sampler(target).step(key, state)
         return state, info.particles, jnp.mean(info.update_info.is_accepted)

@@ -25,6 +25,7 @@ from blackjax.adaptation.step_size import DualAveragingAdaptationState, dual_ave
 from blackjax.mcmc.hmc import HMCState
 from jaxtyping import Array, Bool, Float, Int
 
+from seatrial.core.programs import program
 from seatrial.sampling import run as runs
 from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, begin, keep, refuse_dead_starts
 from seatrial.sampling.target import Target
@@ -165,12 +166,12 @@ def _schedule(settings: ChainSettings) -> _Phase:
     return _Phase(*phase)
 
 
-@jax.jit
+@program
 def _gradients(target: Target, z: Float[Array, "chains d"]) -> tuple[Array, Array]:
     return jax.vmap(jax.value_and_grad(log_density_for_gradients(target)))(z)
 
 
-@jax.jit
+@program
 def _block(target: Target, state: NutsState, key: jax.Array, start: int, phase: _Phase):
     transition = jax.vmap(blackjax.nuts.build_kernel(), in_axes=(0, 0, None, None, None, None))
     log_density = log_density_for_gradients(target)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once, map_lanes
+from seatrial.core.programs import program
 
 
 class Target(Protocol):
@@ -39,7 +40,7 @@ VECTOR = 8
 """Lanes of few: as many doubles as the widest vector registers hold."""
 
 
-@jax.jit
+@program
 def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
     """Return the log densities of several positions, computed side by side.
 
@@ -66,7 +67,7 @@ def evaluate(target: Target, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "
     return np.where(np.isnan(values), -np.inf, values)
 
 
-@jax.jit
+@program
 def _evaluate(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
     return map_lanes(partial(_log_density, target), z, LANES)
 

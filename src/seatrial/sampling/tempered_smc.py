@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from seatrial.core.argument_checks import check_count, check_number
 from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
@@ -206,13 +207,13 @@ def _steps(settings: SMCSettings, dim: int):
             batch_size=lanes(target),
         )
 
-    @jax.jit
+    @program
     def begin(target: Target, particles: Array, temperature: Array):
         state = kernel(target).init(particles)
         begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature, float))
         return state._replace(sampler_state=begun, parameter_override=factor_of(particles))
 
-    @jax.jit
+    @program
     def step(target: Target, state: Any, log_scale: Array, key: Array):
         state, info = kernel(target).step(key, state)
         acceptance = jnp.mean(info.update_info.acceptance_rate)
@@ -220,7 +221,7 @@ def _steps(settings: SMCSettings, dim: int):
         tuned = {"factor": jnp.exp(log_scale) * state.parameter_override["factor"]}
         return state._replace(parameter_override=tuned), log_scale, info.log_likelihood_increment, acceptance
 
-    @jax.jit
+    @program
     def resample(state: Any, key: Array) -> Array:
         return state.particles[blackjax.smc.resampling.systematic(key, state.weights, state.particles.shape[0])]
 

@@ -21,6 +21,7 @@ from scipy.special import logsumexp
 
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.target import LANES
@@ -191,7 +192,7 @@ def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
 
 
-@jax.jit
+@program
 def deviances(posterior: Posterior, values: Float[Array, "n d"]) -> Float[Array, " n"]:
     """Deviance of parameters in their own units, shape (n, d), some of them simulated at once."""
     return map_lanes(partial(_deviance, posterior), values, LANES)
@@ -217,7 +218,7 @@ def _deviance(posterior: Posterior, values: Array) -> Array:
     return -2 * posterior.likelihood(dict(zip(posterior.names, values, strict=True)), posterior.data)
 
 
-@jax.jit
+@program
 def _deviance_and_slope(posterior: Posterior, values: Array) -> tuple[Array, Array]:
     return _deviance(posterior, values), jax.jacfwd(partial(_deviance, posterior))(values)
 
@@ -312,7 +313,7 @@ def _criterion(
     return PredictiveCriterion(method, total, sum_error(pointwise), float(parameters), pointwise, np.empty(0), status)
 
 
-@jax.jit
+@program
 def _slope_and_value(posterior: Posterior, z: Array) -> tuple[Array, Array]:
     def value_twice(z: Array) -> tuple[Array, Array]:
         value = posterior.log_likelihood(z)

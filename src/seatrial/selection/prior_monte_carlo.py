@@ -20,6 +20,7 @@ from scipy.special import logsumexp, softmax
 
 from seatrial.core.batching import lanes_at_once, map_lanes
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.progress import Progress, no_progress
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
@@ -87,7 +88,7 @@ def log_likelihoods(
     return result
 
 
-@jax.jit
+@program
 def _log_likelihoods(posterior: Posterior, values: Array) -> Array:
     def of_one(draw: Array) -> Array:
         return posterior.likelihood(dict(zip(posterior.names, draw, strict=True)), posterior.data)
@@ -144,7 +145,7 @@ def _bound(posterior: Posterior, values: dict[str, Array], squares: tuple[Array,
     )
 
 
-@partial(jax.jit, static_argnames="size")
+@program(static_argnames="size")
 def _begin(posterior: Posterior, draws: Array, size: int) -> _Lanes:
     filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge")
     values = {name: filled[:, i] for i, name in enumerate(posterior.names)}
@@ -154,7 +155,7 @@ def _begin(posterior: Posterior, draws: Array, size: int) -> _Lanes:
     return _Lanes(values, state, squares, jax.vmap(partial(_bound, posterior))(values, squares))
 
 
-@partial(jax.jit, donate_argnums=2, static_argnames="size")
+@program(donate_argnums=2, static_argnames="size")
 def _go_on(
     posterior: Posterior, pieces: _Pieces, lanes: _Lanes, slots: Array, groups: int, begin: int, end: int, size: int
 ) -> _Lanes:
@@ -270,7 +271,7 @@ def listing_one(
     return ListingOne(evidences, np.asarray(softmax(log_odds, axis=1)), _refusal(ess, draws))
 
 
-@partial(jax.jit, static_argnums=2)
+@program(static_argnums=2)
 def draw_by_name(posterior: Posterior, key: jax.Array, n: int) -> Float[Array, "n d"]:
     """Prior draws of the parameters' values; a parameter's draws depend on the key and its name only, not on the other parameters.
 

@@ -36,6 +36,7 @@ from scipy.special import logsumexp
 
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.target import LANES, Target
 from seatrial.selection.evidence import ALIVE, Evidence
@@ -246,7 +247,7 @@ def _densities(target: Target, z: Array) -> tuple[Array, Array]:
     return prior.reshape(z.shape[:2]), jnp.maximum(jnp.nan_to_num(likelihood, nan=DEAD), DEAD).reshape(z.shape[:2])
 
 
-@partial(jax.jit, static_argnames=("rungs", "copies"))
+@program(static_argnames=("rungs", "copies"))
 def _start(target: Target, key: Array, rungs: int, copies: int) -> _State:
     z = target.sample_prior(key, rungs * copies).reshape(rungs, copies, -1)
     d = z.shape[2]
@@ -264,7 +265,7 @@ def _start(target: Target, key: Array, rungs: int, copies: int) -> _State:
     )
 
 
-@partial(jax.jit, static_argnames="moves")
+@program(static_argnames="moves")
 def _block(target: Target, state: _State, key: Array, ladder: Array, tuning: bool, moves: int):
     rungs, copies, d = state.z.shape
     b = ladder[:, None]

@@ -6,7 +6,7 @@ are free: A then has an eigenvalue -2 `PULL` of its length.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.vehicles.longitudinal import STATES as LONGITUDINAL
 from seatrial.vehicles.model import Params, VehicleModel
 from seatrial.vehicles.surge import trim_speed
@@ -51,7 +52,7 @@ def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: floa
         )
 
     given = u if u is not None else n
-    rates, jacobian = _level_rates(model, u is not None)
+    rates, jacobian = (partial(one, model, u is not None) for one in (_level_rates, _level_jacobian))
     first = np.copysign(100.0, u) if u is not None else _level_speed(model, params, n)
     result = root(
         rates,
@@ -94,7 +95,7 @@ def linearise_outputs(
     return _jacobians(model, tuple(outputs), dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(static_argnums=(0, 1))
 def _jacobians(
     model: VehicleModel, outputs: tuple[str, ...] | None, params: dict, state: Array, control: Array
 ) -> tuple[Array, Array]:
@@ -115,14 +116,16 @@ def _level(model: VehicleModel, speed_given: bool, x: Any, given: Any) -> Trim:
     return Trim((speed, x[1], 0.0, 0.0, x[2]), tuple(control.get(name, 0.0) for name in model.controls))
 
 
-@lru_cache(maxsize=64)
-def _level_rates(model: VehicleModel, speed_given: bool) -> tuple[Any, Any]:
-    """Return the rates of u, w, q and z in level flight, and their Jacobian by the unknowns, compiled once for each model."""
+@program(static_argnums=(0, 1))
+def _level_rates(model: VehicleModel, speed_given: bool, x: Any, given: Any, params: Params) -> Any:
+    """Return the rates of u, w, q and z in level flight."""
+    return jnp.stack(model.derivative(params, *_level(model, speed_given, x, given))[:4])
 
-    def rates(x: Any, given: Any, params: Params) -> Any:
-        return jnp.stack(model.derivative(params, *_level(model, speed_given, x, given))[:4])
 
-    return jax.jit(rates), jax.jit(jax.jacfwd(rates))
+@program(static_argnums=(0, 1))
+def _level_jacobian(model: VehicleModel, speed_given: bool, x: Any, given: Any, params: Params) -> Any:
+    """Return their Jacobian by the unknowns."""
+    return jax.jacfwd(_level_rates, argnums=2)(model, speed_given, x, given, params)
 
 
 def _level_speed(model: VehicleModel, params: Params, n: float | None) -> float:

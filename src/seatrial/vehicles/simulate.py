@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once
+from seatrial.core.programs import program
 from seatrial.numerics.integrate import Integrator, Move, rk4_step, time_loop
 from seatrial.vehicles.model import Params, VehicleModel
 
@@ -72,7 +73,7 @@ def move_by(model: VehicleModel, params: Params, integrator: Integrator = rk4_st
 
 @lru_cache(maxsize=64)
 def _trajectories(model: VehicleModel, integrator: Integrator):
-    @jax.jit
+    @program
     def trajectories(params: dict, control: Array, step: Array, initial: Array) -> Array:
         return by_blocks(lambda own: _trajectory(model, integrator)(own, control, step, initial), params)
 
@@ -81,7 +82,7 @@ def _trajectories(model: VehicleModel, integrator: Integrator):
 
 @lru_cache(maxsize=64)
 def _trajectory(model: VehicleModel, integrator: Integrator):
-    @jax.jit
+    @program
     def trajectory(params: dict, control: Array, step: Array, initial: Array) -> Array:
         columns = tuple(control[:, i] for i in range(control.shape[1]))
         start, move = tuple(jnp.asarray(initial, float)), move_by(model, params, integrator)

@@ -11,6 +11,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
+from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
@@ -133,7 +134,7 @@ def _excitation_as_moved(
     return [RecordFinding("all", "excitation", "note", value, f"but {reason}", remedy)]
 
 
-@jax.jit
+@program
 def _shown(plan: TrialPlan, values: Array, control: Array) -> Array:
     """What the sensors would show of several vehicles, shape (d, n, m)."""
     return jax.vmap(lambda one: plan.outputs(one, control))(values)

@@ -6,10 +6,8 @@ names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -17,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import DELAY, actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.estimation.replicate import draw_unit_noise
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
@@ -129,7 +128,7 @@ def _check_controls(given: tuple[str, ...], known: tuple[str, ...]) -> None:
         )
 
 
-@partial(jax.jit, static_argnums=0)
+@program(static_argnums=0)
 def _unit_noise(
     sensors: tuple[Sensor, ...], values: Mapping[str, Any], channels: tuple[ChannelData, ...], keys: tuple[Array, ...]
 ) -> tuple[Array, ...]:
@@ -139,7 +138,7 @@ def _unit_noise(
     )
 
 
-@partial(jax.jit, static_argnums=0)
+@program(static_argnums=0)
 def _follow(
     simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
 ) -> tuple[Array, Array]:
@@ -166,7 +165,7 @@ def _closed_loop(
 ) -> Callable[[Array, Array, Array], tuple[Array, Array, tuple]]:
     """Return what a self-oscillating test shows, its last state and its controls, by its start, times and errors; compiled."""
 
-    @jax.jit
+    @program
     def run(start: Array, time: Array, error: Array) -> tuple[Array, Array, tuple]:
         followed = simulator.follow(values, start, _relay_feedback(relay, time, error), step)
         return jnp.stack(followed.kept, -1), jnp.stack(followed.end), followed.command

@@ -14,6 +14,7 @@ from seatrial.campaign.config.settings import DesignSettings
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.design.cost import PropellerPower, expected_cost, gain_per_cost, in_joules
 from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed
@@ -188,7 +189,7 @@ def _by_the_second(
     return replace(sweep, gain=gain, final_sd=final_sd, peak_speed=peak, utility=utility, length=length)
 
 
-@jax.jit
+@program
 def _leading(plan: TrialPlan, values: Array, controls: Array) -> tuple[Array]:
     return (jax.vmap(lambda control: plan.motion(values, control)[:, 0])(controls),)
 

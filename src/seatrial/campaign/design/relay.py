@@ -22,6 +22,7 @@ from seatrial.campaign.store.designs import RelayTrial, read_relay_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.state_space import StateSpace
 from seatrial.design.fisher_utilities import find_criterion
@@ -277,6 +278,6 @@ def _quantiles(values: np.ndarray) -> tuple[float, ...]:
     return tuple(map(float, np.quantile(there, RANGE))) if there.size else (float("nan"),) * len(RANGE)
 
 
-@jax.jit
+@program
 def _information(plan: TrialPlan, controls: Array, values: Array) -> Array:
     return jax.vmap(lambda control, point: plan.information(point, control))(controls, values)

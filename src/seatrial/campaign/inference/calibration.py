@@ -21,6 +21,7 @@ from seatrial.campaign.store.estimates import Calibrated, HasKey, read_calibrati
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.calibration import ranks_of, spread_evenly
 from seatrial.estimation.draw_posterior import Draw, find_method
@@ -166,6 +167,6 @@ def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> _Replicate:
     return _Replicate(ranks_of(np.append(np.asarray(truth), at_truth), values), tried, np.array(drawn.mixing()))
 
 
-@jax.jit
+@program
 def _log_likelihoods(posterior: Posterior, z: jax.Array) -> jax.Array:
     return map_lanes(posterior.log_likelihood, z, VECTOR)

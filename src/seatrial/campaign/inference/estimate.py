@@ -18,6 +18,7 @@ from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.argument_checks import check_kind
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
@@ -207,6 +208,11 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
     )
 
 
+@program
+def _values_and_slopes(posterior: Posterior, z: jax.Array) -> tuple[jax.Array, jax.Array]:
+    return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))
+
+
 def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
     """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
     values, log_density = (np.asarray(x).T[posterior.places] for x in _prior_curves(posterior))
@@ -219,7 +225,7 @@ def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.nd
     }
 
 
-@jax.jit
+@program
 def _prior_curves(posterior: Posterior) -> tuple[jax.Array, jax.Array]:
     """Return values of every parameter along z, and their log prior densities per unit of the value, shape (points, d)."""
     z = jnp.linspace(-4.0, 4.0, CURVE)

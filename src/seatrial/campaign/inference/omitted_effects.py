@@ -16,6 +16,7 @@ from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.estimates import Estimate, LeftOut, OfStructure, read_left_out
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.programs import program
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.omitted_effects import Omitted, score_effects
 from seatrial.estimation.output_error import OutputError
@@ -139,7 +140,7 @@ def _signatures(model: Any, likelihood: OutputError, names: tuple[str, ...], ext
     """Prediction, its slopes along the parameters, along forces that are absent and along the start, and behind a late command."""
     simulator = replace(likelihood.simulator, model=model)
 
-    @jax.jit
+    @program
     def run(data: Any, values: dict) -> tuple:
         def shown(point: Any, forces: Any, starts: Any, late: bool = False) -> Any:
             named = {**dict(zip(names, point, strict=True)), **dict(zip(extra, forces, strict=True))}

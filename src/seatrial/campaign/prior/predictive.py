@@ -6,7 +6,6 @@ arXiv:2011.01808, section 2.4.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from zlib import crc32
 
 import jax
@@ -24,6 +23,7 @@ from seatrial.core.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import is_there
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record
 from seatrial.estimation.output_error import initial_name, own_name
@@ -67,27 +67,35 @@ def speeds(
         step: time to the next sample, s; uniform if there is a delay.
         keep: indices of samples.
     """
-    run, count, chosen = _batch(model, state, delay is not None), len(start), np.asarray(keep)
+    count, chosen, delayed = len(start), np.asarray(keep), delay is not None
     late, size = np.zeros(count) if delay is None else delay, bucket_length(len(control))
     control, step = filled(control, size), filled(step[:-1], size, 0.0)  # no time passes after the last sample
     kept, lost = np.empty((count, chosen.size)), np.empty(count, bool)
     for i in range(0, count, BATCH):
         part = np.minimum(np.arange(i, i + BATCH), count - 1)  # the last vehicle fills the last batch
         values = {name: column[part] for name, column in params.items()}
-        speed, whole = run(values, late[part], start[part], control, step)
+        speed, whole = _batch(model, state, delayed, values, late[part], start[part], control, step)
         kept[part], lost[part] = np.asarray(speed)[:, chosen], ~np.asarray(whole)
     return kept, lost
 
 
-@lru_cache(maxsize=16)
-def _batch(model: VehicleModel, state: str, delayed: bool):
-    def one(values: dict, late: Array, start: Array, control: Array, step: Array) -> tuple[Array, Array]:
-        if delayed:
-            control = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0])
-        speed = simulate(model, values, control, step, start)[:, model.states.index(state)]
+@program(static_argnums=(0, 1, 2))
+def _batch(
+    model: VehicleModel,
+    state: str,
+    delayed: bool,
+    values: dict,
+    late: Array,
+    starts: Array,
+    control: Array,
+    step: Array,
+) -> tuple[Array, Array]:
+    def one(values: dict, late: Array, start: Array) -> tuple[Array, Array]:
+        held = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0]) if delayed else control
+        speed = simulate(model, values, held, step, start)[:, model.states.index(state)]
         return speed, (jnp.abs(speed) <= FASTEST).all()
 
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None, None)))
+    return jax.vmap(one)(values, late, starts)
 
 
 def steady_motion(
@@ -118,19 +126,15 @@ def steady_motion(
         ahead = rate(start + middle * side) * side > 0
         low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
     speed = start + high * side
-    slope = np.asarray(_damping(model)(dict(params), speed, tuple(control)))
+    slope = np.asarray(_damping(model, dict(params), speed, tuple(control)))
     found = found & (slope < 0)
     return np.where(found, speed, np.nan), np.where(found, -1.0 / np.where(found, slope, 1.0), np.nan)
 
 
-@lru_cache(maxsize=16)
-def _damping(model: VehicleModel):
-    """Slope of du/dt along u of surge vehicles, 1/s."""
-
-    def slope(params: dict, speed: Array, control: tuple) -> Array:
-        return jax.jvp(lambda u: model.derivative(params, (u,), control)[0], (speed,), (jnp.ones_like(speed),))[1]
-
-    return jax.jit(slope)
+@program(static_argnums=0)
+def _damping(model: VehicleModel, params: dict, speed: Array, control: tuple) -> Array:
+    """Return the slope of du/dt along u of surge vehicles, 1/s."""
+    return jax.jvp(lambda u: model.derivative(params, (u,), control)[0], (speed,), (jnp.ones_like(speed),))[1]
 
 
 # The trial over which a campaign's priors are shown: its control, where it starts, and the priors that belong to it.
@@ -368,7 +372,7 @@ def most_have(values: Float[np.ndarray, " draws"]) -> bool:
     return bool(np.isnan(values).mean() <= MOST)
 
 
-@jax.jit
+@program
 def _draw(priors: Mapping[str, Prior], key: jax.Array) -> dict[str, Float[Array, " draws"]]:
     return {
         name: prior.draw(jax.random.fold_in(key, crc32(name.encode())), (N_DRAWS,)) for name, prior in priors.items()

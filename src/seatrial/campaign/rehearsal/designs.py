@@ -18,6 +18,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.sweep import Designs
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
@@ -141,6 +142,6 @@ def design_space(campaign: Campaign, designs: Designs) -> DesignSpace:
     return DesignSpace(campaign, tuple(kinds), amplitudes, periods, controls, plan)
 
 
-@jax.jit
+@program
 def _information(plan: TrialPlan, values: Array, controls: Float[Array, "lanes n"]) -> Float[Array, "lanes k k"]:
     return jax.vmap(lambda control: plan.information(values, control[:, None]))(controls)

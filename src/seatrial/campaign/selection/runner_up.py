@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import ClassVar
 
 import jax
@@ -23,6 +22,7 @@ from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Contenders, largest_of, read_contenders
 from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.estimation.filter_error import FilterError
@@ -213,22 +213,34 @@ def _nats(
     start = np.array(campaign.state_trim(campaign.model(best.structure)))
     every = campaign.model(campaign.full).controls
     places = [tuple(every.index(name) for name in simulator.model.controls) for simulator in simulators]
-    run = _follow(*simulators, *places, campaign.estimation.initial != "trim")
+    fit = *simulators, *places, campaign.estimation.initial != "trim"
     values = _of_new_trial(truth, campaign.own), _of_new_trial(other, campaign.own)
     fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
-    return in_blocks(lambda control: (run(control, *fixed),), controls)[0]
+    return in_blocks(lambda control: (_follow(*fit, control, *fixed),), controls)[0]
 
 
-@lru_cache(maxsize=16)
-def _follow(truth: Simulator, other: Simulator, drives: tuple[int, ...], follows: tuple[int, ...], free_start: bool):
+@program(static_argnums=(0, 1, 2, 3, 4))
+def _follow(
+    truth: Simulator,
+    other: Simulator,
+    drives: tuple[int, ...],
+    follows: tuple[int, ...],
+    free_start: bool,
+    controls: Array,
+    made_by: dict,
+    known: dict,
+    start: Array,
+    step: Array,
+    samples: tuple,
+    noise: Array,
+    memory: Array,
+) -> Array:
     """Half the squared residual that is left when `other` follows `truth`, over a batch of all controls.
 
     `drives` are the places of those of `truth` among them, `follows` of those of `other`.
     """
 
-    def one(
-        control, made_by: dict, known: dict, start: Array, step: Array, samples: tuple, noise: Array, memory: Array
-    ):
+    def one(control: Array) -> Array:
         def white(outputs: Array) -> Array:
             columns = [outputs[at, c] / noise[c] for c, at in enumerate(samples)]
             later = [
@@ -252,7 +264,7 @@ def _follow(truth: Simulator, other: Simulator, drives: tuple[int, ...], follows
         rest = absorbed(white(made) - shown, free)
         return 0.5 * (rest @ rest)
 
-    return jax.jit(jax.vmap(one, in_axes=(0, *(None,) * 7)))
+    return jax.vmap(one)(controls)
 
 
 def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[OutputError, TrialData]:
