@@ -8,6 +8,7 @@ import pytest
 
 from seatrial.apps.cli import COMMANDS
 from seatrial.apps.running import Exit
+from seatrial.campaign.store.stored_result import Store
 from tests.campaign.small import write_small
 
 HEAVY = ("jax", "jaxlib", "scipy", "pandas", "xarray", "matplotlib", "arviz_stats", "blackjax", "pint")
@@ -61,12 +62,22 @@ def test_an_answer_that_is_still_true_loads_nothing_heavy(told):
         assert (code, out, heavy) == (Exit.ALARMS, f"seatrial {name} {told}\n", []), name
 
 
+def test_a_report_says_what_a_run_has_said_but_not_the_other_way_round(told):
+    store = Store(told)
+    store.answer("report").rename(store.answer("another"))
+    assert fresh(f"print(json.dumps(said('report', {str(told)!r})))")[:2] == [Exit.ALARMS, f"seatrial run {told}\n"]
+    store.answer("run").unlink()
+    store.answer("another").rename(store.answer("report"))
+    lines = "running._worked = lambda *_: running.Exit(4)\nprint(json.dumps([said(name, sys.argv[-1]) for name in ('run', 'report')]))"
+    assert [code for code, *_ in fresh(lines, str(told))] == [4, Exit.ALARMS]
+
+
 def test_other_options_are_another_question(told):
     lines = "running._worked = lambda *_: running.Exit(4)\nprint(json.dumps([said(*words) for words in {}]))"
     words = [
         ["criteria", str(told), "--block", "2 s"],
         ["design", str(told), "--trials", "2"],
-        ["run", str(told), "-q"],
+        ["prior", str(told), "-q"],
     ]
     words += [
         ["simulate", str(told), "--design", "next"],

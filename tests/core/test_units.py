@@ -2,13 +2,14 @@ import subprocess
 import sys
 from math import pi
 
+import pint
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.units import _parse, quantity, to_si
+from seatrial.core.units import UNITS, _parse, quantity, to_si
 
 
 @pytest.mark.parametrize(
@@ -224,7 +225,31 @@ def test_an_expression_is_worth_what_its_parts_are(both):
     text, expected = both
     assume(len(text) <= 120)
     unit = _parse(text, "1", "here")
-    assert float(unit._REGISTRY.get_base_units(unit)[0]) == pytest.approx(expected, rel=1e-12)
+    assert unit.factor == pytest.approx(expected, rel=1e-12)
+
+
+PINT = pint.UnitRegistry()
+ANGLES = pint.UnitRegistry(None)
+"""In which an angle is a dimension, as it is here."""
+for definition in ("meter = [length] = m", "second = [time] = s", "kilogram = [mass] = kg", "radian = [angle] = rad"):
+    ANGLES.define(definition)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_every_unit_is_worth_what_pint_says(unit):
+    theirs = PINT.Quantity(1.0, {"%": "percent", "rev": "revolution"}.get(unit, unit)).to_base_units().m
+    assert _parse(unit, "1", "here").factor == pytest.approx(theirs, rel=1e-14)
+
+
+@pytest.mark.parametrize("unit", ["m/s", "kg*m/s^2", "1/s", "rad/s", "kg*m/rad^2", "kg/m", "m^2", "rad^2/s", "rad"])
+def test_dimensions_read_as_pint_writes_them(unit):
+    with pytest.raises(InputError) as caught:
+        to_si(1.0, unit, "kg^7", "here")
+    theirs = str(ANGLES.Unit(unit.replace("^", "**")).dimensionality)
+    ours = caught.value.found.split("(")[-1].removesuffix(")")
+    assert [sorted(part.split(" * ")) for part in ours.split(" / ")] == [
+        sorted(part.split(" * ")) for part in theirs.split(" / ")
+    ]
 
 
 @pytest.mark.parametrize(("text", "meant"), [("0,05 m/s", "0.05 m/s"), ("-1,5m/s", "-1.5m/s"), ("1,5", "1.5")])

@@ -50,7 +50,7 @@ Work = Callable[[Any, Any, Answer], Exit]
 """What a command does with a campaign: it is given the campaign, a reporter, and the answer to speak through."""
 
 
-def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | None = None) -> None:
+def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | None = None, also: str = "") -> None:
     """Read a folder's campaign, do work on it under a reporter, and end with the exit code of the work.
 
     Args:
@@ -59,6 +59,7 @@ def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | 
         work: of the command.
         asked: command and options, by which the answer is kept, and given again for as long as nothing has changed that it was made
             from; None of a command that changes what it begins from, or keeps nothing.
+        also: another command that does all of this one's work and says the same.
 
     Raises:
         InputError: no campaign, or another process at work on it.
@@ -76,29 +77,29 @@ def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | 
                 remove_orphans(home)
             if asked is None:
                 return _worked(home, reporter, work, Answer())
-            return _answered(home, reporter, work, asked)
+            return _answered(home, reporter, work, asked, also)
 
     watched(quiet, alone)
 
 
-def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context) -> Exit:
+def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context, also: str) -> Exit:
     """Give the answer that was kept, or do the work and keep what it says."""
     from seatrial.campaign.store.answers import keep, key_of_answer, recall
     from seatrial.campaign.store.stored_result import FILE_NAME, Store
     from seatrial.core.files import is_there, watching_files
 
     options = {name: str(value) for name, value in asked.params.items() if name != "quiet"}
-    path, answer = Store(home).answer(str(asked.info_name)), Answer()
+    file, command, answer = home / FILE_NAME, str(asked.info_name), Answer()
     with watching_files() as seen:
-        file = home / FILE_NAME
         text = file.read_text(encoding="utf-8", errors="replace") if is_there(file) else ""
-        key = key_of_answer(home, text, {"command": asked.info_name, **options})
-        if (said := recall(path, key)) is not None:
-            for text, err in said["lines"]:
-                answer.say(text, err=err)
-            return Exit(said["exit"])
+        keys = {name: key_of_answer(home, text, {"command": name, **options}) for name in (command, also)}
+        for name, key in keys.items():
+            if (said := recall(Store(home).answer(name), key)) is not None:
+                for line, err in said["lines"]:
+                    answer.say(line, err=err)
+                return Exit(said["exit"])
         code = _worked(home, reporter, work, answer)
-    keep(path, key, {"lines": answer.said, "exit": int(code)}, seen)
+    keep(Store(home).answer(command), keys[command], {"lines": answer.said, "exit": int(code)}, seen)
     return code
 
 

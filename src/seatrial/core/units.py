@@ -1,7 +1,7 @@
 """Units at the boundary: quantities as users write them in, SI and radians inside.
 
-The registry is closed: only the units below exist, and an angle is a dimension of its own, so that a rate in Hz is
-never taken for one in rad/s. Conversion is pint's; expressions are read by a small grammar of our own, since pint computes what it reads:
+The table is closed: only the units below exist, and an angle is a dimension of its own, so that a rate in Hz is
+never taken for one in rad/s. Expressions are read by a small grammar:
 
     unit   = factor ( [ "*" | "·" | "/" ] factor )*        from left to right, so that kg/m s is (kg/m) s
     factor = ( name | "(" unit ")" ) [ ( "^" | "**" ) [ "-" ] digits ]  |  "1" before "/"
@@ -10,55 +10,62 @@ never taken for one in rad/s. Conversion is pint's; expressions are read by a sm
 import difflib
 import re
 from collections import deque
-from functools import cache, lru_cache
-from math import inf, isfinite
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf, isfinite, pi, prod
 
 from seatrial.core.errors import InputError
 
-if TYPE_CHECKING:
-    import pint
 
+@dataclass(frozen=True)
+class Unit:
+    """A unit.
+
+    Attributes:
+        factor: worth in SI.
+        powers: of the dimensions that it has, by name, such as `[length]`.
+    """
+
+    factor: float
+    powers: tuple[tuple[str, int], ...]
+
+
+_DIMENSIONS = {"meter": "[length]", "second": "[time]", "kilogram": "[mass]", "radian": "[angle]"}
+"""Units in which all others are defined, and what they measure."""
 _DEFINITIONS = (
-    "meter = [length] = m",
-    "second = [time] = s",
-    "kilogram = [mass] = kg",
-    "radian = [angle] = rad",
-    "pi = 3.14159265358979323846264338327950288",
-    "millimeter = 1e-3 m = mm",
-    "centimeter = 1e-2 m = cm",
-    "kilometer = 1e3 m = km",
-    "nautical_mile = 1852 m = nmi",
-    "nanosecond = 1e-9 s = ns",
-    "microsecond = 1e-6 s = us",
-    "millisecond = 1e-3 s = ms",
-    "minute = 60 s = min",
-    "hour = 3600 s = h",
-    "gram = 1e-3 kg = g",
-    "tonne = 1e3 kg = t",
-    "degree = pi / 180 rad = deg",
-    "revolution = 2 * pi rad = rev",
-    "rpm = revolution / minute",
-    "knot = nautical_mile / hour = kn",
-    "hertz = 1 / s = Hz",
-    "newton = kg * m / s ** 2 = N",
-    "kilonewton = 1e3 N = kN",
-    "pascal = N / m ** 2 = Pa",
-    "joule = N * m = J",
-    "watt = J / s = W",
-    "percent = 0.01 = %",
+    ("meter", "m", 1.0, {"meter": 1}),
+    ("second", "s", 1.0, {"second": 1}),
+    ("kilogram", "kg", 1.0, {"kilogram": 1}),
+    ("radian", "rad", 1.0, {"radian": 1}),
+    ("millimeter", "mm", 1e-3, {"meter": 1}),
+    ("centimeter", "cm", 1e-2, {"meter": 1}),
+    ("kilometer", "km", 1e3, {"meter": 1}),
+    ("nautical_mile", "nmi", 1852.0, {"meter": 1}),
+    ("nanosecond", "ns", 1e-9, {"second": 1}),
+    ("microsecond", "us", 1e-6, {"second": 1}),
+    ("millisecond", "ms", 1e-3, {"second": 1}),
+    ("minute", "min", 60.0, {"second": 1}),
+    ("hour", "h", 3600.0, {"second": 1}),
+    ("gram", "g", 1e-3, {"kilogram": 1}),
+    ("tonne", "t", 1e3, {"kilogram": 1}),
+    ("degree", "deg", pi / 180, {"radian": 1}),
+    ("revolution", "rev", 2 * pi, {"radian": 1}),
+    ("rpm", "rpm", 2 * pi / 60, {"radian": 1, "second": -1}),
+    ("knot", "kn", 1852 / 3600, {"meter": 1, "second": -1}),
+    ("hertz", "Hz", 1.0, {"second": -1}),
+    ("newton", "N", 1.0, {"kilogram": 1, "meter": 1, "second": -2}),
+    ("kilonewton", "kN", 1e3, {"kilogram": 1, "meter": 1, "second": -2}),
+    ("pascal", "Pa", 1.0, {"kilogram": 1, "meter": -1, "second": -2}),
+    ("joule", "J", 1.0, {"kilogram": 1, "meter": 2, "second": -2}),
+    ("watt", "W", 1.0, {"kilogram": 1, "meter": 2, "second": -3}),
+    ("percent", "%", 0.01, {}),
 )
-UNITS = tuple(
-    sorted(
-        {
-            part
-            for line in _DEFINITIONS
-            for part in (line.split(" = ")[0], line.split(" = ")[-1])
-            if re.fullmatch(r"[A-Za-z_]+|%", part)
-        }
-        - {"pi"}
-    )
-)
+"""Name, symbol, worth in SI, and powers of the units of SI."""
+_NAMES = {written: name for name, symbol, *_ in _DEFINITIONS for written in (name, symbol)}
+_FACTORS = {name: factor for name, _, factor, _ in _DEFINITIONS}
+_POWERS = {name: {_DIMENSIONS[one]: power for one, power in powers.items()} for name, _, _, powers in _DEFINITIONS}
+UNITS = tuple(sorted(_NAMES))
 _USUAL = (
     *("m/s", "kn", "rpm", "deg/s", "rad/s", "deg", "rad", "m", "km", "s", "ms", "min", "kg", "t", "N", "kN"),
     *("N m", "W", "Hz", "1/s", "kg/s", "m/s^2", "%"),
@@ -88,15 +95,14 @@ def to_si(value: float, unit: str, expected_unit: str, where: str) -> float:
     """
     target = _parse(expected_unit, expected_unit, where)
     source = _parse(unit, expected_unit, where)
-    if source.dimensionality != target.dimensionality:
+    if source.powers != target.powers:
         raise InputError(
             where,
             found=f'unit "{unit}" ({_dimension(source)})',
             expected=f'a unit like "{expected_unit}" ({_dimension(target)})',
             remedy=f"convert the value, or correct the unit, to one of: {', '.join(_like(expected_unit))}",
         )
-    # pint's float arithmetic on `value` would round 100 rpm and 100*rpm differently; one multiplication is enough.
-    return float(value) * float(_registry().convert(1.0, source, target))
+    return float(value) * (source.factor / target.factor)
 
 
 def quantity(text: str | float, expected_unit: str, where: str) -> float:
@@ -124,7 +130,7 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
             expected="a number with a decimal point",
             remedy=f'write "{match[1]}{match[2].replace(",", ".", 1)}"; thousands are not parted',
         )
-    if not match[2] and _parse(expected_unit, expected_unit, where).dimensionality:
+    if not match[2] and _parse(expected_unit, expected_unit, where).powers:
         raise _without_unit(match[1], expected_unit, where)
     return to_si(float(match[1]), match[2] or "1", expected_unit, where)
 
@@ -142,12 +148,12 @@ def _without_unit(number: str, expected_unit: str, where: str) -> InputError:
 @lru_cache(maxsize=256)
 def _like(expected_unit: str) -> tuple[str, ...]:
     """Usual units of a dimension, the expected one among them."""
-    wanted = _unit(expected_unit).dimensionality
-    found = tuple(unit for unit in _USUAL if _unit(unit).dimensionality == wanted)
+    wanted = _unit(expected_unit).powers
+    found = tuple(unit for unit in _USUAL if _unit(unit).powers == wanted)
     return found if expected_unit in found else (*found, expected_unit)
 
 
-def _parse(unit: str, expected_unit: str, where: str) -> "pint.Unit":
+def _parse(unit: str, expected_unit: str, where: str) -> Unit:
     """Unit of an expression; `expected_unit` is what is suggested in its place."""
     text = unit[: _LONGEST + 1]
     for word in re.findall(r"[A-Za-z_%]+", text):
@@ -178,20 +184,27 @@ def _meant(word: str) -> str:
 
 
 @lru_cache(maxsize=1024)
-def _unit(text: str) -> "pint.Unit":
+def _unit(text: str) -> Unit:
     """Unit of an expression; ValueError where the grammar has none."""
-    import pint
-
     if text.strip() in ("", "1", "-"):
-        return _registry().parse_units("")
+        return Unit(1.0, ())
     tokens = _tokens(text)
     powers = _product(tokens)
     if tokens or max(map(abs, powers.values()), default=0) > _LARGEST_POWER:
         raise ValueError(text)
-    unit = _registry().Unit(pint.util.UnitsContainer({name: power for name, power in powers.items() if power}))
-    if not 0 < float(_registry().get_base_units(unit)[0]) < inf:
+    factor = prod(_FACTORS[name] ** power for name, power in powers.items())
+    if not 0 < factor < inf:
         raise ValueError(text)
-    return unit
+    return Unit(factor, _dimensions(powers))
+
+
+def _dimensions(powers: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
+    """Powers of dimensions from those of units, by name; those that cancel are left out."""
+    found: dict[str, int] = {}
+    for name, power in powers.items():
+        for dimension, each in _POWERS[name].items():
+            found[dimension] = found.get(dimension, 0) + power * each
+    return tuple(sorted((dimension, power) for dimension, power in found.items() if power))
 
 
 def _tokens(text: str) -> deque[str]:
@@ -231,22 +244,17 @@ def _factor(tokens: deque[str]) -> dict[str, int]:
         if not tokens or tokens.popleft() != ")":
             raise ValueError("a bracket that is not closed")
     elif first in UNITS:
-        powers = {"percent" if first == "%" else _registry().get_name(first): 1}
+        powers = {_NAMES[first]: 1}
     else:
         raise ValueError(first)
     power = int(tokens.popleft()[1:]) if tokens and tokens[0][0] == "^" else 1
     return {name: each * power for name, each in powers.items()}
 
 
-def _dimension(unit: "pint.Unit") -> str:
-    return str(unit.dimensionality) if unit.dimensionality else "a plain number"
-
-
-@cache
-def _registry() -> "pint.UnitRegistry":
-    import pint
-
-    registry = pint.UnitRegistry(None)
-    for definition in _DEFINITIONS:
-        registry.define(definition)
-    return registry
+def _dimension(unit: Unit) -> str:
+    """Dimension of a unit in an error, such as `[length] / [time] ** 2`."""
+    above, below = (
+        [name if size == 1 else f"{name} ** {size}" for name, power in unit.powers if (size := sign * power) > 0]
+        for sign in (1, -1)
+    )
+    return " / ".join((" * ".join(above) or "1", *below)) if unit.powers else "a plain number"

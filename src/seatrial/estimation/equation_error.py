@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.signal import savgol_coeffs
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.programs import program
@@ -121,7 +121,9 @@ def smoothed_accelerations(model: VehicleModel, record: Record, window: float) -
             expected=f"more than {DEGREE}, and no more than the record has",
             remedy="choose another window",
         )
-    weights = [savgol_coeffs(2 * half + 1, DEGREE, deriv=order, delta=step[0], use="dot") for order in (0, 1)]
+    weights = [
+        scipy.signal.savgol_coeffs(2 * half + 1, DEGREE, deriv=order, delta=step[0], use="dot") for order in (0, 1)
+    ]
     views = np.lib.stride_tricks.sliding_window_view(speed, 2 * half + 1)
     inside = slice(half, speed.size - half)
     control = np.column_stack([record.channel(name) for name in model.controls])

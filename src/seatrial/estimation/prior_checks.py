@@ -5,8 +5,8 @@ from math import isfinite, sqrt
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.stats import rankdata
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.identifiability import identifiability_of_fit
@@ -123,7 +123,7 @@ def _lost_region(posterior: Posterior) -> list[str]:
 
 def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np.ndarray, " n"]) -> str:
     """Return the parameter that best sets apart what is lost, if one does: its chance to be the larger in a pair, one lost, one not."""
-    ranks = rankdata(values, axis=0)
+    ranks = scipy.stats.rankdata(values, axis=0)
     apart = (ranks[lost].mean(0) - ranks[~lost].mean(0)) / lost.size
     worst = int(np.argmax(np.abs(apart)))
     if abs(apart[worst]) < APART:

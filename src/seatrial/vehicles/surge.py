@@ -4,12 +4,11 @@ It is the whole vehicle of `whole.py` with everything but u held at zero.
 The paper's model is the set {X_u, X_uabsu, T_nabsn}, its eq. (3); X_du3 adds the term of its section IV.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import copysign, isfinite
 
 import numpy as np
-import scipy
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
@@ -93,11 +92,15 @@ def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], li
             expected="drag that balances the thrust at some speed",
             remedy="check the signs of the damping coefficients: negative dissipates",
         )
-    return (
-        float(scipy.optimize.brentq(rate, speeds[beyond - 1], speeds[beyond], xtol=1e-14, rtol=1e-14))
-        if beyond
-        else 0.0
-    )
+    return _zero(rate, float(speeds[beyond - 1]), float(speeds[beyond])) if beyond else 0.0
+
+
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Halve an interval until no number lies between its ends, at which the function has other signs."""
+    sign = function(low)
+    while low != (middle := 0.5 * (low + high)) != high:
+        low, high = (middle, high) if function(middle) * sign > 0 else (low, middle)
+    return middle
 
 
 def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:

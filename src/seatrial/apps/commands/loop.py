@@ -17,7 +17,7 @@ def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
         outcome = run_loop(campaign, reporter)
         return _tell_and_report(answer, outcome, propose(outcome))
 
-    with_campaign(folder, quiet, work, context)
+    with_campaign(folder, quiet, work, context, also="run")
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:

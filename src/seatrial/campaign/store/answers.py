@@ -46,10 +46,10 @@ def keep(path: Path, key: str, answer: Any, seen: Mapping[Path, Look]) -> None:
         path: where; see `Store.answer`.
         key: of `key_of_answer`.
         answer: JSON-able.
-        seen: files that it rests on, from `watching_files`; checkpoints may be among them, which are gone once they are not needed.
+        seen: files that it rests on, from `watching_files`; other answers are none of them, nor checkpoints, which do not stay.
     """
-    unfinished = Store(path.parents[2]).checkpoint("any").parent.absolute()
-    rests_on = {file: look for file, look in seen.items() if file.parent != unfinished and file != path.absolute()}
+    passing = {path.parent.absolute(), Store(path.parents[2]).checkpoint("any").parent.absolute()}
+    rests_on = {file: look for file, look in seen.items() if file.parent not in passing}
     if any(look_of(file) != look for file, look in rests_on.items()):
         return
     with suppress(OSError):
@@ -60,8 +60,8 @@ def keep(path: Path, key: str, answer: Any, seen: Mapping[Path, Look]) -> None:
 def _hash(path: Path) -> str | None:
     """Return the hash of a file's bytes, of a folder's names; None where there is neither, or it cannot be read."""
     try:
-        return (
-            sha256_of_json(sorted(os.listdir(path))) if path.is_dir() else sha256_of(path) if path.is_file() else None
-        )
+        if path.is_dir():
+            return sha256_of_json(sorted(os.listdir(path)))
+        return sha256_of(path) if path.is_file() else None
     except (OSError, ValueError):
         return None
