@@ -13,11 +13,12 @@ from seatrial.core.batching import bucket_length, filled, lanes_at_once, on_acce
 from seatrial.core.display_units import shown_unit
 from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.run import summarise_filter
+from seatrial.filters.run import filter_within
 from seatrial.filters.square_root import unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
@@ -136,7 +137,7 @@ def sweep_family(
     start = space.initial.mean if truth is None else np.asarray(truth, float)
     gaps = np.where(mask > 0, 0.0, np.nan)
     chosen = method or unscented_filter(len(space.states))
-    # After the last sample no time passes and nothing is measured.
+    # After the last sample no time passes, nothing is measured and no process noise is added.
     n, size = controls.shape[1], bucket_length(controls.shape[1])
     step, gaps = filled(np.full(n - 1, family.sample_time), size, 0.0), filled(gaps, size, np.nan)
     lanes = filled(controls.swapaxes(0, 1), size).swapaxes(0, 1)
@@ -242,7 +243,7 @@ def _predict(method: Filter, space: StateSpace, start: Array, controls: Array, s
         columns = tuple(control[:, i] for i in range(control.shape[1]))
         _, (outputs, speed) = time_loop(move, tuple(start[:d]), columns, steps, look)
         measurement = jnp.stack(outputs, -1) + gaps
-        summary = summarise_filter(method, space, control, measurement, steps)
+        summary = filter_within(method, space, control, measurement, steps, growth=jnp.where(steps > 0, 1.0, 0.0))
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures
 

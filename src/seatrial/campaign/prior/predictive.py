@@ -6,6 +6,7 @@ arXiv:2011.01808, section 2.4.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 from zlib import crc32
 
 import jax
@@ -111,30 +112,32 @@ def steady_motion(
         control: held, SI.
         start: speed from which it sets off, m/s. Terms in the change from trim hold near trim only, so rest may be too far.
     """
-    count = len(next(iter(params.values())))
-
-    def rate(u):
-        return model.derivative(params, (u,), tuple(control))[0] + 0.0 * u
-
-    side = np.sign(rate(np.full(count, float(start))))
-    grid = np.linspace(0.0, FASTEST, 401)
-    opposed = rate(start + grid[:, None] * side) * side <= 0
-    beyond, found = opposed.argmax(axis=0), opposed.any(axis=0)
-    low, high = grid[np.maximum(beyond - 1, 0)], grid[beyond]
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        ahead = rate(start + middle * side) * side > 0
-        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
-    speed = start + high * side
-    slope = np.asarray(_damping(model, dict(params), speed, tuple(control)))
+    speed, slope, found = map(np.asarray, _settled(model, dict(params), tuple(map(float, control)), float(start)))
     found = found & (slope < 0)
     return np.where(found, speed, np.nan), np.where(found, -1.0 / np.where(found, slope, 1.0), np.nan)
 
 
 @program(static_argnums=0)
-def _damping(model: VehicleModel, params: dict, speed: Array, control: tuple) -> Array:
-    """Return the slope of du/dt along u of surge vehicles, 1/s."""
-    return jax.jvp(lambda u: model.derivative(params, (u,), control)[0], (speed,), (jnp.ones_like(speed),))[1]
+def _settled(model: VehicleModel, params: dict, control: tuple, start: Array) -> tuple[Array, Array, Array]:
+    """First zero of du/dt, its slope there, 1/s, and whether there is one."""
+
+    def rate(u: Array) -> Array:
+        return model.derivative(params, (u,), control)[0] + 0.0 * u
+
+    side = jnp.sign(rate(jnp.full_like(next(iter(params.values())), start)))
+    grid = jnp.linspace(0.0, FASTEST, 401)
+    opposed = rate(start + grid[:, None] * side) * side <= 0
+    beyond, found = opposed.argmax(axis=0), opposed.any(axis=0)
+
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        middle = 0.5 * (low + high)
+        ahead = rate(start + middle * side) * side > 0
+        return jnp.where(ahead, middle, low), jnp.where(ahead, high, middle)
+
+    _, high = jax.lax.fori_loop(0, 50, halve, (grid[jnp.maximum(beyond - 1, 0)], grid[beyond]))
+    speed = start + high * side
+    return speed, jax.jvp(rate, (speed,), (jnp.ones_like(speed),))[1], found
 
 
 # The trial over which a campaign's priors are shown: its control, where it starts, and the priors that belong to it.
