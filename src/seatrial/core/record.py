@@ -77,6 +77,7 @@ class Record:
         Raises:
             InputError: no channel of that name.
         """
+        check_kind(name, str, f'record "{self.label}"', 'ask for a channel by its name, for example "u"')
         if name in self.controls:
             return self.control[:, self.controls.index(name)]
         if name in self.measured:

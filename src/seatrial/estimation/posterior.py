@@ -168,7 +168,7 @@ def posterior_of_density(
             "priors", found="none", expected="one parameter at least", remedy='for example {"a": Normal(0, 1)}'
         )
     _check_density(log_density, tuple(priors))
-    known = check_mapping(units or {}, "units", 'write for example {"X_u": "kg/s"}')
+    known = check_mapping({} if units is None else units, "units", 'write for example {"X_u": "kg/s"}')
     parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())
     return Posterior(parameters, _OfValues(log_density), ())
 

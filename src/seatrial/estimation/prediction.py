@@ -123,7 +123,7 @@ def predict(
         )
     output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
     sensors = output.simulator.sensors
-    first = start_of(likelihood.model, record, start or {}, output.free_initial)
+    first = start_of(likelihood.model, record, start, output.free_initial)
     data = stack_trials([record], likelihood.model, likelihood.channels, [first])
     table = draws.array()
     table = table[:: max(1, table.shape[0] // n)][:n]

@@ -88,7 +88,7 @@ def make_posterior(
     sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
     sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
     free = f"{model.states[0]}_0" in stated
-    starts = [start_of(model, record, start or {}, free) for record in records]
+    starts = [start_of(model, record, start, free) for record in records]
     likelihood, data = likelihood_of(
         model,
         records,
@@ -98,7 +98,7 @@ def make_posterior(
         own=own,
         varying=[term.text for term in model.coefficients if spread_name(term.text) in priors],
         free_initial=free,
-        starts_over_ground="u" not in (start or {}),
+        starts_over_ground=start is None or "u" not in start,
     )
     parameters = tuple(_parameters(unknown, priors, labels, own))
     guess = None
@@ -163,7 +163,9 @@ def stated_sensors(model: VehicleModel, sensors: Sequence[Sensor | str]) -> tupl
     return chosen
 
 
-def start_of(model: VehicleModel, record: Record, known: Mapping[str, float], free: bool = False) -> tuple[float, ...]:
+def start_of(
+    model: VehicleModel, record: Record, known: Mapping[str, float] | None, free: bool = False
+) -> tuple[float, ...]:
     """Return the state at the first sample, SI: as known, else as first measured; angles, positions and actuators else at rest.
 
     Raises:

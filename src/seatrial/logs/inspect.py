@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from seatrial.core.argument_checks import check_path
+from seatrial.core.argument_checks import check_kind, check_path, check_text
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
@@ -110,10 +110,16 @@ def inspect_log(
         layout: of its text.
         progress: told the share of the log that was read.
 
+    Returns:
+        its tables with their columns, units and clocks, and which signal each column may be; `lines()` says it in words.
+
     Raises:
         InputError: a log that cannot be read.
     """
     path = check_path(path, "log, path")
+    check_kind(layout, TextLayout, "log, layout", "leave it out: the layout of text is found")
+    if table is not None:
+        check_text(table, "log, table", "name the table, or leave it out")
     log = LogFile(path, layout)
     infos = catalogue(log)
     chosen = infos if table is None else (pick(infos, table, str(path)),)

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.argument_checks import check_count, check_names, shown
-from seatrial.core.errors import InputError, NumericalError, nearest
+from seatrial.core.argument_checks import check_choice, check_count, check_names
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.sampling.diagnostics import complaints, diagnose, mixing
 
 if TYPE_CHECKING:
@@ -205,9 +205,7 @@ class Draws:
         )
 
     def _place(self, name: str) -> int:
-        if name in self.names:
-            return self.names.index(name)
-        raise InputError("draws", found=shown(name), expected=", ".join(self.names), remedy=nearest(name, self.names))
+        return self.names.index(check_choice(name, self.names, "draws"))
 
 
 def unnamed_draws(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.core.argument_checks import as_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, POSITIONS, RATES
@@ -75,8 +76,9 @@ def _check_freedom(
             expected="at least one velocity, and none that is given as well",
             remedy="a velocity is a state, a given signal, or zero",
         )
-    numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(x) for x in current)
-    if not (current in (None, "state", "given") or numbers):
+    numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(as_number(x)) for x in current)
+    stated = current is None or (isinstance(current, str) and current in ("state", "given"))
+    if not (stated or numbers):
         raise InputError(
             f"{place}, current",
             found=repr(current),
