@@ -69,32 +69,32 @@ class Posterior:
 
     @jax.jit
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Parameter values, SI, of unconstrained vectors."""
+        """Return the parameter values, SI, of unconstrained vectors."""
         return jnp.stack([parameter.prior.constrain(z[..., i]) for i, parameter in enumerate(self.parameters)], -1)
 
     @jax.jit
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Unconstrained vectors of parameter values inside the support."""
+        """Return the unconstrained vectors of parameter values inside the support."""
         return jnp.stack(
             [parameter.prior.unconstrain(values[..., i]) for i, parameter in enumerate(self.parameters)], -1
         )
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log prior density of z, the log-Jacobian included."""
+        """Return the log prior density of z, the log-Jacobian included."""
         return sum((parameter.prior.log_density(z[i]) for i, parameter in enumerate(self.parameters)), jnp.zeros(()))
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log-likelihood of the data."""
+        """Return the log-likelihood of the data."""
         values = {parameter.name: parameter.prior.constrain(z[i]) for i, parameter in enumerate(self.parameters)}
         return self.likelihood(values, self.data)
 
     def log_density(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Unnormalised log posterior density of z."""
+        """Return the unnormalised log posterior density of z."""
         return self.log_prior(z) + self.log_likelihood(z)
 
     @partial(jax.jit, static_argnames="n")
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
-        """Unconstrained draws from the prior."""
+        """Return unconstrained draws from the prior."""
         keys = jax.random.split(key, self.dim)
         return jnp.stack(
             [parameter.prior.sample(k, (n,)) for parameter, k in zip(self.parameters, keys, strict=True)], -1

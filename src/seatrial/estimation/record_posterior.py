@@ -231,7 +231,7 @@ class _Unknown(NamedTuple):
 
 
 def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection[str]) -> list[_Unknown]:
-    """Everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
+    """Return everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
     terms = [_Unknown(term.text, model.unit_of(term), term.label) for term in model.coefficients]
     found = list(terms)
     found += [
@@ -270,7 +270,7 @@ def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
 def _parameters(
     unknown: Sequence[_Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
 ) -> list[Parameter]:
-    """All parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
+    """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
     shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
     found = []
     for one in shared:
@@ -324,7 +324,7 @@ def _check_priors(
 
 
 def _first_measured(record: Record) -> dict[str, float]:
-    """First value of every channel of a record that has one, and of every control, SI."""
+    """Return the first value of every channel of a record that has one, and of every control, SI."""
     columns = {name: record.channel(name) for name in (*record.controls, *record.measured)}
     finite = {name: column[np.isfinite(column)] for name, column in columns.items()}
     return {name: float(column[0]) for name, column in finite.items() if column.size}

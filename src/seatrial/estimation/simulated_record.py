@@ -99,7 +99,7 @@ def _blank(
     rates: Mapping[str, float],
     label: str,
 ) -> Record:
-    """A record without measurements: zeros where each sensor gives a sample."""
+    """Return a record without measurements: zeros where each sensor gives a sample."""
     channels = [Channel(name, signal_unit(name), "control") for name in controls]
     columns = []
     for name in (sensor.channel for sensor in sensors):

@@ -126,7 +126,10 @@ class Draws:
         return not np.isnan(self.moved)
 
     def __getitem__(self, name: str) -> Float[np.ndarray, "chains draws"]:
-        """Return the draws of one parameter, in its own unit.
+        """Return the draws of one parameter, in its own unit, shape (chains, draws).
+
+        Args:
+            name: of the parameter.
 
         Raises:
             InputError: no parameter of that name.
@@ -146,7 +149,10 @@ class Draws:
         return len(self.names)
 
     def array(self, names: Sequence[str] | None = None) -> Float[np.ndarray, "n k"]:
-        """Return the draws of some parameters, all where none are named, chain after chain, shape (n, k).
+        """Return the draws of some parameters, chain after chain, in their own units, shape (n, k).
+
+        Args:
+            names: of k parameters; all where None.
 
         Raises:
             InputError: no parameter of that name.
@@ -254,17 +260,17 @@ def keep(run: Run, state: Any, drawn: tuple[Array, Array, Array], settings: Chai
 
 
 def is_finished(run: Run, settings: ChainSettings) -> bool:
-    """Whether the run has all its draws."""
+    """Return whether the run has all its draws."""
     return run.iteration >= settings.warmup + settings.draws
 
 
 def finish(run: Run) -> Draws:
-    """Draws of a finished run."""
+    """Return the draws of a finished run."""
     return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
 
 
 def complaints_of_draws(draws: Draws) -> list[str]:
-    """What is wrong with the chains as such, in words; empty where all moved and none diverged."""
+    """Return what is wrong with the chains as such, in words; empty where all moved and none diverged."""
     chains, kept, _ = draws.z.shape
     said = []
     still = np.flatnonzero((draws.z == draws.z[:, :1]).all((1, 2)))
@@ -283,7 +289,7 @@ def complaints_of_draws(draws: Draws) -> list[str]:
 
 
 def arrays_of_run(run: Run) -> dict[str, np.ndarray]:
-    """Arrays of a run by name, for a checkpoint."""
+    """Return the arrays of a run by name, for a checkpoint."""
     state = {f"state {name}": value for name, value in run.state._asdict().items()}
     return {
         name: np.asarray(value) for name, value in (state | dict(zip(run._fields[1:], run[1:], strict=True))).items()
