@@ -37,7 +37,7 @@ class LogSummary:
     remarks: tuple[str, ...]
 
     def lines(self) -> list[str]:
-        """What was found, for people."""
+        """Say what was found, for people."""
         count = len(self.tables)
         lines = [f"{self.log.path.name}: {self.kind}, {count} table{'s' if count != 1 else ''}"]
         for table in self.tables:
@@ -158,7 +158,7 @@ def _table_lines(table: TableSummary) -> Iterator[str]:
 
 
 def _family(column: ColumnSummary) -> tuple[str, str]:
-    """Array that a column is an element of, and what is wrong with it: elements alike share a line."""
+    """Return the array that a column is an element of, and what is wrong with it: elements alike share a line."""
     match = _ELEMENT.fullmatch(column.name)
     return (match[1], column.trouble) if match and column.trouble else (column.name, "")
 
@@ -192,5 +192,5 @@ def _unit(guess: Guess) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A TOML string: JSON's escapes are among TOML's."""
+    """Return a TOML string: JSON's escapes are among TOML's."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
