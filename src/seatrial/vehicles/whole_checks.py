@@ -21,6 +21,13 @@ def check_whole(
 ) -> None:
     """Check a vehicle's parts; `freedom` is (moves, given, positions, angles, current).
 
+    Args:
+        hull: rigid body, fixed coefficients and trim.
+        terms: names of the free coefficients.
+        freedom: what moves, as above.
+        added_coriolis: see `whole_vehicle`.
+        thrusters: of an open frame.
+
     Raises:
         InputError: see `whole_vehicle`.
     """
@@ -158,7 +165,7 @@ def _check_thrusters(place: str, named: Iterable[CoefficientName], thrusters: Se
 
 
 def _check_automatic(place: str, hull: Hull, named: Sequence[CoefficientName]) -> None:
-    """Automatic Coriolis forces need a symmetric added mass, and none of their products among the terms."""
+    """Check that automatic Coriolis forces have a symmetric added mass, and none of their products among the terms."""
     entries = {added_mass_entry(name): name for name in named if name.is_added_mass}
     lone = [name for (i, j), name in entries.items() if (j, i) not in entries]
     unequal = asymmetric_pairs(hull.fixed)

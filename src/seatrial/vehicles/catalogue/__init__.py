@@ -165,7 +165,7 @@ class PublishedVehicle:
         return with_actuators(model, acting) if actuators and acting else model
 
     def _fixed_beside(self, terms: Sequence[str]) -> dict[str, float]:
-        """Every value that is not left open."""
+        """Return every value that is not left open."""
         sought = {CoefficientName.parse(term) for term in terms}
         known = {**self.hull.fixed, **self.coefficients}
         return {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
