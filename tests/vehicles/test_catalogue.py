@@ -55,7 +55,7 @@ def test_a_name_is_text(name):
         ({"inertia": (1.0, 2.0)}, "2 of them"),
         ({"inertia": 3.0}, "inertia"),
         ({"inertia": ("1", 2.0, 3.0)}, "inertia x"),
-        ({"moves": "u"}, 'write \\["u"\\]'),
+        ({"moves": "fast"}, "u, v, w, p, q, r"),
         ({"moves": ["n"]}, "u, v, w, p, q, r"),
         ({"actuators": {"n": 0.5}}, "actuator n"),
         ({"actuators": [0.5]}, "actuators"),

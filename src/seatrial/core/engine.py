@@ -120,7 +120,7 @@ def check_precision() -> None:
 
 
 def cache_directory() -> Path:
-    """Folder of compiled kernels: `$XDG_CACHE_HOME/seatrial/xla`, by default under `~/.cache`."""
+    """Return the folder of compiled kernels: `$XDG_CACHE_HOME/seatrial/xla`, by default under `~/.cache`."""
     return _cache() / "xla"
 
 
@@ -152,7 +152,7 @@ def compiled_for(seconds: float) -> None:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -165,7 +165,7 @@ def _asked_for_float32() -> bool:
 
 
 def _has_computed() -> bool:
-    """Whether JAX has started a backend, as the first array or compilation does; its settings of XLA are fixed from then on."""
+    """Return whether JAX has started a backend, as the first array or compilation does; its settings of XLA are fixed from then on."""
     bridge = sys.modules.get("jax._src.xla_bridge")  # JAX offers no public way to ask without starting one
     return bridge is not None and bridge.backends_are_initialized()
 

@@ -26,7 +26,7 @@ class InputError(SeatrialError):
         super().__init__(f"{where}\n  found:    {found}\n  expected: {expected}\n  remedy:   {remedy}")
 
     def __reduce__(self) -> tuple[Callable[[], "InputError"], tuple[()]]:
-        """How it travels between processes."""
+        """Return how it travels between processes."""
         return partial(type(self), self.where, found=self.found, expected=self.expected, remedy=self.remedy), ()
 
 
@@ -62,7 +62,7 @@ _REMEDIES = {
 
 
 def file_error(error: OSError) -> InputError:
-    """An error of the file system, with what to do about it."""
+    """Return an error of the file system, with what to do about it."""
     return InputError(
         str(error.filename2 or error.filename or "file system"),
         found=error.strerror or str(error),

@@ -15,7 +15,13 @@ Role = Literal["control", "measurement"]
 
 @dataclass(frozen=True)
 class Channel:
-    """One column of a record: its name (`u`, `udot`, `n`, …), SI unit and whether it drives or observes the vehicle."""
+    """One column of a record.
+
+    Attributes:
+        name: of the signal: `u`, `udot`, `n`, …
+        unit: SI.
+        role: `control` if it drives the vehicle, `measurement` if it observes it.
+    """
 
     name: str
     unit: str
@@ -28,7 +34,13 @@ SIMULATED = "simulated"
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a record came from: source names, SHA-256 of each file's bytes, and the options of the import."""
+    """Where a record came from.
+
+    Attributes:
+        source: names of the files, or another word for it.
+        sha256: of the bytes of each file; empty where there is none.
+        options: of the import, JSON-able.
+    """
 
     source: str
     sha256: str
@@ -72,11 +84,15 @@ class Record:
         return np.append(step, step[-1])
 
     def channel(self, name: str) -> Float[np.ndarray, " n"]:
-        """Return the samples of one channel.
+        """Return the samples of one channel, SI, shape (n,), NaN where nothing was measured.
+
+        Args:
+            name: of a control or a measured channel.
 
         Raises:
             InputError: no channel of that name.
         """
+        check_kind(name, str, f'record "{self.label}"', 'ask for a channel by its name, for example "u"')
         if name in self.controls:
             return self.control[:, self.controls.index(name)]
         if name in self.measured:

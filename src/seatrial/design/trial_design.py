@@ -146,7 +146,7 @@ def design_trial(
 
 
 def _belief(belief: Draws | Mapping[str, Prior], names: tuple[str, ...]) -> Gaussian:
-    """Joint normal of the coefficients, SI."""
+    """Return the joint normal of the coefficients, SI."""
     if isinstance(belief, Draws):
         return normal_belief(belief.array(names))
     check_priors(belief, "belief")
@@ -173,7 +173,7 @@ def _trim(model: VehicleModel, family: Family, held: Mapping[str, float]) -> tup
 
 
 def _measured(family: Family, noise: Mapping[str, float], rates: Mapping[str, float]) -> np.ndarray:
-    """1 where each sensor gives a sample, 0 between, shape (n, m)."""
+    """Return 1 where each sensor gives a sample, 0 between, shape (n, m)."""
     time = family.time()
     steps = [max(1, round(1.0 / (rates[name] * family.sample_time))) if name in rates else 1 for name in noise]
     return np.column_stack([(np.arange(time.size) % every == 0).astype(float) for every in steps])

@@ -79,6 +79,9 @@ def sample(
         key: random key, or a seed; the same key gives the same bits.
         progress: of chains, called with the iterations done and in all.
 
+    Returns:
+        draws of every parameter by its name, in its SI unit, shape (chains, draws) each; a population counts as one chain.
+
     Raises:
         InputError: no such method, or settings of another.
         NumericalError: nothing of the prior can be simulated, or the mode is not found.
@@ -148,7 +151,7 @@ def _by_nested(
 
 
 def _population(posterior: Posterior, z: np.ndarray, moved: float) -> Draws:
-    """Equally weighted particles as one chain."""
+    """Return equally weighted particles as one chain."""
     found = unnamed_draws(np.asarray(z)[None], evaluate(posterior, z)[None], moved)
     return replace(named_draws(posterior, found), moved=moved)
 

@@ -82,7 +82,7 @@ class Posterior:
 
     @property
     def present_parameters(self) -> tuple[Parameter, ...]:
-        """Parameters that the structure has."""
+        """Parameters that the structure has, in their order."""
         return tuple(self.parameters[i] for i in self.places)
 
     @property
@@ -92,16 +92,16 @@ class Posterior:
 
     @program
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Parameter values, SI, of unconstrained vectors; 0 for what is absent."""
+        """Return the parameter values, SI, of unconstrained vectors; 0 for what is absent."""
         return self._where_present(self._by_kind(lambda prior, x: prior.constrain(x), z), 0.0)
 
     @program
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Unconstrained vectors of parameter values inside the support; 0 for what is absent."""
+        """Return the unconstrained vectors of parameter values inside the support; 0 for what is absent."""
         return self._where_present(self._by_kind(lambda prior, x: prior.unconstrain(x), values), 0.0)
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log prior density of z, the log-Jacobian included; standard normal in what is absent."""
+        """Return the log prior density of z, the log-Jacobian included; standard normal in what is absent."""
         return self.log_priors(z).sum()
 
     def log_priors(self, z: Float[Array, " d"]) -> Float[Array, " d"]:
@@ -111,7 +111,7 @@ class Posterior:
         return densities if self.present is None else self._where_present(densities, -0.5 * z * z - _HALF_LOG_TWO_PI)
 
     def log_likelihood(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Log-likelihood of the data."""
+        """Return the log-likelihood of the data."""
         known = self._where_present(z, 0.0)
         values = [parameter.prior.constrain(known[i]) for i, parameter in enumerate(self.parameters)]
         if self.present is not None:
@@ -119,12 +119,12 @@ class Posterior:
         return self.likelihood(dict(zip(self.names, values, strict=True)), self.data)
 
     def log_density(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Unnormalised log posterior density of z."""
+        """Return the unnormalised log posterior density of z."""
         return self.log_prior(z) + self.log_likelihood(z)
 
     @program(static_argnames="n")
     def sample_prior(self, key: jax.Array, n: int) -> Float[Array, "n d"]:
-        """Unconstrained draws from the prior."""
+        """Return unconstrained draws from the prior."""
         draws = self._by_kind(lambda prior, key: prior.sample(key, (n,)), jax.random.split(key, self.dim))
         if self.present is None:
             return draws
@@ -217,7 +217,7 @@ def posterior_of_density(
             "priors", found="none", expected="one parameter at least", remedy='for example {"a": Normal(0, 1)}'
         )
     _check_density(log_density, tuple(priors))
-    known = check_mapping(units or {}, "units", 'write for example {"X_u": "kg/s"}')
+    known = check_mapping({} if units is None else units, "units", 'write for example {"X_u": "kg/s"}')
     parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())
     return Posterior(parameters, _OfValues(log_density), ())
 

@@ -56,6 +56,9 @@ class Prediction:
     def score(self, channel: str) -> Score:
         """Return how well a measured channel was predicted.
 
+        Args:
+            channel: one of `channels`.
+
         Raises:
             InputError: no such channel.
         """
@@ -123,7 +126,7 @@ def predict(
         )
     output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
     sensors = output.simulator.sensors
-    first = start_of(likelihood.model, record, start or {}, output.free_initial)
+    first = start_of(likelihood.model, record, start, output.free_initial)
     data = stack_trials([record], likelihood.model, likelihood.channels, [first])
     table = draws.array()
     table = table[:: max(1, table.shape[0] // n)][:n]
@@ -146,7 +149,7 @@ def predict(
 
 
 def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
-    """Standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
+    """Return the standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
     sd = np.asarray(values[noise_name(sensor.channel)])
     if sensor.noise != "heavy":
         return sd
@@ -174,7 +177,7 @@ def key_of_values(key: jax.Array, draws: int) -> jax.Array:
 def _values_of(
     posterior: Posterior, label: str, first: Mapping[str, float], known: Mapping[str, np.ndarray], key: jax.Array
 ) -> dict[str, jax.Array]:
-    """Values of every parameter under each draw, those of one trial under the label `ANY`."""
+    """Return the values of every parameter under each draw, those of one trial under the label `ANY`."""
     labels, count = posterior.likelihood.labels, len(next(iter(known.values())))
     own = label if label in labels else labels[0]
     values = {}
@@ -191,7 +194,7 @@ def _values_of(
 
 
 def _anonymous(name: str, label: str) -> tuple[str | None, bool]:
-    """Name of a parameter under the label `ANY`, None if it is another trial's, and whether it is one trial's."""
+    """Return the name of a parameter under the label `ANY`, None if it is another trial's, and whether it is one trial's."""
     base, bracket, of = name.partition("[")
     if not bracket:
         return name, False
@@ -199,7 +202,7 @@ def _anonymous(name: str, label: str) -> tuple[str | None, bool]:
 
 
 def _prior_of(parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray]) -> Any:
-    """Prior of a trial's own parameter; an initial state lies about its first measurement, by the sensor's noise."""
+    """Return the prior of a trial's own parameter; an initial state lies about its first measurement, by the sensor's noise."""
     state, _, _ = parameter.name.partition("_0[")
     if state in first and noise_name(state) in known:
         return Normal(first[state], float(np.mean(known[noise_name(state)])))

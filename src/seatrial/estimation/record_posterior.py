@@ -88,7 +88,7 @@ def make_posterior(
     sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
     sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
     free = f"{model.states[0]}_0" in stated
-    starts = [start_of(model, record, start or {}, free) for record in records]
+    starts = [start_of(model, record, start, free) for record in records]
     likelihood, data = likelihood_of(
         model,
         records,
@@ -98,7 +98,7 @@ def make_posterior(
         own=own,
         varying=[term.text for term in model.coefficients if spread_name(term.text) in priors],
         free_initial=free,
-        starts_over_ground="u" not in (start or {}),
+        starts_over_ground=start is None or "u" not in start,
     )
     parameters = tuple(_parameters(unknown, priors, labels, own))
     guess = None
@@ -163,7 +163,9 @@ def stated_sensors(model: VehicleModel, sensors: Sequence[Sensor | str]) -> tupl
     return chosen
 
 
-def start_of(model: VehicleModel, record: Record, known: Mapping[str, float], free: bool = False) -> tuple[float, ...]:
+def start_of(
+    model: VehicleModel, record: Record, known: Mapping[str, float] | None, free: bool = False
+) -> tuple[float, ...]:
     """Return the state at the first sample, SI: as known, else as first measured; angles, positions and actuators else at rest.
 
     Raises:
@@ -229,7 +231,7 @@ class _Unknown(NamedTuple):
 
 
 def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection[str]) -> list[_Unknown]:
-    """Everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
+    """Return everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
     terms = [_Unknown(term.text, model.unit_of(term), term.label) for term in model.coefficients]
     found = list(terms)
     found += [
@@ -268,7 +270,7 @@ def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
 def _parameters(
     unknown: Sequence[_Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
 ) -> list[Parameter]:
-    """All parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
+    """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
     shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
     found = []
     for one in shared:
@@ -322,7 +324,7 @@ def _check_priors(
 
 
 def _first_measured(record: Record) -> dict[str, float]:
-    """First value of every channel of a record that has one, and of every control, SI."""
+    """Return the first value of every channel of a record that has one, and of every control, SI."""
     columns = {name: record.channel(name) for name in (*record.controls, *record.measured)}
     finite = {name: column[np.isfinite(column)] for name, column in columns.items()}
     return {name: float(column[0]) for name, column in finite.items() if column.size}

@@ -65,7 +65,7 @@ def simulate(
     chosen = stated_sensors(model, sensors)
     values = _checked_values(model, chosen, values)
     blank = _blank(time, controls, chosen, _checked_rates(rates, chosen, time), label)
-    starts = [start_of(model, replace(blank, measurement=np.full_like(blank.measurement, np.nan)), start or {})]
+    starts = [start_of(model, replace(blank, measurement=np.full_like(blank.measurement, np.nan)), start)]
     likelihood, data = likelihood_of(model, [blank], chosen, values, starts)
     made = replicate(likelihood, values, data, as_key(key))
     columns = dict(controls)
@@ -99,7 +99,7 @@ def _blank(
     rates: Mapping[str, float],
     label: str,
 ) -> Record:
-    """A record without measurements: zeros where each sensor gives a sample."""
+    """Return a record without measurements: zeros where each sensor gives a sample."""
     channels = [Channel(name, signal_unit(name), "control") for name in controls]
     columns = []
     for name in (sensor.channel for sensor in sensors):

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.core.batching import bucket_length, filled
 from seatrial.core.record import Record
 from seatrial.vehicles.model import VehicleModel
 
@@ -54,7 +55,7 @@ class TrialData(NamedTuple):
 def stack_trials(
     records: Sequence[Record], model: VehicleModel, channels: Sequence[str], initial: Sequence[Sequence[float]]
 ) -> TrialData:
-    """Return the arrays of several trials, of `padded_length` samples each, so that compiled code does not grow with their number.
+    """Return the arrays of several trials, of one bucket's samples each, so that compiled code does not grow with their number.
 
     Args:
         records: trials, of any lengths.
@@ -65,21 +66,15 @@ def stack_trials(
     Raises:
         InputError: a control or channel a record does not have.
     """
-    samples = padded_length(max(record.time.size for record in records))
+    samples = bucket_length(max(record.time.size for record in records))
     trials = [_trial(record, model, channels, start, samples) for record, start in zip(records, initial, strict=True)]
 
     def stack(*arrays: np.ndarray) -> np.ndarray:
-        return np.stack([_padded(array, max(array.size for array in arrays)) for array in arrays])
+        return np.stack([filled(array, max(array.size for array in arrays), 0.0) for array in arrays])
 
     stacked = jax.tree.map(stack, *trials)
     channels_of_all = tuple(one._replace(gaps=np.where(one.counts > 0, one.gaps, FOREVER)) for one in stacked.channels)
     return jax.device_put(stacked._replace(channels=channels_of_all))
-
-
-def padded_length(samples: int) -> int:
-    """Return the smallest of the lengths to which trials are padded that holds so many samples: at most an eighth longer."""
-    grain = max(1, (1 << (samples - 1).bit_length()) // 16)
-    return -(-samples // grain) * grain
 
 
 def _trial(
@@ -87,22 +82,18 @@ def _trial(
 ) -> TrialData:
     shown = [channel_data(record.time, np.asarray(record.channel(name))) for name in channels]
     return TrialData(
-        control=tuple(_padded(np.asarray(record.channel(name)), samples) for name in model.controls),
+        control=tuple(filled(np.asarray(record.channel(name)), samples, 0.0) for name in model.controls),
         channels=tuple(
             one._replace(
-                measured=_padded(one.measured, samples),
-                present=_padded(one.present, samples),
-                kind=_padded(one.kind, samples),
+                measured=filled(one.measured, samples, 0.0),
+                present=filled(one.present, samples, 0.0),
+                kind=filled(one.kind, samples, 0.0),
             )
             for one in shown
         ),
-        step=_padded(np.asarray(record.step), samples),
+        step=filled(np.asarray(record.step), samples, 0.0),
         initial=np.asarray(initial, float),
     )
-
-
-def _padded(array: np.ndarray, length: int) -> np.ndarray:
-    return np.pad(array, (0, length - array.size))
 
 
 def channel_data(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:

@@ -202,7 +202,7 @@ def _with_rest(
 
 
 def _actuators(control: str, limits: Limits, model: VehicleModel | None = None) -> dict[str, Actuator]:
-    """Lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
+    """Return the lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
     results: dict[str, dict[str, float]] = {}
     for key, value in () if model is None else model.constants:
         if key.startswith("actuator "):

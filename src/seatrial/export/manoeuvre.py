@@ -76,7 +76,14 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
 def run_manoeuvre(
     motion: Motion, actuators: Mapping[str, Actuator], plan: Plan, current: Current = STILL
 ) -> Float[np.ndarray, "n 6"]:
-    """Return the velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away."""
+    """Return the velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away.
+
+    Args:
+        motion: accelerations of the target or of the vehicle.
+        actuators: lags and limits by control.
+        plan: commands over n samples, and the start.
+        current: the water's velocity, m/s.
+    """
     start = np.zeros(8)
     start[0] = plan.speed
     return simulate(motion, actuators, plan.controls, start, DURATION, STEP, current)[:, :6]
@@ -145,7 +152,13 @@ def growth_rate(motion: Motion, plan: Plan) -> float:
 def changes(
     vehicle: ExportedVehicle, own: Float[np.ndarray, "n 6"], other: Float[np.ndarray, "n 6"]
 ) -> tuple[Change, ...]:
-    """Return the largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own."""
+    """Return the largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own.
+
+    Args:
+        vehicle: whose velocities these are.
+        own: its own, m/s and rad/s, n samples.
+        other: what the target makes of them.
+    """
     results = []
     for i, rate in enumerate(RATES):
         if rate in vehicle.moves or np.nanmax(np.abs(other[:, i])) > 0:
@@ -197,7 +210,13 @@ def contrary_to(vehicle: ExportedVehicle, convention: Mapping[str, Sense]) -> tu
 
 
 def command_line(vehicle: ExportedVehicle, carried: Carried, plan: Plan) -> str:
-    """Return what positive commands do in the target, in words; nothing for a vehicle without controls."""
+    """Return what positive commands do in the target, in words; nothing for a vehicle without controls.
+
+    Args:
+        vehicle: with its controls.
+        carried: what the target carries of it.
+        plan: by which the signs are found.
+    """
     parts = []
     for control, sense in motion_senses(vehicle, carried.motion, plan).items():
         turned = control in carried.reversed
@@ -222,7 +241,7 @@ def _in_body(current: Current, angles: Float[np.ndarray, " 3"]) -> dict[str, flo
 
 
 def _within(wanted: Mapping[str, float], actuators: Mapping[str, Actuator]) -> dict[str, float]:
-    """Commands within the limits of their actuators."""
+    """Return the commands within the limits of their actuators."""
     return {
         name: min(max(value, actuators[name].lower), actuators[name].upper) if name in actuators else value
         for name, value in wanted.items()
@@ -239,7 +258,7 @@ def _doublet(t: float) -> float:
 
 
 def _steady(motion: Motion, names: tuple[str, ...], drives: list[str], speed: float) -> tuple[float, float]:
-    """Drive that holds a speed straight ahead; without a drive, or with none that holds it, the speed that is held."""
+    """Return the drive that holds a speed straight ahead; without a drive, or with none that holds it, the speed that is held."""
 
     def surge(u: float, drive: float) -> float:
         controls = {name: drive if name in drives else 0.0 for name in names}

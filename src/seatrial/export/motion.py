@@ -44,7 +44,7 @@ def motion_with(vehicle: ExportedVehicle, *forces: Motion) -> Motion:
 
 
 def force_of(vehicle: ExportedVehicle) -> Motion:
-    """Everything on the right of M nudot = …: named terms, thrust, Coriolis forces, weight and buoyancy."""
+    """Return everything on the right of M nudot = …: named terms, thrust, Coriolis forces, weight and buoyancy."""
     hull = vehicle.hull
     coriolis = vehicle.rigid_mass if hull.mass is not None else np.zeros((6, 6))
     if vehicle.added_coriolis == "automatic":
@@ -82,7 +82,7 @@ def current_in(controls: Mapping[str, Any]) -> Float[np.ndarray, " 3"]:
 
 
 def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:
-    """C(nu) nu of a mass matrix: (omega x P, v x P + omega x L) with (P, L) = M nu."""
+    """Return C(nu) nu of a mass matrix: (omega x P, v x P + omega x L) with (P, L) = M nu."""
     momentum = np.tensordot(mass, nu, 1)
     v, omega, linear, angular = nu[:3], nu[3:], momentum[:3], momentum[3:]
     return np.concatenate([_cross(omega, linear), _cross(v, linear) + _cross(omega, angular)])

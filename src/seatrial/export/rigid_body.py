@@ -67,7 +67,7 @@ class Drive(NamedTuple):
     upper: float
 
     def thrust(self, control: float) -> float:
-        """Net thrust, N."""
+        """Return net thrust, N."""
         return self.share * control if self.factor is None else self.factor * control * abs(control)
 
 
@@ -109,7 +109,7 @@ def body_of(rigid_mass: Float[np.ndarray, "6 6"]) -> Body:
 
 
 def point_mass(mass: float, inertia: float, place: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
-    """Rigid mass matrix of a small part of equal moments of inertia, about the origin.
+    """Return the rigid mass matrix of a small part of equal moments of inertia, about the origin.
 
     Args:
         mass: kg.
@@ -130,7 +130,7 @@ def gravity_of(vehicle: ExportedVehicle) -> float:
 
 
 def volume_of(vehicle: ExportedVehicle, density: float) -> float:
-    """Displaced volume by which the buoyancy comes out, m^3."""
+    """Return the displaced volume by which the buoyancy comes out, m^3."""
     return vehicle.hull.buoyancy / (density * gravity_of(vehicle))
 
 
@@ -166,7 +166,7 @@ def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, .
 
 
 def drive_name(drive: Drive) -> str:
-    """`propeller`, or `thruster_3`."""
+    """Return `propeller`, or `thruster_3`."""
     return f"thruster_{drive.control[2:]}" if "_" in drive.control else "propeller"
 
 

@@ -57,6 +57,12 @@ def check_explicit_added_mass(vehicle: ExportedVehicle, target: str, limit: floa
 
     It does not run away while the largest eigenvalue of M_RB^-1 M_A stays below `limit`, 1 without a filter.
 
+    Args:
+        vehicle: with mass and added mass.
+        target: name, for the error.
+        limit: of the eigenvalue.
+        remedy: what to do, for the error.
+
     Raises:
         InputError: it is above; names the added mass that weighs most.
     """
@@ -92,7 +98,7 @@ def _check_mass(vehicle: ExportedVehicle, place: str) -> None:
 
 
 def _diagonal_drag(vehicle: ExportedVehicle) -> list[tuple[str, float]]:
-    """Quadratic drag of each velocity on its own axis."""
+    """Return quadratic drag of each velocity on its own axis."""
     own = {CoefficientName.parse(f"{axis}_{rate}abs{rate}") for axis, rate in zip(AXES, RATES, strict=True)}
     return [(name, value) for name, value in vehicle.forces.items() if CoefficientName.parse(name) in own]
 

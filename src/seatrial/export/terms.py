@@ -67,12 +67,12 @@ def sorted_terms(forces: Mapping[str, float]) -> Sorted:
 
 
 def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
-    """Coriolis forces that follow from the added mass, as products."""
+    """Return the Coriolis forces that follow from the added mass, as products."""
     return mass_products(vehicle.added_mass)
 
 
 def mass_products(matrix: Float[np.ndarray, "6 6"]) -> dict[Pair, float]:
-    """Coriolis forces of a mass matrix, as products."""
+    """Return the Coriolis forces of a mass matrix, as products."""
     results = {}
     for product in matrix_products(matrix):
         plain, _, _ = _parts(product.name)
@@ -103,7 +103,13 @@ def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
 
 
 def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], where: str) -> tuple[str, ...]:
-    """Return one sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree."""
+    """Return one sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree.
+
+    Args:
+        own: Coriolis forces of the vehicle, by pair of velocities, SI.
+        products: those of the target.
+        where: the place they are about, in words.
+    """
     results = []
     for key in sorted({*own, *products}):
         here, there = own.get(key, 0.0), products.get(key, 0.0)
@@ -113,7 +119,13 @@ def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], wh
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:
-    """Return one sentence about terms that are left out; none where there are none."""
+    """Return one sentence about terms that are left out; none where there are none.
+
+    Args:
+        vehicle: whose terms these are.
+        names: of what is left out.
+        why: the reason, in words.
+    """
     shown = [f"{name} = {vehicle.coefficients[name]:.5g} {CoefficientName.parse(name).unit}" for name in names]
     return (", ".join(shown) + why,) if shown else ()
 
@@ -125,7 +137,7 @@ def added_mass_losses(vehicle: ExportedVehicle, kept: Iterable[str] = ()) -> tup
 
 
 def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> tuple[str, ...]:
-    """Lags, rates and limits that the target's actuators do not have, in words."""
+    """Return the lags, rates and limits that the target's actuators do not have, in words."""
     results = []
     for name, own in vehicle.actuators.items():
         there = kept.get(name, Actuator(0.0))

@@ -8,13 +8,13 @@ import numpy as np
 
 from seatrial import __version__
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.core.argument_checks import check_kind, check_path
+from seatrial.core.argument_checks import check_choice, check_kind, check_path
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Statement
 from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, of_published
-from seatrial.export.write import export_vehicle, make_exporter, of_catalogue
+from seatrial.export.write import EXPORTERS, export_vehicle, make_exporter, of_catalogue
 from seatrial.sampling.run import Draws
 from seatrial.vehicles.catalogue import PublishedVehicle
 
@@ -47,6 +47,7 @@ def export_to(
         InputError: an unknown target or option, or a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
     out = check_path(folder, "folder")
+    check_choice(to, tuple(EXPORTERS), "to")
     if draws is not None:
         check_kind(draws, Draws, "draws", "draw them with `sample`")
     if isinstance(what, PublishedVehicle):

@@ -66,7 +66,13 @@ class Masked(NamedTuple):
 
 
 def mask_missing(space: StateSpace, measurement: Vector, predicted: Sequence[Scalar]) -> Masked:
-    """Split a measurement into present and missing channels."""
+    """Split a measurement into present and missing channels.
+
+    Args:
+        space: of m channels.
+        measurement: SI, NaN where a channel is missing.
+        predicted: what was expected of each.
+    """
     present = tuple(jnp.isfinite(y) for y in measurement)
     difference = tuple(y - p for y, p in zip(measurement, predicted, strict=True))
     return Masked(
@@ -83,7 +89,14 @@ def gate(weight: Scalar, value: Scalar) -> Scalar:
 
 
 def whiten(factor: Triangle, masked: Masked, failed: Scalar = False, clipped: Scalar = 0) -> tuple[Vector, Update]:
-    """Whiten the innovation with the lower factor of its covariance; return it and the update's report."""
+    """Whiten the innovation with the lower factor of its covariance; return it and the update's report.
+
+    Args:
+        factor: lower triangle of the innovation's covariance.
+        masked: what was measured, and which channels are missing.
+        failed: whether a covariance before was not positive.
+        clipped: sigma points that were clipped.
+    """
     white = solve_lower(factor, masked.innovation)
     nis = dot(white, white)
     n_measured = sum(masked.weight)
@@ -94,7 +107,7 @@ def whiten(factor: Triangle, masked: Masked, failed: Scalar = False, clipped: Sc
 
 
 def condition(belief: Belief, factor: Triangle, cross: Sequence[Vector], masked: Masked) -> tuple[Belief, Update]:
-    """Covariance-form update: mean + B e and P - B B^T, with B = P_xy S^-T/2 and e the whitened innovation.
+    """Update in covariance form: mean + B e and P - B B^T, with B = P_xy S^-T/2 and e the whitened innovation.
 
     Args:
         belief: prior belief, in covariance form.

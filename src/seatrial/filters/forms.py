@@ -17,7 +17,7 @@ class Form(Protocol):
         ...
 
     def end(self, belief: Belief) -> Gaussian:
-        """Gaussian of a belief."""
+        """Return the Gaussian of a belief."""
         ...
 
     def means(self, belief: Belief) -> tuple[Scalar, ...]:

@@ -23,7 +23,7 @@ class NoiseEstimate(NamedTuple):
 
 
 def noise_from_high_pass(time: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> NoiseEstimate:
-    """White measurement noise of one channel by high-pass filtering, for R.
+    """Estimate the white measurement noise of one channel by high-pass filtering, for R.
 
     The k-th difference of even samples removes motion that is smooth over k samples and multiplies the variance of white noise
     by (2k choose k). Its spread is taken as the median absolute value, which outliers and steps do not move. The order is the
@@ -50,7 +50,7 @@ def noise_from_high_pass(time: Float[np.ndarray, " n"], measured: Float[np.ndarr
 
 
 def _from_differences(values: np.ndarray, even: np.ndarray, order: int) -> tuple[float, float]:
-    """Noise sd and its standard error from differences of one order."""
+    """Return the noise sd and its standard error from differences of one order."""
     whole = np.lib.stride_tricks.sliding_window_view(even, order).all(1) if even.size >= order else np.empty(0, bool)
     difference = np.abs(np.asarray(np.diff(values, order))[whole])
     if difference.size < 50:

@@ -86,7 +86,7 @@ def filter_within(
     step: Float[Array, " n"],
     growth: Float[Array, " n"] | None = None,
 ) -> FilterSummary:
-    """As `summarise_filter`, inside a function that is being compiled: the space's functions may hold its variables.
+    """Filter as `summarise_filter`, inside a function that is being compiled: the space's functions may hold its variables.
 
     Args:
         method: filter.

@@ -194,7 +194,7 @@ def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[i
 
 
 def _band(freedom: int) -> tuple[float, float]:
-    """Band of a mean of `freedom` squared standard normals."""
+    """Return the band of a mean of `freedom` squared standard normals."""
     if freedom == 0:
         return 0.0, float("inf")
     low, high = scipy.stats.chi2.ppf([LEVEL / 2, 1 - LEVEL / 2], freedom) / freedom

@@ -149,7 +149,7 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
 
 
 def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
-    """First and last instant at which every control is known and something is measured, s on the common clock."""
+    """Return the first and last instant at which every control is known and something is measured, s on the common clock."""
     spans = [(track.time[0], track.time[-1], track.channel.role) for track in tracks]
     controls = [(a, b) for a, b, role in spans if role == "control"]
     measured = [(a, b) for a, b, role in spans if role == "measurement"]
@@ -171,7 +171,7 @@ def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
 
 
 def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float | None, label: str) -> np.ndarray:
-    """Time axis of the record from 0 on: a grid, or every stamp to the nanosecond."""
+    """Return the time axis of the record from 0 on: a grid, or every stamp to the nanosecond."""
     if step is None:
         stamps = [track.time[(track.time >= begin) & (track.time <= stop)] - begin for track in tracks]
         counts = np.sort(np.rint(np.concatenate([np.zeros(1), *stamps]) / _NANOSECOND), kind="stable")

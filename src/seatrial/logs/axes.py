@@ -26,7 +26,7 @@ _TURNED = {
 def from_axes(
     columns: Mapping[str, Float[np.ndarray, " n"]], axes: Axes, where: str
 ) -> dict[str, Float[np.ndarray, " n"]]:
-    """Channels of a log in seatrial's axes.
+    """Turn the channels of a log into seatrial's axes.
 
     Args:
         columns: for each channel its samples, SI, shape (n,).
@@ -55,6 +55,11 @@ def from_axes(
 
 def complete(found: Sequence[str], needed: Sequence[str], where: str) -> None:
     """Refuse a vector or quaternion with a part missing.
+
+    Args:
+        found: names of the channels that the log has.
+        needed: names of all parts of one vector or quaternion.
+        where: file, for the error.
 
     Raises:
         InputError: saying which.

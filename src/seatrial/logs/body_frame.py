@@ -25,7 +25,7 @@ _FEWEST = 10
 
 
 def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
-    """The log with a caution where its heading turns otherwise than the yaw rate of the same run.
+    """Return the log with a caution where its heading turns otherwise than the yaw rate of the same run.
 
     Args:
         table: a log.
@@ -156,7 +156,7 @@ def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTab
 
 
 def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"]:
-    """An angle at the instants of another log, NaN outside of what is known and in holes."""
+    """Return an angle at the instants of another log, NaN outside of what is known and in holes."""
     known = np.isfinite(source.columns[angle])
     time = source.time[known] + float(source.epoch - table.epoch)
     if time.size < 2 or time[0] > table.time[-1] or time[-1] < table.time[0]:
@@ -177,7 +177,7 @@ def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"
 def _exchange(
     table: LogTable, old: Sequence[str], new: dict[str, Float[np.ndarray, " n"]], unit: str, note: str
 ) -> LogTable:
-    """A log with some measurements in place of others."""
+    """Return a log with some measurements in place of others."""
     if both := [name for name in new if name in table.columns]:
         raise InputError(
             f"{table.source}, channels {', '.join(both)}",

@@ -272,7 +272,7 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
 
 
 def _without_unit(name: str) -> tuple[str, str | None]:
-    """A name without the unit at its end, and that unit."""
+    """Return a name without the unit at its end, and that unit."""
     match = re.fullmatch(r"(.+?)_?[\[(]([^\[\]()]+)[\])]", name)
     if match:
         return match[1], _SUFFIXES.get(match[2].replace("/", "_"), match[2])
@@ -283,7 +283,7 @@ def _without_unit(name: str) -> tuple[str, str | None]:
 
 
 def _unit(channel: str, column: ColumnSummary, hinted: str | None) -> tuple[str, float, str] | None:
-    """Unit, factor and where they are from; None where the stated unit is one of something else."""
+    """Return the unit, factor and where they are from; None where the stated unit is one of something else."""
     for unit, source in ((column.unit, "the log states its unit"), (hinted, "its unit by the name")):
         if unit is None:
             continue
@@ -305,7 +305,7 @@ def _unit(channel: str, column: ColumnSummary, hinted: str | None) -> tuple[str,
 
 
 def _fitting(unit: str, channel: str) -> tuple[str, float] | None:
-    """Unit that seatrial knows and the factor to it, None where it has another dimension."""
+    """Return the unit that seatrial knows and the factor to it, None where it has another dimension."""
     unit = _SPELLING.get(unit, unit)
     for text, scale in (
         (unit, 1.0),
@@ -320,7 +320,7 @@ def _fitting(unit: str, channel: str) -> tuple[str, float] | None:
 
 
 def _text_unit(channel: str) -> str:
-    """SI unit as a map spells it."""
+    """Return the SI unit as a map spells it."""
     return {"kg m/s^2": "N", "kg m^2/s^2": "N*m"}.get(signal_unit(channel), signal_unit(channel))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from seatrial.core.argument_checks import check_path
+from seatrial.core.argument_checks import check_kind, check_path, check_text
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
@@ -37,7 +37,7 @@ class LogSummary:
     remarks: tuple[str, ...]
 
     def lines(self) -> list[str]:
-        """What was found, for people."""
+        """Say what was found, for people."""
         count = len(self.tables)
         lines = [f"{self.log.path.name}: {self.kind}, {count} table{'s' if count != 1 else ''}"]
         for table in self.tables:
@@ -110,10 +110,16 @@ def inspect_log(
         layout: of its text.
         progress: told the share of the log that was read.
 
+    Returns:
+        its tables with their columns, units and clocks, and which signal each column may be; `lines()` says it in words.
+
     Raises:
         InputError: a log that cannot be read.
     """
     path = check_path(path, "log, path")
+    check_kind(layout, TextLayout, "log, layout", "leave it out: the layout of text is found")
+    if table is not None:
+        check_text(table, "log, table", "name the table, or leave it out")
     log = LogFile(path, layout)
     infos = catalogue(log)
     chosen = infos if table is None else (pick(infos, table, str(path)),)
@@ -152,7 +158,7 @@ def _table_lines(table: TableSummary) -> Iterator[str]:
 
 
 def _family(column: ColumnSummary) -> tuple[str, str]:
-    """Array that a column is an element of, and what is wrong with it: elements alike share a line."""
+    """Return the array that a column is an element of, and what is wrong with it: elements alike share a line."""
     match = _ELEMENT.fullmatch(column.name)
     return (match[1], column.trouble) if match and column.trouble else (column.name, "")
 
@@ -186,5 +192,5 @@ def _unit(guess: Guess) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A TOML string: JSON's escapes are among TOML's."""
+    """Return a TOML string: JSON's escapes are among TOML's."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from seatrial.core.argument_checks import (
+    check_choice,
     check_known,
     check_mapping,
     check_names,
@@ -18,9 +19,10 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record, Role
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES
 from seatrial.logs.align import align
+from seatrial.logs.axes import Axes
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.read import read_log
-from seatrial.logs.source import ColumnMap, LogSource
+from seatrial.logs.source import Clock, ColumnMap, LogSource
 
 _LAYOUT = ("clock", "delimiter", "skip_rows", "header_rows", "names", "encoding", "table", "axes")
 """What may be said of a log's layout, see `LogSource`."""
@@ -62,6 +64,11 @@ def record_of_log(
     asked = _columns(path, channels, time)
     check_names(controls, f"{path}, controls", "n")
     check_known(layout, _LAYOUT, f"{path}, arguments")
+    for name, choices in {"clock": get_args(Clock), "axes": get_args(Axes)}.items():
+        check_choice(layout.get(name, choices[0]), choices, f"{path}, {name}")
+    for name in ("delimiter", "table", "encoding"):
+        if layout.get(name) is not None:
+            check_text(layout[name], f"{path}, {name}", "give it as text, or leave it out")
     for name, value in (("start", start), ("end", end), ("step", step)):
         if value is not None:
             check_number(value, name, above=0.0 if name == "step" else -inf, remedy="give it in s")

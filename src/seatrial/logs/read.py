@@ -42,7 +42,7 @@ _COMMON_UNITS = ("ns", "us", "ms", "s", "min")
 def elapsed(
     stamps: Int[np.ndarray, " n"] | Float[np.ndarray, " n"] | list[str], scale: Decimal
 ) -> tuple[Float[np.ndarray, " n"], Decimal]:
-    """Time since the first stamp, subtracted before anything is rounded.
+    """Return the time since the first stamp, subtracted before anything is rounded.
 
     Args:
         stamps: whole numbers as int64, floats of a binary log, or decimal numbers as text.
@@ -124,6 +124,11 @@ def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"
 def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
     """Refuse a time unit that makes the rows implausibly dense or sparse.
 
+    Args:
+        time: s, as the unit says, rising, shape (n,).
+        unit: as stated.
+        where: file and column, for the error.
+
     Raises:
         InputError: median and mean step both outside 1e-5 s to 1e3 s; suggests the unit that would fit.
     """
@@ -143,7 +148,7 @@ def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
 
 
 def _check_increasing(time: np.ndarray, rows: np.ndarray, line_of: Callable[[int], int], where: str) -> None:
-    """`check_time`, with the offending row numbered as a text editor shows it, blank lines counted."""
+    """Check as `check_time`, with the offending row numbered as a text editor shows it, blank lines counted."""
     bad = np.flatnonzero(~(np.diff(time) > 0))
     sample = int(bad[0]) + 1 if bad.size else 0
     check_time(time, where, line_of(int(rows[sample])) - sample)
@@ -244,7 +249,7 @@ def _table(source: LogSource, form: LogFormat) -> TableInfo | None:
 
 
 def _clocks(source: LogSource, info: TableInfo | None, where: str) -> dict[str, str]:
-    """Columns that may be the time, best first, with their units."""
+    """Return the columns that may be the time, best first, with their units."""
     if source.time_column is not None:
         unit = source.time_unit or (info.unit(source.time_column) if info else None)
         if unit is None:
@@ -268,14 +273,14 @@ def _clocks(source: LogSource, info: TableInfo | None, where: str) -> dict[str, 
 
 
 def _moves(stamps: np.ndarray) -> bool:
-    """Whether a clock was set at all: some drivers leave their stamp at zero."""
+    """Return whether a clock was set at all: some drivers leave their stamp at zero."""
     return stamps.size > 0 and bool((stamps != stamps[0]).any())
 
 
 def _elapsed(
     raw: RawTable, clock: str, source: LogSource, unit: str, where: str
 ) -> tuple[Float[np.ndarray, " n"], Decimal]:
-    """Seconds since the first stamp, and that stamp."""
+    """Return the seconds since the first stamp, and that stamp."""
     stamps = raw.columns[clock]
     if stamps.dtype.kind == "f":
         bad = np.flatnonzero(~np.isfinite(stamps))

@@ -14,7 +14,7 @@ FEWEST = 10
 
 
 def cut(record: Record, length: float) -> tuple[Record, ...]:
-    """Pieces of about equal length, labelled 1.1, 1.2, … of record 1; a record not half as long again stays whole.
+    """Cut a record into pieces of about equal length, labelled 1.1, 1.2, … of record 1; one not half as long again stays whole.
 
     Args:
         record: one trial.
@@ -54,7 +54,7 @@ def _piece(record: Record, number: int, rows: slice) -> Record:
 
 
 def _near_zero(columns: Float[np.ndarray, "n k"], names: tuple[str, ...]) -> Float[np.ndarray, "n k"]:
-    """Columns in which angles begin within half a turn of zero."""
+    """Return the columns in which angles begin within half a turn of zero."""
     turns = np.zeros(len(names))
     for index, name in enumerate(names):
         known = columns[np.isfinite(columns[:, index]), index]

@@ -148,7 +148,7 @@ def check_source(source: LogSource) -> None:
 
 
 def si_factor(source: LogSource, name: str) -> float:
-    """What one unit of a channel's column is in SI.
+    """Return what one unit of a channel's column is in SI.
 
     Raises:
         InputError: unknown unit or one of the wrong dimension.
@@ -157,7 +157,7 @@ def si_factor(source: LogSource, name: str) -> float:
 
 
 def time_scale(source: LogSource, unit: str) -> Decimal:
-    """Seconds in one unit of the time column, exactly: the shortest decimal of the factor, 1E-9 for `ns`.
+    """Return the seconds in one unit of the time column, exactly: the shortest decimal of the factor, 1E-9 for `ns`.
 
     Raises:
         InputError: not a unit of time.
@@ -172,7 +172,7 @@ def log_file(source: LogSource) -> LogFile:
 
 
 def source_options(source: LogSource) -> dict[str, Any]:
-    """How a log is read, as JSON-able values, without the path of this machine."""
+    """Return how a log is read, as JSON-able values, without the path of this machine."""
     return {
         "source": source.path.name,
         "table": source.table,
@@ -195,7 +195,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
 
 
 def text_options(source: LogSource) -> dict[str, Any]:
-    """How a log of text is laid out, as JSON-able values."""
+    """Return how a log of text is laid out, as JSON-able values."""
     return {
         "delimiter": separator(log_file(source)),
         "skip_rows": source.skip_rows,

@@ -71,7 +71,13 @@ class Family:
         return np.arange(round(self.duration / self.sample_time)) * self.sample_time
 
     def signal(self, amplitude: Any, period: Any, time: Any) -> Array:
-        """Control at the given times; settings and times broadcast."""
+        """Return the control at given times, SI; settings and times broadcast.
+
+        Args:
+            amplitude: change from trim, SI.
+            period: s.
+            time: s from the beginning of the trial.
+        """
         levels, xp = self.shape.draw(self.seed), array_module(amplitude, period, time)
         elapsed = xp.asarray(time) - self.start
         with np.errstate(all="ignore"):  # a period that is none is nothing that fits
@@ -79,7 +85,7 @@ class Family:
         return self.trim + amplitude * share
 
     def fits(self, period: Float[np.ndarray, "*p"]) -> Bool[np.ndarray, "*p"]:
-        """Whether the whole shape fits into the active time, and its edges and samples between its turns."""
+        """Return whether the whole shape fits into the active time, and its edges and samples between its turns."""
         period = np.asarray(period, float)
         turns = self.shape.shortest(period) * (1 + 1e-9)
         within = (period > 0) & (period <= self.shape.longest(self.active) * (1 + 1e-9))
@@ -128,7 +134,7 @@ class Family:
         return Schedule(time, {self.control: driven, **others})
 
     def expected(self) -> dict[str, str]:
-        """What a period has to be, and how to mend one that is not, for errors."""
+        """Say what a period has to be, and how to mend one that is not, for errors."""
         shortest = max(self.ramp, self.sample_time) / float(self.shape.shortest(1.0))
         return {
             "expected": f"a {self.shape.period_is} from {shortest:.4g} s, where its edges take {self.ramp:g} s and samples "

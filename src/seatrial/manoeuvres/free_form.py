@@ -53,19 +53,19 @@ class FreeForm(Protocol):
         ...
 
     def basis(self, time: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
-        """Change of control from trim at given times, s, for a change of one of each level."""
+        """Return the change of control from trim at given times, s, for a change of one of each level."""
         ...
 
     def values(self) -> Float[np.ndarray, "v m"]:
-        """Rows that map changes of the levels to bounds of the change of control: at all times it is within them."""
+        """Return the rows that map changes of the levels to bounds of the change of control: at all times it is within them."""
         ...
 
     def rates(self) -> Float[np.ndarray, "r m"]:
-        """Rows that map changes of the levels to bounds of the rate of the control, per s; none where it has steps."""
+        """Return the rows that map changes of the levels to bounds of the rate of the control, per s; none where it has steps."""
         ...
 
     def manoeuvre(self, levels: Float[np.ndarray, " m"]) -> Manoeuvre:
-        """The input at given levels, SI."""
+        """Return the input at given levels, SI."""
         ...
 
 
@@ -104,7 +104,7 @@ class SteppedInput:
             )
 
     def basis(self, time: np.ndarray) -> Float[np.ndarray, "n m"]:
-        """Shares of each interval's level; between two levels they are those of a straight line."""
+        """Return the shares of each interval's level; between two levels they are those of a straight line."""
         elapsed = np.asarray(time, float) - self.start + NANOSECOND
         length = self.active / self.size
         index = np.floor(elapsed / length).astype(int)
@@ -116,16 +116,16 @@ class SteppedInput:
         return share[:, None] * (column == now) + (1.0 - share[:, None]) * (column == before)
 
     def values(self) -> Float[np.ndarray, "m m"]:
-        """The levels themselves."""
+        """Return the levels themselves."""
         return np.eye(self.size)
 
     def rates(self) -> Float[np.ndarray, "r m"]:
-        """Differences of neighbouring levels, trim at both ends, over the edge."""
+        """Return the differences of neighbouring levels, trim at both ends, over the edge."""
         ends = np.vstack([np.eye(self.size), np.zeros(self.size)]) - np.vstack([np.zeros(self.size), np.eye(self.size)])
         return ends / self.edge if self.edge > 0 else np.zeros((0, self.size))
 
     def manoeuvre(self, levels: Float[np.ndarray, " m"]) -> Manoeuvre:
-        """The input at given levels, SI."""
+        """Return the input at given levels, SI."""
         return _manoeuvre(self, "free-form levels", levels, {"edge": self.edge})
 
 
@@ -160,28 +160,34 @@ class SplineInput:
         return CubicSpline(knots, np.vstack([ends, np.eye(self.size), ends]), bc_type="clamped")
 
     def basis(self, time: np.ndarray) -> Float[np.ndarray, "n m"]:
-        """Splines that are 1 at one knot and 0 at all others."""
+        """Return the splines that are 1 at one knot and 0 at all others."""
         return self._spline(np.clip(np.asarray(time, float) - self.start, 0.0, self.active))
 
     def values(self) -> Float[np.ndarray, "v m"]:
-        """Bézier points of every piece: its ends, and a third of a piece along the tangents there."""
+        """Return the Bézier points of every piece: its ends, and a third of a piece along the tangents there."""
         knots = self._spline.x
         level, along = self._spline(knots), self._spline(knots, 1) * (knots[1] - knots[0]) / 3
         return np.concatenate([level[1:-1], (level + along)[:-1], (level - along)[1:]])
 
     def rates(self) -> Float[np.ndarray, "r m"]:
-        """Bézier points of the derivative of every half of a piece: of a whole one they may be three times too far out."""
+        """Return the Bézier points of the derivative of every half of a piece: of a whole one they may be three times too far out."""
         ends = np.linspace(0.0, self.active, 2 * self.size + 3)
         slope, along = self._spline(ends, 1), self._spline(ends, 2) * (ends[1] - ends[0]) / 2
         return np.concatenate([slope[1:-1], (slope + along)[:-1]])
 
     def manoeuvre(self, levels: Float[np.ndarray, " m"]) -> Manoeuvre:
-        """The input at given levels, SI."""
+        """Return the input at given levels, SI."""
         return _manoeuvre(self, "free-form spline", levels, {})
 
 
 def nearest_levels(form: FreeForm, time: Float[np.ndarray, " n"], control: Float[np.ndarray, " n"]) -> np.ndarray:
-    """Levels whose input is nearest to a sampled control in the mean square, SI, shape (m,)."""
+    """Return the levels whose input is nearest to a sampled control in the mean square, SI, shape (m,).
+
+    Args:
+        form: whose m levels are sought.
+        time: of the samples, s.
+        control: at these times, SI.
+    """
     change = np.linalg.lstsq(form.basis(time), np.asarray(control, float) - form.trim, rcond=None)[0]
     return form.trim + change
 

@@ -30,7 +30,7 @@ class Manoeuvre:
     signal: Callable[[np.ndarray], np.ndarray]
 
     def sample(self, sample_time: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Times 0, h, 2h, … below the duration, s, and the control at each, SI."""
+        """Return the times 0, h, 2h, … below the duration, s, and the control at each, SI."""
         time = np.arange(round(self.duration / sample_time)) * sample_time
         return time, np.asarray(self.signal(time))
 
@@ -61,7 +61,7 @@ class Limits:
             check_order(self.lower, self.upper, "Limits")
 
     def excess(self, control: np.ndarray, sample_time: float) -> dict[str, tuple[float, float]]:
-        """Bounds that are broken: name to (largest value found, bound). Empty where all hold.
+        """Return the bounds that are broken: name to (largest value found, bound). Empty where all hold.
 
         Args:
             control: sampled control, SI, time along the last axis.
@@ -83,6 +83,11 @@ class Limits:
 
 def check_limits(manoeuvre: Manoeuvre, limits: Limits, sample_time: float) -> None:
     """Check one manoeuvre against its channel's limits.
+
+    Args:
+        manoeuvre: with its control.
+        limits: of this control.
+        sample_time: at which it is looked at, s.
 
     Raises:
         InputError: naming each limit broken, with the value reached.

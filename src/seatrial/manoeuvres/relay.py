@@ -59,7 +59,7 @@ class RelayFamily:
         return np.arange(round(self.duration / self.sample_time)) * self.sample_time
 
     def command(self, applied: Any) -> tuple:
-        """Every control, SI, where a change from trim is applied to the one that is switched."""
+        """Return every control, SI, where a change from trim is applied to the one that is switched."""
         return tuple(
             value + applied if name == self.control else jnp.asarray(value, float) for name, value in self.trim
         )
@@ -108,7 +108,7 @@ class RelayRun(NamedTuple):
 def relay_control(
     family: RelayFamily, amplitude: Any, threshold: Any, time: Any, deviation: Any, memory: RelayMemory
 ) -> RelayMemory:
-    """One decision of the relay; traced.
+    """Take one decision of the relay; traced.
 
     Args:
         family: effect, rate and timing.
@@ -162,7 +162,14 @@ def run_relay(
 
 
 def replay(family: RelayFamily, amplitude: float, threshold: float, run: RelayRun) -> Manoeuvre:
-    """Open-loop manoeuvre with the control of a run, held from sample to sample: for schedules and figures."""
+    """Return the open-loop manoeuvre with the control of a run, held from sample to sample: for schedules and figures.
+
+    Args:
+        family: of the test.
+        amplitude: change of the control from trim, SI.
+        threshold: of the output about its trim, SI.
+        run: of the test with these two.
+    """
     held = np.asarray(run.control)[:, [name for name, _ in family.trim].index(family.control)]
     settings = {"trim": family.control_trim, "amplitude": amplitude, "threshold": threshold, "start": family.start}
 
@@ -263,7 +270,7 @@ class Oscillation(NamedTuple):
 def oscillation(
     family: RelayFamily, output: Float[np.ndarray, "S n"], seen: Float[np.ndarray, "S n"], threshold: float
 ) -> Oscillation:
-    """Indices of runs of one design.
+    """Return the indices of runs of one design.
 
     Args:
         family: timing, effect and trim.
@@ -282,7 +289,7 @@ def oscillation(
 
 
 def _reversals(family: RelayFamily, deviation: np.ndarray, threshold: float) -> np.ndarray:
-    """Samples at which the relay changes side."""
+    """Return the samples at which the relay changes side."""
     elapsed = family.time() - family.start + 1e-9
     driven = np.where((elapsed >= 0) & (elapsed < family.active), family.effect * deviation, np.nan)
     beyond = np.flatnonzero(np.abs(driven) >= threshold)
@@ -291,7 +298,7 @@ def _reversals(family: RelayFamily, deviation: np.ndarray, threshold: float) -> 
 
 
 def _overshoot(driven: np.ndarray, at: np.ndarray, which: int, last: int, threshold: float) -> float:
-    """Most beyond the threshold from one reversal to the next, or to the end of the test."""
+    """Return the most that the output goes beyond the threshold from one reversal to the next, or to the end of the test."""
     if at.size <= which:
         return float("nan")
     end = at[which + 1] if at.size > which + 1 else last

@@ -123,6 +123,11 @@ class Rows(NamedTuple):
     def check_limits(self, control: str, limits: Limits, schedule: Schedule) -> None:
         """Check one control of a schedule of these rows against its limits, at every sample.
 
+        Args:
+            control: name; one that is not in the table keeps its limits.
+            limits: of it.
+            schedule: that the rows make.
+
         Raises:
             InputError: the first row that leads beyond one.
         """

@@ -34,11 +34,11 @@ class Shape(Protocol):
         ...
 
     def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
-        """Levels one after another, shares of the amplitude; none of a smooth shape."""
+        """Return the levels one after another, shares of the amplitude; none of a smooth shape."""
         ...
 
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Float[Array, " levels"]) -> Array:
-        """Share of the amplitude.
+        """Return the share of the amplitude.
 
         Args:
             elapsed: time since the start, s, any shape; the settings broadcast against it.
@@ -50,11 +50,11 @@ class Shape(Protocol):
         ...
 
     def shortest(self, period: Any) -> Any:
-        """Shortest time between two turns of the input, s: what a ramp must fit into."""
+        """Return the shortest time between two turns of the input, s: what a ramp must fit into."""
         ...
 
     def longest(self, active: float) -> float:
-        """Longest period that fits into the active time, s."""
+        """Return the longest period that fits into the active time, s."""
         ...
 
 
@@ -137,7 +137,7 @@ def _random_levels(kind: str, seed: int) -> Float[np.ndarray, " levels"]:
 
 
 def _maximal_sequence(seed: int) -> Float[np.ndarray, " levels"]:
-    """Maximal-length sequence of +-1 of length 127, from the shift register x^7 + x^6 + 1; the seed turns it round."""
+    """Return the maximal-length sequence of +-1 of length 127, from the shift register x^7 + x^6 + 1; the seed turns it round."""
     register, levels = [1] * 7, []
     for _ in range(127):
         levels.append(2.0 * register[-1] - 1.0)
@@ -226,7 +226,7 @@ class Chirp:
 
 @lru_cache(maxsize=16)
 def _schroeder(harmonics: tuple[int, ...]) -> tuple[tuple[float, ...], float, float]:
-    """Phases, the share of the period at which the sum rises through zero, and its peak."""
+    """Return the phases, the share of the period at which the sum rises through zero, and its peak."""
     n = len(harmonics)
     phases = tuple(-np.pi * i * (i + 1) / n for i in range(n))
     at = np.linspace(0.0, 1.0, 400 * max(harmonics) + 1)

@@ -44,7 +44,17 @@ CONTENTS = {
 
 
 def write_report(outcome: Outcome) -> Path:
-    """Write `report.html` in the campaign's folder, atomically, and return its path."""
+    """Write `report.html` in the campaign's folder, atomically.
+
+    Args:
+        outcome: of `run_loop`.
+
+    Returns:
+        the path of the page.
+
+    Raises:
+        InputError: something else than an outcome.
+    """
     check_kind(outcome, Outcome, "outcome", "make it with `run_loop`")
     path = Store(outcome.campaign.folder).report
     write_text(path, render(outcome))

@@ -12,8 +12,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.argument_checks import check_count, check_names, shown
-from seatrial.core.errors import InputError, NumericalError, nearest
+from seatrial.core.argument_checks import check_choice, check_count, check_names
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.sampling.diagnostics import complaints, diagnose, mixing
 
 if TYPE_CHECKING:
@@ -125,7 +125,10 @@ class Draws:
         return not np.isnan(self.moved)
 
     def __getitem__(self, name: str) -> Float[np.ndarray, "chains draws"]:
-        """Return the draws of one parameter, in its own unit.
+        """Return the draws of one parameter, in its own unit, shape (chains, draws).
+
+        Args:
+            name: of the parameter.
 
         Raises:
             InputError: no parameter of that name.
@@ -145,7 +148,10 @@ class Draws:
         return len(self.names)
 
     def array(self, names: Sequence[str] | None = None) -> Float[np.ndarray, "n k"]:
-        """Return the draws of some parameters, all where none are named, chain after chain, shape (n, k).
+        """Return the draws of some parameters, chain after chain, in their own units, shape (n, k).
+
+        Args:
+            names: of k parameters; all where None.
 
         Raises:
             InputError: no parameter of that name.
@@ -204,9 +210,7 @@ class Draws:
         )
 
     def _place(self, name: str) -> int:
-        if name in self.names:
-            return self.names.index(name)
-        raise InputError("draws", found=shown(name), expected=", ".join(self.names), remedy=nearest(name, self.names))
+        return self.names.index(check_choice(name, self.names, "draws"))
 
 
 def unnamed_draws(
@@ -255,17 +259,17 @@ def keep(run: Run, state: Any, drawn: tuple[Array, Array, Array], settings: Chai
 
 
 def is_finished(run: Run, settings: ChainSettings) -> bool:
-    """Whether the run has all its draws."""
+    """Return whether the run has all its draws."""
     return run.iteration >= settings.warmup + settings.draws
 
 
 def finish(run: Run) -> Draws:
-    """Draws of a finished run."""
+    """Return the draws of a finished run."""
     return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
 
 
 def complaints_of_draws(draws: Draws) -> list[str]:
-    """What is wrong with the chains as such, in words; empty where all moved and none diverged."""
+    """Return what is wrong with the chains as such, in words; empty where all moved and none diverged."""
     chains, kept, _ = draws.z.shape
     said = []
     still = np.flatnonzero((draws.z == draws.z[:, :1]).all((1, 2)))
@@ -284,7 +288,7 @@ def complaints_of_draws(draws: Draws) -> list[str]:
 
 
 def arrays_of_run(run: Run) -> dict[str, np.ndarray]:
-    """Arrays of a run by name, for a checkpoint."""
+    """Return the arrays of a run by name, for a checkpoint."""
     state = {f"state {name}": value for name, value in run.state._asdict().items()}
     return {
         name: np.asarray(value) for name, value in (state | dict(zip(run._fields[1:], run[1:], strict=True))).items()

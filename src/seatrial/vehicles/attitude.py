@@ -78,7 +78,7 @@ class Pose:
         return matrix_of_angles(*self.angles) if self.quaternion is None else matrix_of_quaternion(self.quaternion)
 
     def euler(self) -> tuple[Any, ...]:
-        """Phi, theta and psi."""
+        """Return phi, theta and psi."""
         return self.angles if self.quaternion is None else angles_of_quaternion(self.quaternion)
 
 
@@ -103,13 +103,20 @@ def attitude_states(kind: Kind, moves: Iterable[str], given: Sequence[str], need
 
 
 def position_angles(positions: Iterable[str]) -> set[str]:
-    """Euler angles on which the rates of positions depend."""
+    """Return the Euler angles on which the rates of positions depend."""
     return {angle for name in positions for angle in (ANGLES[:2] if name == "z" else ANGLES)}
 
 
 def position_rates(
     positions: Sequence[str], pose: Pose, velocity: tuple[Any, Any, Any], current: Mapping[str, Any]
 ) -> tuple[Any, ...]:
-    """Return the rates of positions for a velocity through the water, and the water's own, by position."""
+    """Return the rates of positions for a velocity through the water, and the water's own, by position.
+
+    Args:
+        positions: those of x, y and z that are wanted.
+        pose: attitude.
+        velocity: surge, sway and heave through the water, m/s.
+        current: the water's velocity along a position, m/s, by its name; 0 where not given.
+    """
     rows = (pose.rows[POSITIONS.index(name)] for name in positions)
     return tuple(total((dot(row, velocity), current.get(name, 0.0))) for name, row in zip(positions, rows, strict=True))

@@ -44,7 +44,7 @@ def discretise(
 def _functions(
     model: VehicleModel, outputs: tuple[str, ...], scales: tuple[float, ...], integrator: Integrator
 ) -> tuple[Transition, Observe]:
-    """Cached, so that the same model gives the same function objects and compiled code is found again."""
+    """Return the functions, cached so that the same model gives the same objects and compiled code is found again."""
     n = len(model.states)
 
     def split(state: tuple) -> tuple[tuple, dict]:

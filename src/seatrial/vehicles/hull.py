@@ -127,7 +127,7 @@ def whole_hull(
 
 
 def rigid_mass_matrix(hull: Hull) -> Float[np.ndarray, "6 6"]:
-    """M_RB; the unit matrix where the mass is unknown, and moments of inertia of 0 where they are."""
+    """Return M_RB; the unit matrix where the mass is unknown, and moments of inertia of 0 where they are."""
     if hull.mass is None:
         return np.eye(6)
     x, y, z = (hull.mass * part for part in hull.centre_of_gravity)
@@ -148,12 +148,12 @@ def rigid_mass_matrix(hull: Hull) -> Float[np.ndarray, "6 6"]:
 
 
 def added_mass_entry(name: CoefficientName) -> tuple[int, int]:
-    """Row and column of an added mass such as `Y_rdot`; the entry of M_A is its negative."""
+    """Return the row and column of an added mass such as `Y_rdot`; the entry of M_A is its negative."""
     return AXES.index(name.axis), RATES.index(name.signals[0])
 
 
 def added_mass_matrix(values: Mapping[str, float]) -> Float[np.ndarray, "6 6"]:
-    """M_A of the coefficients that are added masses; the others are left out."""
+    """Return M_A of the coefficients that are added masses; the others are left out."""
     matrix = np.zeros((6, 6))
     for text, value in values.items():
         name = CoefficientName.parse(text)
@@ -204,7 +204,7 @@ def check_hull_numbers(hull: Hull) -> None:
 
 
 def _check_body(hull: Hull) -> None:
-    """No body has a moment of inertia that exceeds the sum of the two others, about its centre of gravity."""
+    """Check the moments of inertia about the centre of gravity: of no body one exceeds the sum of the two others."""
     inertia = rigid_mass_matrix(hull)[3:, 3:]
     r = np.array(hull.centre_of_gravity)
     steiner = (hull.mass or 0.0) * (r @ r * np.eye(3) - np.outer(r, r))

@@ -33,7 +33,7 @@ def added_mass_findings(values: Mapping[str, float]) -> list[str]:
 
 
 def coriolis_findings(values: Mapping[str, float]) -> list[str]:
-    """Coriolis forces that the added mass implies and the named terms lack: a part of them alone does work."""
+    """Find the Coriolis forces that the added mass implies and the named terms lack: a part of them alone does work."""
     named = {CoefficientName.parse(name) for name in values}
     return [
         f"{product.name} is missing: the added mass implies {product.factor:g}"
@@ -72,7 +72,7 @@ def dissipation_findings(
 
 
 def sign_findings(hull: Hull, values: Mapping[str, float]) -> list[str]:
-    """Signs against body axes forward, starboard and down: drag, added mass, thrust, fins at the stern, and weight below buoyancy."""
+    """Find what is against body axes forward, starboard and down: drag, added mass, thrust, stern fins, weight below buoyancy."""
     named = {CoefficientName.parse(name): value for name, value in {**hull.fixed, **values}.items()}
     results = []
     for axis, rate in zip(AXES, RATES, strict=True):
@@ -103,7 +103,7 @@ def sign_findings(hull: Hull, values: Mapping[str, float]) -> list[str]:
 def energy_findings(
     model: VehicleModel, params: Params, mass: np.ndarray, samples: int = 50, seed: int = 0, tolerance: float = 1e-9
 ) -> list[str]:
-    """Motions in which a vehicle without damping and propulsion, neutral and with weight and buoyancy in one place, gains energy.
+    """Find motions in which a vehicle without damping and propulsion, neutral and with weight and buoyancy in one place, gains energy.
 
     Args:
         model: the vehicle with all six velocities.

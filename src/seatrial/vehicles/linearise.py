@@ -29,7 +29,7 @@ class Trim(NamedTuple):
 
 
 def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: float | None = None) -> Trim:
-    """Steady level flight: du/dt = dw/dt = dq/dt = dz/dt = q = 0, by Levenberg-Marquardt with exact derivatives.
+    """Solve for steady level flight: du/dt = dw/dt = dq/dt = dz/dt = q = 0, by Levenberg-Marquardt with exact derivatives.
 
     Args:
         model: longitudinal vehicle driven by n; without delta_s only a vehicle that needs none has a trim.
@@ -99,7 +99,7 @@ def linearise_outputs(
 def _jacobians(
     model: VehicleModel, outputs: tuple[str, ...] | None, params: dict, state: Array, control: Array
 ) -> tuple[Array, Array]:
-    """Of the rates of the states, or of outputs where they are named; compiled once for each model."""
+    """Return the Jacobians of the rates of the states, or of outputs where they are named; compiled once for each model."""
 
     def stacked(x: Array, c: Array) -> Array:
         at = params, tuple(x), tuple(c)
@@ -110,7 +110,7 @@ def _jacobians(
 
 
 def _level(model: VehicleModel, speed_given: bool, x: Any, given: Any) -> Trim:
-    """Level flight with the unknowns x: the other one of speed and propeller speed, then w, theta and delta_s."""
+    """Return level flight with the unknowns x: the other one of speed and propeller speed, then w, theta and delta_s."""
     speed, turns = (given, x[0]) if speed_given else (x[0], given)
     control = {"n": turns, "delta_s": x[3]}
     return Trim((speed, x[1], 0.0, 0.0, x[2]), tuple(control.get(name, 0.0) for name in model.controls))

@@ -55,7 +55,14 @@ class VehicleModel:
         return {name: signal_unit(name) for name in names}
 
     def output(self, channel: str, params: Params, state: tuple[Any, ...], control: tuple[Any, ...]) -> Any:
-        """Return the value of a channel of `channel_units` at a state, SI."""
+        """Return the value of a channel of `channel_units` at a state, SI.
+
+        Args:
+            channel: its name.
+            params: value of each free coefficient, SI.
+            state: in the order of `states`, SI.
+            control: in the order of `controls`, SI.
+        """
         if channel in self.states:
             return state[self.states.index(channel)]
         if channel in self.views:

@@ -57,7 +57,7 @@ class Spheroid:
 
 
 def spheroid() -> Spheroid:
-    """Mass, inertia and Lamb's added mass of a prolate spheroid of the hull's length and diameter (Fossen, eqs. 8.65 to 8.70)."""
+    """Return mass, inertia and Lamb's added mass of a prolate spheroid of the hull's length and diameter (Fossen, eqs. 8.65 to 8.70)."""
     a, b = LENGTH / 2, DIAMETER / 2
     mass = 4 / 3 * pi * DENSITY * a * b**2
     roll, pitch = 0.4 * mass * b**2, 0.2 * mass * (a**2 + b**2)
@@ -126,7 +126,7 @@ def remus100_fossen(attitude: Kind = "quaternion", positions: tuple[str, ...] = 
 
 
 def _damping(mass: np.ndarray, weight: float) -> list[float]:
-    """Linear damping from time constants, and in roll and pitch from natural frequencies and damping ratios."""
+    """Return linear damping from time constants, and in roll and pitch from natural frequencies and damping ratios."""
     roll, pitch = (sqrt(weight * _LOW / mass[i, i]) for i in (3, 4))
     shares = (1 / 20, 1 / 20, 1 / 20, 2 * 0.3 * roll, 2 * 0.8 * pitch, 1 / 1.0)
     return [float(mass[i, i]) * share for i, share in enumerate(shares)]
@@ -161,7 +161,7 @@ def _lift_and_drag(nu: tuple) -> list[Any]:
 
 
 def _cross_flow(nu: tuple) -> list[Any]:
-    """Drag of strips across the hull, each by its own sway velocity, as the simulator's `crossFlowDrag` sums them."""
+    """Return the drag of strips across the hull, each by its own sway velocity, as the simulator's `crossFlowDrag` sums them."""
     width = LENGTH / STRIPS
     side, turn = 0.0, 0.0
     for i in range(STRIPS + 1):
@@ -173,7 +173,7 @@ def _cross_flow(nu: tuple) -> list[Any]:
 
 
 def _added_coriolis(nu: tuple, added: tuple) -> list[Any]:
-    """-C_A nu of a diagonal added mass, without the entries of the Munk moments."""
+    """Return -C_A nu of a diagonal added mass, without the entries of the Munk moments."""
     a, b = (
         [m * x for m, x in zip(added[:3], nu[:3], strict=True)],
         [m * x for m, x in zip(added[3:], nu[3:], strict=True)],

@@ -25,7 +25,7 @@ def simulate(
     initial: Float[Array, " n_states"],
     integrator: Integrator = rk4_step,
 ) -> Float[Array, "n n_states"]:
-    """Trajectory at the sample times; row 0 is the initial state. May be batched with `jax.vmap`.
+    """Return the trajectory at the sample times; row 0 is the initial state. May be batched with `jax.vmap`.
 
     Args:
         model: vehicle.
@@ -46,7 +46,7 @@ def simulate_many(
     initial: Float[Array, " n_states"],
     integrator: Integrator = rk4_step,
 ) -> Float[Array, "b n n_states"]:
-    """Trajectories of b vehicles that differ in their coefficients, otherwise as `simulate`."""
+    """Return the trajectories of b vehicles that differ in their coefficients, otherwise as `simulate`."""
     return _trajectories(model, integrator)(dict(params), control, step, initial)
 
 
@@ -67,7 +67,13 @@ def by_blocks(function: Callable[[Any], Any], lanes: Any) -> Any:
 
 
 def move_by(model: VehicleModel, params: Params, integrator: Integrator = rk4_step) -> Move:
-    """Return what moves a vehicle of given coefficients from sample to sample; traced."""
+    """Return what moves a vehicle of given coefficients from sample to sample; traced.
+
+    Args:
+        model: vehicle.
+        params: value of each free coefficient, SI.
+        integrator: one-step method.
+    """
     return lambda state, held, h: integrator(lambda x: model.derivative(params, x, held), state, h)
 
 

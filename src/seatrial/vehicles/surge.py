@@ -65,7 +65,7 @@ def surge_vehicle(hull: SurgeHull, terms: Sequence[str]) -> VehicleModel:
 
 
 def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], limit: float = 20.0) -> float:
-    """Equilibrium surge speed, m/s, that the vehicle reaches from rest under a constant control.
+    """Return the equilibrium surge speed, m/s, that the vehicle reaches from rest under a constant control.
 
     It is the first zero of du/dt on the side to which the vehicle sets off; others may lie beyond, unstable.
 

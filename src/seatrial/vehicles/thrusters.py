@@ -31,7 +31,7 @@ class Thruster:
         return (*(float(x) for x in direction), *(float(x) for x in np.cross(self.place, direction)))
 
     def inflow(self, velocity: Sequence[Any]) -> Any:
-        """Velocity of the thruster along its direction."""
+        """Return the velocity of the thruster along its direction."""
         moved = cross((velocity[3], velocity[4], velocity[5]), self.place)
         local = (total((v, extra)) for v, extra in zip(velocity[:3], moved, strict=True))
         return dot(self.column[:3], local)
@@ -42,7 +42,7 @@ PROPELLER = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:
-    """Matrix B of the force and moment (X, Y, Z, K, M, N) of each thruster's newton."""
+    """Return the matrix B of the force and moment (X, Y, Z, K, M, N) of each thruster's newton."""
     return np.array([thruster.column for thruster in thrusters]).reshape(-1, 6).T
 
 

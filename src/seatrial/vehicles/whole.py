@@ -46,7 +46,17 @@ def forces_of(
     thrusters: Sequence[Thruster],
     inertial: Sequence[CoefficientName],
 ) -> Callable[[Mapping[str, Any], Mapping[str, Any], tuple], list[Any]]:
-    """Return the forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it."""
+    """Return the forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it.
+
+    Args:
+        hull: with thrust deduction, wake and trim.
+        named: all coefficients that act.
+        fixed: values of those that are known, SI.
+        freedom: what moves.
+        added_coriolis: whether Coriolis forces of the added mass are named or follow from it.
+        thrusters: of an open frame; none for one propeller on the axis.
+        inertial: added masses that are free.
+    """
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
     sums: dict[CoefficientName, list[tuple[float, str]]] = {}
     thrust = [name for name in named if name.axis == "T"]
@@ -158,7 +168,7 @@ def _entry(constant: float, names: Sequence[str], values: Mapping[str, Any]) -> 
 
 
 def _coupled_groups(coupled: Callable[[int, int], bool], moving: Sequence[int]) -> list[tuple[int, ...]]:
-    """Connected groups of axes, each in ascending order."""
+    """Return the connected groups of axes, each in ascending order."""
     left, groups = list(moving), []
     while left:
         group = [left.pop(0)]
@@ -171,7 +181,7 @@ def _coupled_groups(coupled: Callable[[int, int], bool], moving: Sequence[int]) 
 
 
 def _eliminate(rows: list[list[Any]], right: list[Any]) -> list[Any]:
-    """Gaussian elimination on scalars; zeros that are Python numbers cost nothing."""
+    """Solve by Gaussian elimination on scalars; zeros that are Python numbers cost nothing."""
     n = len(right)
     rows, right = [list(row) for row in rows], list(right)
     for k in range(n):
@@ -246,7 +256,15 @@ def assemble(
     added_coriolis: AddedCoriolis = "named",
     thrusters: tuple[Thruster, ...] = (),
 ) -> VehicleModel:
-    """Build the model from parts that have been checked."""
+    """Build the model from parts that have been checked.
+
+    Args:
+        hull: rigid body, weight, buoyancy, fixed coefficients and trim.
+        free: coefficients that are parameters.
+        freedom: what moves.
+        added_coriolis: see `whole_vehicle`.
+        thrusters: of an open frame; none for one propeller on the axis.
+    """
     fixed = {name: value for name, value in hull.fixed.items() if acts(CoefficientName.parse(name), freedom, thrusters)}
     named = free + tuple(CoefficientName.parse(name) for name in fixed)
     inertial = [name for name in free if name.is_added_mass]
@@ -359,7 +377,7 @@ def _constants(
     added_coriolis: AddedCoriolis,
     thrusters: Sequence[Thruster],
 ) -> tuple[tuple[str, float], ...]:
-    """Everything else that enters the equations, by which models are told apart."""
+    """Return everything else that enters the equations, by which models are told apart."""
     current = freedom.current if isinstance(freedom.current, tuple) else ()
     matrix = rigid_mass_matrix(hull)
     trimmed = {signal for name in named for signal in name.trim_signals}

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.core.argument_checks import as_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, POSITIONS, RATES
@@ -19,6 +20,13 @@ def check_whole(
     hull: Hull, terms: Sequence[str], freedom: tuple, added_coriolis: str, thrusters: Sequence[Thruster]
 ) -> None:
     """Check a vehicle's parts; `freedom` is (moves, given, positions, angles, current).
+
+    Args:
+        hull: rigid body, fixed coefficients and trim.
+        terms: names of the free coefficients.
+        freedom: what moves, as above.
+        added_coriolis: see `whole_vehicle`.
+        thrusters: of an open frame.
 
     Raises:
         InputError: see `whole_vehicle`.
@@ -75,8 +83,9 @@ def _check_freedom(
             expected="at least one velocity, and none that is given as well",
             remedy="a velocity is a state, a given signal, or zero",
         )
-    numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(x) for x in current)
-    if not (current in (None, "state", "given") or numbers):
+    numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(as_number(x)) for x in current)
+    stated = current is None or (isinstance(current, str) and current in ("state", "given"))
+    if not (stated or numbers):
         raise InputError(
             f"{place}, current",
             found=repr(current),
@@ -156,7 +165,7 @@ def _check_thrusters(place: str, named: Iterable[CoefficientName], thrusters: Se
 
 
 def _check_automatic(place: str, hull: Hull, named: Sequence[CoefficientName]) -> None:
-    """Automatic Coriolis forces need a symmetric added mass, and none of their products among the terms."""
+    """Check that automatic Coriolis forces have a symmetric added mass, and none of their products among the terms."""
     entries = {added_mass_entry(name): name for name in named if name.is_added_mass}
     lone = [name for (i, j), name in entries.items() if (j, i) not in entries]
     unequal = asymmetric_pairs(hull.fixed)

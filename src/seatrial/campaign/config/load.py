@@ -50,6 +50,12 @@ PROPULSION = {"n": "1200 rpm", "tau_X": "20 N"}
 def load_campaign(folder: Path | str) -> Campaign:
     """Read and check the campaign of a folder, or of the campaign file itself.
 
+    Args:
+        folder: that holds `campaign.toml`, or the path of this file.
+
+    Returns:
+        what the file says, in SI.
+
     Raises:
         InputError: no such file, one that is too large or not UTF-8, malformed TOML, unknown or missing key, wrong type, unit or name.
     """

@@ -36,10 +36,17 @@ class Trials:
 
 
 def get_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
-    """Simulate or import, as the campaign says.
+    """Simulate the campaign's trials or import their logs, as it says.
+
+    Args:
+        campaign: of `load_campaign`.
+        reporter: told how far the work has come.
+
+    Returns:
+        the records that are fitted and those that are only predicted, SI.
 
     Raises:
-        InputError: it says neither, or as the two.
+        InputError: it says neither, a true vehicle that runs away, or files that cannot be used.
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     return simulate_trials(campaign, reporter) if campaign.imports is None else import_trials(campaign, reporter)

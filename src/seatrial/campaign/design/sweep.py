@@ -233,7 +233,18 @@ def stored_next(campaign: Campaign, estimate: OfStructure) -> StoredResult[Desig
 
 
 def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
-    """Sweep the design grid under the priors of the full structure, or read the sweep if it is current."""
+    """Sweep the design grid under the priors of the full structure, or read the sweep if it is current.
+
+    Args:
+        campaign: of `load_campaign`.
+        reporter: told how far the sweep has come.
+
+    Returns:
+        every design with its utility, and the best; `.lines()` says it in words.
+
+    Raises:
+        InputError: no campaign, or no design inside its limits.
+    """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
 
     def sweep() -> xr.Dataset:

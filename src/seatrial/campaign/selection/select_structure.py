@@ -37,6 +37,13 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
         campaign: configuration.
         trials: records, of `get_trials`.
         reporter: told how far the evidences have come.
+
+    Returns:
+        the probability of every structure and of every optional term, the most probable structure, and verdicts in words.
+
+    Raises:
+        InputError: no campaign, or no trials.
+        NumericalError: an evidence that cannot be computed.
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     check_kind(trials, Trials, "trials", "make them with `get_trials`")

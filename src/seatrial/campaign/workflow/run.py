@@ -75,6 +75,13 @@ class Outcome:
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     """Run every step that is not current, and summarise.
 
+    Args:
+        campaign: of `load_campaign`.
+        reporter: told how far each step has come.
+
+    Returns:
+        the results of all steps, and a summary of them that is plain data in SI.
+
     Raises:
         InputError: as the steps; that the next trial cannot be designed is said before the first of them.
     """

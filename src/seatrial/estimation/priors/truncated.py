@@ -109,6 +109,9 @@ def truncated_normal(location: float, scale: float, lower: float = -inf, upper: 
         lower: bound, or -inf.
         upper: bound, or inf; one of the two is finite.
 
+    Returns:
+        a prior of what lies between the bounds.
+
     Raises:
         InputError: a number that is none, no bound at all, or an interval that holds next to nothing of the normal.
     """
@@ -148,6 +151,9 @@ def half_normal(scale: float, *, lower: float | None = None, upper: float | None
         scale: standard deviation of the whole normal, in the parameter's unit.
         lower: bound from which it falls off upwards; or
         upper: bound from which it falls off downwards.
+
+    Returns:
+        a prior of what lies beyond the bound.
 
     Raises:
         InputError: a number that is none, no bound, or two.

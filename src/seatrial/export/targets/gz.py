@@ -171,7 +171,7 @@ def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[Fin, ...]) 
 
 
 def _drift_force(vehicle: ExportedVehicle) -> Motion:
-    """M_A (omega x current) too much: nudot_r = nudot + omega x current, and DART has M_A nudot."""
+    """Return the force that is too much, M_A (omega x current): nudot_r = nudot + omega x current, and DART has M_A nudot."""
     added = vehicle.added_mass[:, :3]
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:

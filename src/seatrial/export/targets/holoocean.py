@@ -67,7 +67,7 @@ class Torpedo(NamedTuple):
 
 
 def lamb_factors(ratio: float) -> tuple[float, float, float]:
-    """Lamb's k of a prolate spheroid along, across and in rotation, by its half length over its radius."""
+    """Return Lamb's k of a prolate spheroid along, across and in rotation, by its half length over its radius."""
     e = sqrt(1 - 1 / ratio**2)
     logarithm = log((1 + e) / (1 - e))
     alpha = 2 * (1 - e**2) / e**3 * (0.5 * logarithm - e)
@@ -82,7 +82,7 @@ def slenderness(surge: float) -> float:
 
 
 def torpedo_motion(t: Torpedo) -> Motion:
-    """Its accelerations, in our axes and with our controls."""
+    """Return its accelerations, in our axes and with our controls."""
     k1, k2, k3 = lamb_factors(t.half_length / t.radius)
     roll, pitch = 0.4 * t.mass * t.radius**2, 0.2 * t.mass * (t.half_length**2 + t.radius**2)
     steiner = t.mass * t.low**2
@@ -116,7 +116,7 @@ def torpedo_motion(t: Torpedo) -> Motion:
 
 
 def _added_coriolis(added: np.ndarray, nu: np.ndarray) -> np.ndarray:
-    """-C_A nu of a diagonal added mass without the entries of the Munk moments, as the simulator has it."""
+    """Return -C_A nu of a diagonal added mass without the entries of the Munk moments, as the simulator has it."""
     a, (_, v, w, p, q, r) = added * nu, nu
     return np.array(
         [
@@ -289,7 +289,7 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
     frequency = [(mass * 9.81 * low / inertia) ** 0.5 for inertia in (total_roll, total_pitch)]
 
     def damping(axis: int) -> float:
-        """Positive linear damping of the same power."""
+        """Return positive linear damping of the same power."""
         linear = terms.linear.get((axis, axis), 0.0)
         return -(linear + _EQUAL_POWER * _RATE * terms.modulus.get((axis, axis, axis), 0.0))
 
@@ -344,7 +344,7 @@ def dynamics_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
 
 
 def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]:
-    """The `actuator` of the agent: four fins of lift slope 1, and a propeller of 0.14 m whose thrust does not fall with the advance."""
+    """Return the agent's `actuator`: four fins of lift slope 1, and a propeller of 0.14 m whose thrust does not fall with the advance."""
     width = 0.14
     thrust = torpedo.thrust * (2 * pi) ** 2 / (torpedo.density * width**4)
     torque = 10 * torpedo.torque * (2 * pi) ** 2 / (torpedo.density * width**5)
@@ -368,7 +368,7 @@ def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
 
 
 def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
-    """Lags, s, and limits, rpm and degrees, as far as the vehicle's are known: one for all fins, the longest and the narrowest."""
+    """Return lags, s, and limits, rpm and degrees, as far as they are known: one for all fins, the longest and the narrowest."""
     fins = [vehicle.actuators[name] for name in _FINS if name in vehicle.actuators]
     propeller = [vehicle.actuators["n"]] if "n" in vehicle.actuators else []
     results = {

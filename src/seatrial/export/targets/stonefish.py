@@ -197,7 +197,7 @@ def enclosing_ellipsoid(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "
 
 
 def geometry_added_mass(axes: Float[np.ndarray, " 3"], density: float) -> tuple[float, Float[np.ndarray, " 3"]]:
-    """Added mass that Stonefish gives an ellipsoid of these half axes: kg, the mean of three directions, and kg m^2 about the axes."""
+    """Return the added mass that Stonefish gives an ellipsoid of these half axes: kg, a mean of three directions, and kg m^2."""
     x, y, z = axes
     ring = 0.5 * (y + z)
     eccentric = 1.0 - ring**2 / x
@@ -233,6 +233,13 @@ def drag_multipliers(
 
     Drag that is larger across than ahead would brake a vehicle that slips a little on its way: where it cruises, the multiplier of surge
     stands in all directions.
+
+    Args:
+        vehicle: whose drag is sought.
+        half: half axes of the box, m.
+        density: of the water, kg/m^3.
+        speed: m/s.
+        cruises: whether it goes ahead.
     """
     terms = sorted_terms(vehicle.forces)
     quadratic, viscous = np.zeros(3), np.zeros(3)
@@ -247,7 +254,13 @@ def drag_multipliers(
 
 
 def solid_motion(vehicle: ExportedVehicle, solid: Solid, density: float) -> Motion:
-    """Return the accelerations of the box in Stonefish, with the vehicle's thrusters and fins."""
+    """Return the accelerations of the box in Stonefish, with the vehicle's thrusters and fins.
+
+    Args:
+        vehicle: with its thrusters and fins.
+        solid: the box that stands for its hull.
+        density: of the water, kg/m^3.
+    """
     total, (x, y, z) = solid.mass + solid.added, (float(part) for part in solid.centre)
     about = solid.inertia + solid.turned + total * (solid.centre @ solid.centre - solid.centre**2)
     weight = solid.mass * GRAVITY
@@ -301,7 +314,7 @@ def drag_force(solid: Solid, density: float) -> Motion:
 
 
 def rudder_force(fin: Fin) -> Motion:
-    """Stonefish's rudder: lift by the angle to the local flow, and a drag by its square."""
+    """Return the force of Stonefish's rudder: lift by the angle to the local flow, and a drag by its square."""
     strength, x = abs(fin.lift), fin.place
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
@@ -386,7 +399,7 @@ def _actuators(vehicle: ExportedVehicle) -> dict[str, Actuator]:
 
 @lru_cache(1)
 def _unit_mesh() -> Mesh:
-    """A cube of half length 1: six faces of two triangles, each cut into four three times; new vertices are those of edges, as met."""
+    """Return a cube of half length 1: six faces of two triangles, each cut into four three times; new vertices are of edges, as met."""
     corners = ((-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1), (1, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, 1, 1))
     quads = ((0, 1, 2, 3), (3, 2, 4, 5), (6, 7, 1, 0), (5, 4, 7, 6), (4, 2, 1, 7), (3, 5, 6, 0))
     vertices = [np.array(corners[i], float) for quad in quads for i in quad]

@@ -53,7 +53,7 @@ class CsvTable:
 
 
 def body_rows(vehicle: ExportedVehicle) -> list[tuple[str, float, str]]:
-    """Everything of the body that is known, as (name, value, SI unit)."""
+    """Return everything of the body that is known, as (name, value, SI unit)."""
     hull = vehicle.hull
     rows: list[tuple[str, float | None, str]] = [("mass", hull.mass, "kg")]
     rows += [("thrust_deduction", hull.thrust_deduction, "1"), ("wake", hull.wake, "1")]

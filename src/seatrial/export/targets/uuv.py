@@ -170,7 +170,7 @@ def plugin_of(vehicle: ExportedVehicle) -> Plugin:
 
 
 def _shift(centre: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "6 6"]:
-    """H: velocities at the origin from those at the centre."""
+    """Return H: velocities at the origin from those at the centre."""
     x, y, z = centre
     result = np.eye(6)
     result[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]

@@ -28,6 +28,11 @@ STORAGES = {"mcap": "MCAP", "ros2": "SQLITE3"}
 def write_bag(trial: Trial, folder: Path, storage: str) -> Path:
     """Write the folder of a bag, whole or not at all; an earlier one is replaced.
 
+    Args:
+        trial: with its controls over time.
+        folder: of the trial, in which the bag is made.
+        storage: of the bag: `mcap` or `ros2`.
+
     Raises:
         InputError: the library is not installed.
     """

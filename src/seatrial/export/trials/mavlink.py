@@ -54,10 +54,10 @@ ROWS = [
 
 
 def _shown(value: float) -> float:
-    """A number without the rounding of its unit."""
+    """Return a number without the rounding of its unit."""
     return float(f"{value:.12g}")
 
 
 def _safe(line: str) -> str:
-    """Text that can stand in a docstring."""
+    """Return the text that can stand in a docstring."""
     return "".join(c if c.isprintable() else " " for c in line).replace("\\", "/").replace('"', "'")

@@ -55,6 +55,11 @@ class Stick(NamedTuple):
 def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " n"]) -> Stick:
     """Return the stick of a campaign's control: by its prior, or by its estimate where the prior allows both ways.
 
+    Args:
+        campaign: with its prior or estimate of what the control does.
+        control: name.
+        value: of it over the trial, SI, shape (n,).
+
     Raises:
         InputError: no stick stands for the control, it does not move the vehicle as the stick would, or either way is possible.
     """
@@ -273,7 +278,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
 
 
 def value_at(trial: Trial, time: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """The control at any time of the trial, SI, within its limits."""
+    """Return the control at any time of the trial, SI, within its limits."""
     value = np.interp(time, trial.time, trial.value)
     return np.clip(
         value, -np.inf if trial.lower is None else trial.lower, np.inf if trial.upper is None else trial.upper

@@ -35,6 +35,11 @@ def write_plain(trial: Trial, folder: Path) -> tuple[list[Path], str]:
 def write_trial(trial: Trial, folder: Path, formats: Sequence[str] = PLAIN) -> list[Path]:
     """Write a trial into a folder; returns the paths.
 
+    Args:
+        trial: with its controls over time.
+        folder: which is made if missing.
+        formats: names of what is written.
+
     Raises:
         InputError: an unknown format, one whose library is not installed, or a script for a control that no stick stands for.
     """

@@ -165,7 +165,7 @@ def _pieces(path: Path, scan: _Scan, kinds: frozenset[int] | None) -> Iterator[t
 
 
 def _divide(piece: bytes, lengths: np.ndarray, in_step: bool, scan: _Scan, path: Path) -> tuple[np.ndarray, int, bool]:
-    """Places of the messages in a piece, where the first that is not whole begins, and whether that is known.
+    """Return the places of the messages in a piece, where the first that is not whole begins, and whether that is known.
 
     Most headers are followed by the next at their message's length, which NumPy finds for all at once; what is left,
     above all new message types, is looked at one by one.
@@ -202,7 +202,7 @@ def _divide(piece: bytes, lengths: np.ndarray, in_step: bool, scan: _Scan, path:
 
 
 def _ends(heads: np.ndarray, kinds: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Headers that must be looked at one by one: types to be learnt, and those that no header follows in step."""
+    """Return the headers that must be looked at one by one: types to be learnt, and those that no header follows in step."""
     follows = heads[1:] == heads[:-1] + lengths[kinds[:-1]]
     return np.append(np.flatnonzero(~follows | (kinds[:-1] == _FMT)), heads.size - 1)
 
@@ -236,7 +236,7 @@ def _dtype(character: str) -> tuple[str, int] | str:
 
 
 def _rows(piece: bytes, starts: np.ndarray, kind: _Kind) -> np.ndarray:
-    """Messages of one type as a structured array, shape (n,)."""
+    """Return the messages of one type as a structured array, shape (n,)."""
     if kind.layout is None:
         return np.empty(len(starts), np.dtype([]))
     places = starts[:, None] + np.arange(3, kind.length)
@@ -272,7 +272,7 @@ def _columns(
 
 
 def _instance(kind: _Kind, unit_ids: str) -> str | None:
-    """Column that counts instances."""
+    """Return the column that counts instances."""
     names = list(kind.characters)
     position = unit_ids.find("#")
     if kind.layout is None or not 0 <= position < len(names) or kind.characters[names[position]] not in "bBhHiIM":

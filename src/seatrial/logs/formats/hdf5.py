@@ -36,7 +36,13 @@ def opened(path: Path) -> Iterator[h5py.File]:
 
 
 def arrays(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Numeric datasets below a group as (path with slashes, dataset); links out of the file and cycles are left out."""
+    """Yield the numeric datasets below a group as (path with slashes, dataset); links out of the file and cycles are left out.
+
+    Args:
+        group: file or group to begin from.
+        prefix: its path with a slash at the end; empty for the file.
+        above: groups in which it lies, by which cycles are found.
+    """
     if len(above) > _DEEPEST or group in above:
         return
     count = 0

@@ -59,7 +59,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _has_version(head: bytes) -> bool:
-    """Whether SciPy finds a version in the first bytes, whatever the first line says."""
+    """Return whether SciPy finds a version in the first bytes, whatever the first line says."""
     from scipy.io.matlab import MatReadError, matfile_version
 
     try:
@@ -100,7 +100,7 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
 
 @contextmanager
 def _opened(log: LogFile) -> Iterator[tuple[list[_Array], _RowsOf]]:
-    """Shapes of the arrays, and what gives rows of a column."""
+    """Return the shapes of the arrays, and what gives rows of a column."""
     with log.path.open("rb") as stream:
         is_hdf5 = stream.read(8).startswith((b"MATLAB 7", _HDF5))
     if not is_hdf5:
@@ -128,7 +128,7 @@ def _opened(log: LogFile) -> Iterator[tuple[list[_Array], _RowsOf]]:
 
 
 def _rows(array: Any, start: int, stop: int, axis: int, element: int | None) -> np.ndarray:
-    """Some rows of an array (of HDF5 or of NumPy) of one or two axes that may be longer than one, of which `axis` counts the rows."""
+    """Return some rows of an array of HDF5 or NumPy, of whose axes one or two may be longer than one, and `axis` counts the rows."""
     index: list[Any] = [0] * array.ndim
     index[axis] = slice(start, stop)
     if element is not None:
@@ -138,7 +138,7 @@ def _rows(array: Any, start: int, stop: int, axis: int, element: int | None) -> 
 
 
 def _loaded(path: Path) -> dict[str, np.ndarray]:
-    """Real numeric arrays of a file of version 4 to 7, by dotted path."""
+    """Return the real numeric arrays of a file of version 4 to 7, by dotted path."""
     from scipy.io import loadmat
 
     variables = loadmat(path, mat_dtype=True)
@@ -148,7 +148,7 @@ def _loaded(path: Path) -> dict[str, np.ndarray]:
 
 
 def _numeric(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """Numeric arrays of a variable, those within single structs by their fields; objects are arrays of kinds of their own."""
+    """Yield the numeric arrays of a variable, those within single structs by their fields; objects are arrays of kinds of their own."""
     if type(value) is not np.ndarray:
         return
     if value.dtype.names is not None and value.size == 1:
@@ -159,7 +159,7 @@ def _numeric(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _tables(arrays: Sequence[_Array]) -> Mapping[str, tuple[int, dict[str, _Column]]]:
-    """Rows and columns of each table: arrays of one length below one variable."""
+    """Return the rows and columns of each table: arrays of one length below one variable."""
     lengths: dict[str, set[int]] = {}
     for array in arrays:
         long = [size for size in array.shape if size > 1]
@@ -183,7 +183,7 @@ def _tables(arrays: Sequence[_Array]) -> Mapping[str, tuple[int, dict[str, _Colu
 
 
 def _columns(array: _Array, lengths: set[int]) -> Iterator[tuple[str, _Column, int]]:
-    """Columns of a vector, or of a matrix whose rows are told by the vectors beside it, else by its longer side."""
+    """Yield the columns of a vector, or of a matrix whose rows are told by the vectors beside it, else by its longer side."""
     long = [axis for axis, size in enumerate(array.shape) if size > 1]
     if len(long) == 1:
         yield array.path, _Column(array.path, long[0], None), array.shape[long[0]]
@@ -197,7 +197,7 @@ def _columns(array: _Array, lengths: set[int]) -> Iterator[tuple[str, _Column, i
 
 
 def _common(paths: Sequence[str]) -> str:
-    """Longest dotted path that begins all paths."""
+    """Return the longest dotted path that begins all paths."""
     split = [path.split(".") for path in paths]
     shared = []
     for parts in zip(*split, strict=False):

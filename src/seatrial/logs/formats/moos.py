@@ -102,7 +102,7 @@ def _index(path: Path, size: int, changed: int) -> tuple[TableInfo, ...]:
 
 
 def _lines(path: Path, skipped: _Skipped) -> Iterator[tuple[float, bytes, bytes, int]]:
-    """Time, variable, value and place of each line."""
+    """Yield the time, variable, value and place of each line."""
     with path.open("rb") as stream:
         for line in _whole_lines(stream, skipped):
             if line.startswith(b"%") or line.isspace():
@@ -115,7 +115,7 @@ def _lines(path: Path, skipped: _Skipped) -> Iterator[tuple[float, bytes, bytes,
 
 
 def _whole_lines(stream: BinaryIO, skipped: _Skipped) -> Iterator[bytes]:
-    """Lines, but those that do not end or go on for a megabyte."""
+    """Yield the lines, but those that do not end or go on for a megabyte."""
     while line := stream.readline(_LONGEST):
         if line.endswith(b"\n"):
             yield line
@@ -130,7 +130,7 @@ def _whole_lines(stream: BinaryIO, skipped: _Skipped) -> Iterator[bytes]:
 
 
 def _numbers(value: bytes) -> Mapping[bytes, float]:
-    """Numbers of a value: itself, or those of its KEY=VALUE pairs."""
+    """Return the numbers of a value: itself, or those of its KEY=VALUE pairs."""
     if _NUMBER.fullmatch(value):
         return {VALUE.encode(): float(value)}
     if b"=" not in value:

@@ -133,7 +133,7 @@ def _modern(path: str, dataset: Any) -> _Variable | None:
 
 
 def _tables(variables: Sequence[_Variable]) -> dict[str, list[_Variable]]:
-    """Variables by their first dimension; of one length each, since a damaged file may say otherwise."""
+    """Return the variables by their first dimension; of one length each, since a damaged file may say otherwise."""
     tables: dict[str, list[_Variable]] = {}
     for variable in variables:
         tables.setdefault(variable.dimension, []).append(variable)
@@ -159,7 +159,7 @@ def _table(name: str, variables: Sequence[_Variable]) -> TableInfo:
 
 
 def _unit(variable: _Variable) -> tuple[str | None, bool]:
-    """Unit as the file states it, and whether the variable may be time; "seconds since …" is a unit of time."""
+    """Return the unit as the file states it, and whether the variable may be time; "seconds since …" is a unit of time."""
     stated = _text(variable.attributes.get("units"))
     since = _SINCE.fullmatch(stated) if stated else None
     unit = since[1] if since else stated

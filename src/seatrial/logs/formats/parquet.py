@@ -77,7 +77,7 @@ def _is_number(arrow: Any, kind: Any) -> bool:
 
 
 def _top(name: str, tops: list[str]) -> str:
-    """Column of the file that holds a leaf; its own name may have dots."""
+    """Return the column of the file that holds a leaf; its own name may have dots."""
     return max((top for top in tops if name == top or name.startswith((f"{top}.", f"{top}["))), key=len)
 
 

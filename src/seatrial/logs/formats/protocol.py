@@ -84,11 +84,11 @@ class TableInfo:
     notes: tuple[str, ...] = ()
 
     def unit(self, column: str) -> str | None:
-        """Unit of a column as the log states it."""
+        """Return the unit of a column as the log states it."""
         return next((info.unit for info in self.columns if info.name == column), None)
 
     def has(self, column: str) -> bool:
-        """Whether a column can be read, elements of arrays beyond the listed ones included."""
+        """Return whether a column can be read, elements of arrays beyond the listed ones included."""
         names = {info.name for info in self.columns}
         return column in names or re.sub(r"\[\d+\]", "[0]", column) in names
 
@@ -170,7 +170,7 @@ class Columns:
 
 
 def unreadable(path: Path, cause: OSError) -> InputError:
-    """The error of a file that is there and cannot be read."""
+    """Return the error of a file that is there and cannot be read."""
     return InputError(
         str(path),
         found=f"a file that cannot be read ({cause.strerror})",
@@ -181,6 +181,11 @@ def unreadable(path: Path, cause: OSError) -> InputError:
 
 def optional(module: str, extra: str, path: Path) -> Any:
     """Import a library that an extra installs.
+
+    Args:
+        module: name by which it is imported.
+        extra: of seatrial, that installs it.
+        path: of the log, for the error.
 
     Raises:
         InputError: it is not installed; names the command that installs it.
@@ -197,7 +202,7 @@ def optional(module: str, extra: str, path: Path) -> Any:
 
 
 def as_column(values: np.ndarray) -> np.ndarray:
-    """Numbers as int64 where that is exact, else as float64."""
+    """Return the numbers as int64 where that is exact, else as float64."""
     if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and values.max() >= 2**63:
         return values.astype(float)
     if values.dtype.kind == "b":
@@ -207,7 +212,7 @@ def as_column(values: np.ndarray) -> np.ndarray:
 
 
 def clock_unit(name: str, stated: str | None = None) -> str | None:
-    """Unit of a column that may be time by its name or its stated unit; None for one that is no clock."""
+    """Return the unit of a column that may be time by its name or its stated unit; None for one that is no clock."""
     lower = name.lower()
     if stated in TIME_UNITS and (_CLOCK.fullmatch(lower) or _NANOSECONDS.fullmatch(lower)):
         return stated
@@ -220,7 +225,7 @@ def clock_unit(name: str, stated: str | None = None) -> str | None:
 
 
 def clocks_among(columns: Sequence[ColumnInfo]) -> tuple[tuple[str, ...], tuple[ColumnInfo, ...]]:
-    """Columns that may be time, that of the measurement first, then the plainest name; and all columns with their units."""
+    """Return the columns that may be time, that of the measurement first, then the plainest name; and all columns with their units."""
     units = {column.name: clock_unit(column.name, column.unit) for column in columns}
     clocks = sorted((name for name, unit in units.items() if unit), key=_order)
     return tuple(clocks), tuple(ColumnInfo(name, units[name] or unit) for name, unit in columns)

@@ -111,6 +111,11 @@ def read_columns(log: LogFile, table: str, columns: Sequence[str], stamps: Seque
 def pick(tables: Sequence[TableInfo], name: str | None, where: str) -> TableInfo:
     """Return the table of a name, or the only one.
 
+    Args:
+        tables: of the log.
+        name: of the table; None for the only one.
+        where: file, for the error.
+
     Raises:
         InputError: no such table, none named though there are several, or one that cannot be read.
     """
@@ -141,7 +146,7 @@ def pick(tables: Sequence[TableInfo], name: str | None, where: str) -> TableInfo
 
 
 def hash_of_log(path: Path) -> str:
-    """SHA-256 of a log's bytes; of the hashes of its files where it is a folder."""
+    """Return the SHA-256 of a log's bytes; of the hashes of its files where it is a folder."""
     if not path.is_dir():
         return sha256_of(path)
     depend_on(path)
@@ -167,7 +172,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 
 def _asked(form: LogFormat, question: Callable[..., Iterable[Answer]], log: LogFile, *about: Any) -> Iterator[Answer]:
-    """Answers of a format, from a process of its own where its library may break."""
+    """Return the answers of a format, from a process of its own where its library may break."""
     if not form.memory:
         return iter(question(log, *about))
     files = log.path.iterdir() if log.path.is_dir() else (log.path,)

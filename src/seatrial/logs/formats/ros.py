@@ -96,7 +96,7 @@ def _is_cdr(reader: Any) -> bool:
 
 
 def _topics(reader: Any, log: LogFile) -> list[_Topic]:
-    """Connections by topic and type; definitions that many share are parsed once."""
+    """Return the connections by topic and type; definitions that many share are parsed once."""
     groups: dict[tuple[str, str, Any], list[Any]] = {}
     for connection in reader.connections:
         groups.setdefault((connection.topic, connection.msgtype, connection.msgdef), []).append(connection)
@@ -113,7 +113,7 @@ def _topics(reader: Any, log: LogFile) -> list[_Topic]:
 
 
 def _steps(kind: str, definition: Any, is_cdr: bool, log: LogFile) -> tuple[tuple[Step, ...], str]:
-    """Steps of a message type, or why there are none."""
+    """Return the steps of a message type, or why there are none."""
     try:
         return steps_of(kind, _definitions(kind, definition, log), is_cdr), ""
     except Undefined as cause:

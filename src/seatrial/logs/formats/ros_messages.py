@@ -79,6 +79,11 @@ Step = Leaf | Text | Many
 def steps_of(kind: str, definitions: Definitions, is_cdr: bool) -> tuple[Step, ...]:
     """Return the steps of a message type.
 
+    Args:
+        kind: name of the type.
+        definitions: fields of every type by its name.
+        is_cdr: whether the message is in CDR, as of ROS 2, whose numbers are aligned.
+
     Raises:
         Undefined: a type that is not defined, contains itself, or has an unreasonable number of fields.
     """
@@ -87,7 +92,7 @@ def steps_of(kind: str, definitions: Definitions, is_cdr: bool) -> tuple[Step, .
 
 
 def columns_of(steps: Sequence[Step], prefix: str = "") -> Iterator[ColumnInfo]:
-    """Columns that a catalogue lists: every number, of arrays the first elements, of sequences the first one."""
+    """Yield the columns that a catalogue lists: every number, of arrays the first elements, of sequences the first one."""
     for step in steps:
         if isinstance(step, Leaf):
             yield ColumnInfo(_joined(prefix, step.path), "ns" if step.code in "tT" else None)
@@ -203,7 +208,7 @@ class _Walk:
             self._steps(step.steps, f"{path}[{k}]")
 
     def _numbers(self, leaf: Leaf, count: int, names: Mapping[int, str]) -> None:
-        """Numbers that follow each other, of which some have a name."""
+        """Return the numbers that follow each other, of which some have a name."""
         code = _kind(leaf.code, self.order, self.is_cdr)
         if self.is_cdr and count:
             self.at += (_HEADER - self.at) % min(code.itemsize, 4 if code.names else 8)
@@ -220,14 +225,14 @@ class _Walk:
         return struct.unpack_from(self.order + "I", self.data, self.at - 4)[0]
 
     def _indices(self, path: str) -> set[int]:
-        """Elements of an array that are wanted."""
+        """Return the elements of an array that are wanted."""
         found = (_INDEX.match(name, len(path)) for name in self.wanted if name.startswith(f"{path}["))
         return {int(match[1]) for match in found if match}
 
 
 @lru_cache(maxsize=256)
 def _kind(code: str, order: str, is_cdr: bool) -> np.dtype:
-    """Type of a number; of a time or duration its seconds and nanoseconds."""
+    """Return the type of a number; of a time or duration its seconds and nanoseconds."""
     if code not in "tT":
         return np.dtype(order + code)
     seconds, nanoseconds = "iI" if is_cdr else {"t": "II", "T": "ii"}[code]
@@ -235,7 +240,7 @@ def _kind(code: str, order: str, is_cdr: bool) -> np.dtype:
 
 
 def _filled(parts: Sequence[tuple[np.ndarray, np.ndarray]], rows: int) -> np.ndarray:
-    """One column of its parts, NaN where none has a row."""
+    """Return one column of its parts, NaN where none has a row."""
     is_whole = sum(at.size for at, _ in parts) == rows and all(values.dtype.kind == "i" for _, values in parts)
     column = np.empty(rows, np.int64) if is_whole else np.full(rows, np.nan)
     for at, values in parts:
@@ -244,14 +249,14 @@ def _filled(parts: Sequence[tuple[np.ndarray, np.ndarray]], rows: int) -> np.nda
 
 
 def _least(step: Step) -> int:
-    """Fewest bytes that a step may have."""
+    """Return the fewest bytes that a step may have."""
     if isinstance(step, Leaf):
         return 8 if step.code in "tT" else struct.calcsize("<" + step.code)
     return 4 if isinstance(step, Text) or step.count is None else step.count * step.least
 
 
 def _joined(prefix: str, path: str) -> str:
-    """Dotted path."""
+    """Return the dotted path."""
     return f"{prefix}.{path}" if prefix and path else prefix + path
 
 

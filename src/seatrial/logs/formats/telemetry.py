@@ -62,7 +62,7 @@ class _Skipped:
 
 
 def _recognises(path: Path, head: bytes) -> bool:
-    """A plausible time, 1990 to 2100, before the first byte of a packet."""
+    """Recognise a plausible time, 1990 to 2100, before the first byte of a packet."""
     if not path.name.lower().endswith(".tlog") or len(head) < 9:
         return False
     seconds = int.from_bytes(head[:8], "big") / 1e6
@@ -140,7 +140,7 @@ def _index(path: Path, size: int, changed: int) -> _Index:
 def _records(
     path: Path, messages: Mapping[int, Any], skipped: _Skipped
 ) -> Iterator[tuple[int, int, tuple[int, int], bytes, int]]:
-    """Time, type, sender and payload of every message whose check bytes are right, and how far the log is read."""
+    """Yield the time, type, sender and payload of every message whose check bytes are right, and how far the log is read."""
     checksum = optional(_DIALECT, "ardupilot", path).x25crc
     held, base = b"", 0
     with path.open("rb") as stream:
@@ -167,7 +167,7 @@ def _records(
 def _packet(
     piece: bytes, at: int, messages: Mapping[int, Any], checksum: Any
 ) -> tuple[int, tuple[int, int], bytes, int] | None:
-    """Type, sender, payload and length of the record at a place, None where there is none."""
+    """Return the type, sender, payload and length of the record at a place, None where there is none."""
     if len(piece) < at + 16:
         return None
     start, length = piece[at + 8], piece[at + 9]
@@ -200,7 +200,7 @@ def _packet(
 
 
 def _layout(message: Any) -> np.dtype:
-    """Numbers of a payload, in their order on the wire."""
+    """Return the numbers of a payload, in their order on the wire."""
     tokens = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format.lstrip("<"))
     fields = []
     for name, (count, code) in zip(message.ordered_fieldnames, tokens, strict=True):

@@ -116,7 +116,7 @@ def separator(log: LogFile) -> str:
 
 
 def _recognises(path: Path, head: bytes) -> bool:
-    """Any text may be a table, so none is certain to be one."""
+    """Recognise nothing for certain: any text may be a table."""
     return False
 
 
@@ -134,7 +134,7 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 
 def _unit_of_stamps(name: str, values: np.ndarray) -> str | None:
-    """Seconds for a column whose name alone says nanoseconds, of which there are no fractions."""
+    """Return seconds for a column whose name alone says nanoseconds, of which there are no fractions."""
     return "s" if clock_unit(name) == "ns" and (values[np.isfinite(values)] % 1).any() else None
 
 
@@ -161,7 +161,7 @@ def _read(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str
 def _columns(
     log: LogFile, layout: _Layout, at: dict[str, int], stamps: Sequence[str], kinds: dict[int, str]
 ) -> tuple[dict[str, np.ndarray], dict[str, int]]:
-    """All rows of some columns, of which stamps may be kept as text, and the decimals of the stamps.
+    """Return all rows of some columns, of which stamps may be kept as text, and the decimals of the stamps.
 
     Raises:
         _Rounded: stamps that are not whole numbers and were not kept as text.
@@ -212,7 +212,7 @@ def _plain(cells: np.ndarray) -> np.ndarray:
 
 
 def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) -> _Stamps:
-    """Stamps of some rows: 1669909203.330 as 1669909203330 and 3 decimals, where they are so plain, or as text.
+    """Return the stamps of some rows: 1669909203.330 as 1669909203330 and 3 decimals, where they are so plain, or as text.
 
     Raises:
         InputError: the first row without a stamp, or with one that is no number or too long.
@@ -238,7 +238,7 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
 
 
 def _scaled(whole: np.ndarray, decimals: np.ndarray | int, finest: int) -> _Stamps | None:
-    """Whole numbers of the finest of their decimals, where they fit."""
+    """Return the whole numbers of the finest of their decimals, where they fit."""
     more = finest - np.asarray(decimals)
     if finest > 18 or (np.abs(whole.astype(float)) * 10.0**more).max() >= _LARGEST_STAMP:
         return None
@@ -246,7 +246,7 @@ def _scaled(whole: np.ndarray, decimals: np.ndarray | int, finest: int) -> _Stam
 
 
 def _joined(parts: Sequence[_Stamps]) -> _Stamps:
-    """Stamps of several pieces on the finest of their decimals; as text where one is, or they do not fit."""
+    """Return the stamps of several pieces on the finest of their decimals; as text where one is, or they do not fit."""
     finest = max(decimals for _, decimals in parts)
     scaled = [_scaled(values, decimals, finest) if values.dtype.kind == "i" else None for values, decimals in parts]
     if all(scaled):
@@ -259,7 +259,7 @@ def _joined(parts: Sequence[_Stamps]) -> _Stamps:
 
 
 def _find(name: str, names: Sequence[str], log: LogFile) -> int:
-    """Position of a column."""
+    """Return the position of a column."""
     if names.count(name) == 1:
         return names.index(name)
     where = f'{log.path}, column "{name}"'
@@ -408,13 +408,13 @@ def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str) -> I
 
 
 def _row(log: LogFile, row: int) -> _Row:
-    """A row of data, found by reading the file once more: only an error asks for it."""
+    """Return a row of data, found by reading the file once more: only an error asks for it."""
     with _opened(log) as (stream, _):
         return next(islice(_header(log, _rows(log, stream))[1], row, None))
 
 
 def _header(log: LogFile, rows: Iterator[_Row]) -> tuple[tuple[str, ...], Iterator[_Row]]:
-    """Names of the columns, and the rows below them."""
+    """Return the names of the columns, and the rows below them."""
     if log.layout.names:
         return log.layout.names, rows
     header = list(islice(rows, log.layout.header_rows))
@@ -425,7 +425,7 @@ def _header(log: LogFile, rows: Iterator[_Row]) -> tuple[tuple[str, ...], Iterat
 
 
 def _rows(log: LogFile, stream: TextIOWrapper) -> Iterator[_Row]:
-    """Rows below the first lines that are skipped; blank lines are left out, and a quoted cell may span lines."""
+    """Yield the rows below the first lines that are skipped; blank lines are left out, and a quoted cell may span lines."""
     mark, skip, number = _mark(log), log.layout.skip_rows, 0
     lines: Iterator[str] = iter(partial(stream.readline, _LONGEST_LINE), "")
     if separator(log) == WHITESPACE:
@@ -455,7 +455,7 @@ def _mark(log: LogFile) -> str:
 
 
 def _cells(log: LogFile, cells: str | list[str]) -> list[str]:
-    """Cells of a row, without the spaces around them."""
+    """Return the cells of a row, without the spaces around them."""
     return [cell.strip() for cell in (cells.split(_mark(log)) if isinstance(cells, str) else cells)]
 
 
@@ -524,7 +524,7 @@ def _not_text(log: LogFile, line: int) -> InputError:
 
 
 def _kind(path: Path) -> str:
-    """What the first bytes say a file is."""
+    """Return what the first bytes say a file is."""
     with path.open("rb") as stream:
         data = stream.read(4096)
     return next(

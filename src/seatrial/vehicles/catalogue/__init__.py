@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import PurePath
-from typing import Any
+from typing import Any, get_args
 
 from seatrial.core.argument_checks import (
     check_choice,
@@ -27,6 +27,7 @@ from seatrial.core.signals import RATES, signal_unit
 from seatrial.core.units import quantity
 from seatrial.vehicles.active_dof import AddedCoriolis, acting_terms
 from seatrial.vehicles.actuators import Actuator, with_actuators
+from seatrial.vehicles.attitude import Kind
 from seatrial.vehicles.hull import GRAVITY, Hull, check_hull_numbers, whole_hull
 from seatrial.vehicles.linearise import trim
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
@@ -37,6 +38,7 @@ from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
 _FOSSEN, _SURGE, _LONGITUDINAL = "remus100_fossen", "_surge", "_longitudinal"
+_OPTIONS = ("attitude", "positions", "angles", "current")
 _OF_UNKNOWN = ("thrust_deduction", "wake", "trim")
 """What may be said of a body whose mass is unknown."""
 _BODY = (*_OF_UNKNOWN, "centre_of_gravity", "centre_of_buoyancy", "products", "weight", "buoyancy", "symmetric")
@@ -72,11 +74,24 @@ class PublishedVehicle:
         return self.build().controls
 
     def terms(self, moves: Sequence[str] | None = None, given: Sequence[str] = ()) -> tuple[str, ...]:
-        """Return the names of the coefficients that have a part in a motion; all that is published moves where nothing is named."""
+        """Return the names of the coefficients that have a part in a motion.
+
+        Args:
+            moves: velocities that are states; all that is published where None.
+            given: velocities and angles that are measured.
+
+        Raises:
+            InputError: something that is no list of names.
+        """
+        _check_moves(moves, f'vehicle "{self.hull.name}"')
+        check_names(given, f'vehicle "{self.hull.name}", given', "v")
         return acting_terms(tuple(self.coefficients), moves or self.moves, given, self.thrusters)
 
     def without(self, *names: str) -> "PublishedVehicle":
         """Return the vehicle without some of its coefficients, as a rival model of it.
+
+        Args:
+            names: coefficients that are left out, fixed ones among them.
 
         Raises:
             InputError: a coefficient that it does not have.
@@ -98,7 +113,7 @@ class PublishedVehicle:
         free: Sequence[str] | None = None,
         **options: Any,
     ) -> VehicleModel:
-        """Vehicle with the published terms that have a part in a motion.
+        """Build a model of the vehicle, with the published terms that have a part in a motion.
 
         Args:
             moves: velocities that are states; all that is published where None.
@@ -106,15 +121,25 @@ class PublishedVehicle:
             actuators: whether published lags and limits come before the controls.
             free: coefficients whose values are left open, in this order; the others stay as published. Terms that are not published may
                 be among them. All that is published, where None.
-            options: those of `whole_vehicle`; of a written vehicle `attitude` and `positions`.
+            options: `attitude` ("quaternion" or "euler"), `positions` that are states (of x, y and z), `angles` that are wanted although
+                no force depends on them (of phi, theta and psi), and `current`: "state", "given", or the water's velocity north, east
+                and down, m/s. Of a vehicle whose forces are no sum of named terms `attitude` and `positions` alone.
+
+        Returns:
+            a model whose free coefficients are unknown, and its own values of the others part of it.
 
         Raises:
-            InputError: a restriction of a written vehicle, or as of `whole_vehicle`.
+            InputError: a malformed name, a term without a part in the motion, a signal that the model lacks, two names of one regressor,
+                an unphysical constant, or something left out of a vehicle that is no sum of terms.
         """
         place = f'vehicle "{self.hull.name}"'
-        for what, names in (("moves", moves), ("given", given), ("free", free)):
-            if names is not None:
+        check_known(options, _OPTIONS if self.written is None else _OPTIONS[:2], f"{place}, arguments")
+        _check_moves(moves, place)
+        for what, names in {"given": given, "free": () if free is None else free, **options}.items():
+            if what in ("given", "free", "positions", "angles"):
                 check_names(names, f"{place}, {what}")
+        check_kind(actuators, bool, f"{place}, actuators", "say whether, with True or False")
+        check_choice(options.get("attitude", "quaternion"), get_args(Kind), f"{place}, attitude")
         chosen = tuple(moves or self.moves)
         if self.written is not None:
             if chosen != self.moves or given or free is not None:
@@ -140,7 +165,7 @@ class PublishedVehicle:
         return with_actuators(model, acting) if actuators and acting else model
 
     def _fixed_beside(self, terms: Sequence[str]) -> dict[str, float]:
-        """Every value that is not left open."""
+        """Return every value that is not left open."""
         sought = {CoefficientName.parse(term) for term in terms}
         known = {**self.hull.fixed, **self.coefficients}
         return {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
@@ -173,12 +198,16 @@ def make_vehicle(
             `centre_of_gravity` and `centre_of_buoyancy` (x, y, z, m), `products` of inertia (xy, xz, yz, kg m^2), `weight` and
             `buoyancy` (N), and `symmetric`, whether added mass has to be.
 
+    Returns:
+        the vehicle, of which `build` makes models.
+
     Raises:
         InputError: a name that is none, or numbers that no body has.
     """
     place = f'vehicle "{check_text(name, "vehicle, name", "give a short name")}"'
     given = check_numbers(coefficients, f"{place}, coefficients", remedy='write for example {"X_uabsu": -3.0}')
     values = {CoefficientName.parse(key).text: value for key, value in given.items()}
+    check_kind(body.get("symmetric", True), bool, f"{place}, symmetric", "say whether, with True or False")
     check_known(body, _BODY if mass is not None else _OF_UNKNOWN, f"{place}, arguments")
     _check_parts(place, moves, actuators, thrusters, added_coriolis)
     fixed = {key: value for key, value in values.items() if CoefficientName.parse(key).is_added_mass}
@@ -217,12 +246,19 @@ class LongitudinalEntry:
 
 def _check_parts(place: str, moves: Any, actuators: Any, thrusters: Any, added_coriolis: Any) -> None:
     """Check what a vehicle consists of beside its body."""
-    for one in () if moves is None else check_names(moves, f"{place}, moves"):
-        check_choice(one, RATES, f"{place}, moves")
-    for control, one in check_mapping(actuators or {}, f"{place}, actuators", 'write {"n": Actuator(0.5)}').items():
+    _check_moves(moves, place)
+    for control, one in check_mapping(
+        {} if actuators is None else actuators, f"{place}, actuators", 'write {"n": Actuator(0.5)}'
+    ).items():
         check_kind(one, Actuator, f"{place}, actuator {control}", "write for example Actuator(0.5)")
     check_each_of(thrusters, Thruster, f"{place}, thrusters", "write [Thruster(place, direction)]")
     check_choice(added_coriolis, ("named", "automatic"), f"{place}, added_coriolis")
+
+
+def _check_moves(moves: Any, place: str) -> None:
+    """Check velocities, which a text may give letter by letter."""
+    for one in check_names(tuple(moves or ()) if isinstance(moves, str | None) else moves, f"{place}, moves"):
+        check_choice(one, RATES, f"{place}, moves")
 
 
 def vehicle_names() -> tuple[str, ...]:

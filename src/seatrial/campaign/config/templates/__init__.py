@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from seatrial.campaign.store.stored_result import FILE_NAME
-from seatrial.core.argument_checks import check_path
+from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 
@@ -24,11 +24,14 @@ def template_names() -> tuple[str, ...]:
 
 
 def init_campaign(folder: Path | str, template: str) -> Path:
-    """Write a template's campaign file into a folder, which is made if missing; returns the file.
+    """Write a template's campaign file into a folder, which is made if missing.
 
     Args:
         folder: of the new campaign.
-        template: name; a wrong one lists them.
+        template: `remus100` (simulated), `design` or `steering` (no data yet), or `log` (a CSV log).
+
+    Returns:
+        the path of the file.
 
     Raises:
         InputError: no such template, or a folder that holds a campaign already.
@@ -51,6 +54,7 @@ def template_text(template: str) -> str:
     Raises:
         InputError: no such template.
     """
+    check_kind(template, str, "template", "use one of: " + ", ".join(TEMPLATES))
     if template not in TEMPLATES:
         raise InputError(
             f'template "{template}"',
