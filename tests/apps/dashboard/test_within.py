@@ -1,6 +1,7 @@
 """The dashboard, and whatever it starts, reads what campaign files name below the folders that are served, and nowhere else."""
 
 import asyncio
+import logging
 import os
 
 import pytest
@@ -28,6 +29,15 @@ def test_the_server_keeps_all_it_starts_to_what_it_serves(tmp_path, monkeypatch,
     serve(tmp_path / "served", "127.0.0.1", 0, None, browser=False, also=[tmp_path / "records"])
     assert kept == [f"{tmp_path}/served", f"{tmp_path}/served\n{tmp_path}/records"]
     assert f"read files below {tmp_path}/served and {tmp_path}/records only" in capsys.readouterr().out
+
+
+def test_the_server_leaves_the_loggers_of_others_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "/")
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: None)
+    monkeypatch.setattr(logging.Handler, "close", lambda handler: closed.append(handler))
+    closed, foreign = [], logging.StreamHandler()
+    serve(tmp_path, "127.0.0.1", 0, None, browser=False)
+    assert foreign not in closed
 
 
 @pytest.mark.thorough

@@ -77,6 +77,7 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, 
         threading.Timer(1.0, _open, [_address("127.0.0.1" if anywhere else host, port, token)]).start()
     config = uvicorn.Config(
         app,
+        log_config=None,  # its own would close every handler of this process
         log_level="warning",
         access_log=False,
         server_header=False,
