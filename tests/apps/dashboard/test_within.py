@@ -59,9 +59,10 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
 
     with pytest.raises(PlainError, match="which lies outside"):
         asyncio.run(shown())
-    jobs = Jobs()
+    jobs = Jobs(prepares=False)
     jobs.start(folder, "import")
-    jobs.started[folder].wait(120)
+    jobs.sessions[folder].code(120)
     output = jobs.look(folder).output
     assert "which lies outside" in output
     assert "the secret" not in output
+    jobs.close()
