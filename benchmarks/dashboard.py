@@ -1,6 +1,7 @@
-"""How quick the dashboard is: its first page, every view of a campaign of ten million samples, and twenty viewers at once.
+"""How quick the dashboard is: a click on a design, its first page, every view of ten million samples, and twenty viewers at once.
 
     python benchmarks/dashboard.py [--campaign outputs/remus100] [--samples 10000000] [--viewers 20]
+    python benchmarks/dashboard.py --clicks                 from a click to its answer alone
 
 A copy of the campaign is served on loopback, its record and its predictions replaced by such long ones. A view counts from the
 request until nothing in the browser is waited for any more; viewers are sockets as a browser opens them, and go from view to view.
@@ -28,12 +29,20 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.dataset_file import open_dataset, write_dataset
 
 VIEWS = ("import", "design", "run", "results", "compare", "report")
+THINKING = 60.0
+"""Seconds for which a page is looked at before the click that is called warm."""
 BROWSER = "/usr/bin/chromium"
 
 
 def main() -> None:
     """Measure and print."""
     options = _options()
+    if Path(BROWSER).exists():
+        click(options.scratch)
+    else:
+        print(f"no {BROWSER}: clicks are not timed")
+    if options.clicks:
+        return
     with tempfile.TemporaryDirectory(dir=options.scratch) as place:
         folder = Path(place) / "campaign"
         shutil.copytree(options.campaign, folder)
@@ -51,6 +60,41 @@ def main() -> None:
         finally:
             server.send_signal(signal.SIGINT)
             server.wait(20)
+
+
+def click(scratch: str | None) -> None:
+    """Click on "Run the design" of a new campaign, until its picture is there: as it was opened, and when it had been looked at."""
+    from playwright.sync_api import sync_playwright
+
+    for kind, options, seconds in (("cold", ["--cold"], 10.0), ("warm", [], THINKING)):
+        with tempfile.TemporaryDirectory(dir=scratch) as place, sync_playwright() as tool:
+            folder = Path(place) / "boat"
+            subprocess.run([sys.executable, "-m", "seatrial", "init", str(folder)], check=True, capture_output=True)
+            server, address = start(folder, *options)
+            browser = tool.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+            try:
+                page = browser.new_page()
+                page.set_default_timeout(120_000)
+                page.goto(f"{address}design?campaign=.")
+                page.get_by_label("n: upper").wait_for()
+                time.sleep(seconds)
+                began = time.monotonic()
+                page.get_by_role("button", name="Run the design").click()
+                page.locator(".surface").wait_for()
+                first = time.monotonic() - began
+                path = folder / "campaign.toml"
+                path.write_text(path.read_text().replace('"1500 rpm"', '"1450 rpm"'))
+                before = Store(folder).design.stat().st_mtime_ns
+                began = time.monotonic()
+                page.get_by_role("button", name="Run the design").click()
+                while Store(folder).design.stat().st_mtime_ns == before and time.monotonic() - began < 120:
+                    time.sleep(0.01)
+                page.get_by_text("Nothing is running").wait_for()
+                print(f"click to design, {kind}: {first:.2f} s; after another limit {time.monotonic() - began:.2f} s")
+            finally:
+                browser.close()
+                server.send_signal(signal.SIGINT)
+                server.wait(20)
 
 
 def lengthen(folder: Path, samples: int) -> None:
@@ -74,9 +118,9 @@ def lengthen(folder: Path, samples: int) -> None:
         write_dataset(file, longer)
 
 
-def start(folder: Path) -> tuple[subprocess.Popen, str]:
+def start(folder: Path, *options: str) -> tuple[subprocess.Popen, str]:
     """Serve a folder in a process of its own; returns it and its address."""
-    command = [sys.executable, "-m", "seatrial", "serve", str(folder), "--port", "0", "--no-browser"]
+    command = [sys.executable, "-m", "seatrial", "serve", str(folder), "--port", "0", "--no-browser", *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
     assert process.stdout is not None
     found = re.search(r"http://\S+", process.stdout.readline())
@@ -196,11 +240,12 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--campaign", type=Path, default=Path("outputs/remus100"), help="a campaign that was run")
     parser.add_argument("--samples", type=int, default=10_000_000)
+    parser.add_argument("--clicks", action="store_true", help="time clicks alone; needs no campaign")
     parser.add_argument("--viewers", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--scratch", default=None, help="where 3 GB are free")
     found = parser.parse_args()
-    if not Store(found.campaign).summary.is_file():
+    if not found.clicks and not Store(found.campaign).summary.is_file():
         raise SystemExit(
             f"{found.campaign} has no results: run `seatrial run {found.campaign}` first, or name another with --campaign"
         )

@@ -2,7 +2,17 @@ from math import inf, nan
 
 import pytest
 
-from seatrial.report.numbers import percent, plain, probability, rounded, rounded_like, short, unit_html, unit_text
+from seatrial.report.numbers import (
+    percent,
+    plain,
+    probability,
+    rounded,
+    rounded_like,
+    short,
+    unit_html,
+    unit_text,
+    with_sd,
+)
 
 
 @pytest.mark.parametrize(
@@ -22,6 +32,11 @@ from seatrial.report.numbers import percent, plain, probability, rounded, rounde
 )
 def test_a_value_is_rounded_to_its_standard_deviation(value, sd, expected):
     assert rounded(value, sd) == expected
+
+
+def test_a_power_of_ten_multiplies_value_and_deviation():
+    assert with_sd(6.36475e-4, 8.4025e-6) == "(6.365 ± 0.084) × 10⁻⁴"
+    assert with_sd(-3.01557, 0.08101) == "−3.016 ± 0.081"
 
 
 def test_an_interval_has_the_decimals_of_its_value():

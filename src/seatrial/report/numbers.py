@@ -27,6 +27,12 @@ def rounded(value: float, sd: float) -> tuple[str, str, int]:
     return _fixed(value, exponent, decimals), _fixed(sd, exponent, decimals), exponent
 
 
+def with_sd(value: float, sd: float) -> str:
+    """Write a value with its standard deviation, rounded as `rounded` does: `−3.016 ± 0.081`, `(6.365 ± 0.084) × 10⁻⁴`."""
+    text, spread, exponent = rounded(value, sd)
+    return f"({text} ± {spread}){times_ten(exponent)}" if exponent else f"{text} ± {spread}"
+
+
 def rounded_like(value: float, reference: float, sd: float) -> str:
     """Write a value with the decimals and power of ten that `rounded(reference, sd)` chose."""
     if not isfinite(value):

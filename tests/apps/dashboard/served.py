@@ -19,10 +19,21 @@ def served(folder: Path, *options: str, kill: bool = False) -> Iterator[tuple[st
 
     Args:
         folder: to serve.
-        options: of the command.
+        options: of the command; campaigns are not got ready beside what is tested.
         kill: whether the process is killed at the end instead of interrupted.
     """
-    command = [sys.executable, "-m", "seatrial", "serve", str(folder), "--port", "0", "--no-browser", *options]
+    command = [
+        sys.executable,
+        "-m",
+        "seatrial",
+        "serve",
+        str(folder),
+        "--port",
+        "0",
+        "--no-browser",
+        "--cold",
+        *options,
+    ]
     log = folder.parent / f"{folder.name}-serve.log"
     with log.open("w") as stream:
         process = subprocess.Popen(command, stdout=stream, stderr=stream, env={**os.environ, "PYTHONUNBUFFERED": "1"})

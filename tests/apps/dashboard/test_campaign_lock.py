@@ -157,10 +157,11 @@ def test_stopping_interrupts_whoever_is_at_work(tmp_path, other):
 @pytest.mark.thorough
 def test_a_command_that_fails_says_why_in_its_output(tmp_path):
     (tmp_path / "campaign.toml").write_text("[campaign]\nname = 3\n")
-    jobs = Jobs()
+    jobs = Jobs(prepares=False)
     jobs.start(tmp_path, "design")
     assert jobs.look(tmp_path).running
-    jobs.started[tmp_path].wait(120)
+    jobs.sessions[tmp_path].code(120)
+    jobs.close()
     job = Jobs().look(tmp_path)
     assert not job.running
     assert job.command == f"seatrial design {tmp_path}"

@@ -1,6 +1,7 @@
 """The dashboard, and whatever it starts, reads what campaign files name below the folders that are served, and nowhere else."""
 
 import asyncio
+import logging
 import os
 
 import pytest
@@ -30,6 +31,15 @@ def test_the_server_keeps_all_it_starts_to_what_it_serves(tmp_path, monkeypatch,
     assert f"read files below {tmp_path}/served and {tmp_path}/records only" in capsys.readouterr().out
 
 
+def test_the_server_leaves_the_loggers_of_others_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "/")
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: None)
+    monkeypatch.setattr(logging.Handler, "close", lambda handler: closed.append(handler))
+    closed, foreign = [], logging.StreamHandler()
+    serve(tmp_path, "127.0.0.1", 0, None, browser=False)
+    assert foreign not in closed
+
+
 @pytest.mark.thorough
 def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, "")
@@ -49,9 +59,10 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
 
     with pytest.raises(PlainError, match="which lies outside"):
         asyncio.run(shown())
-    jobs = Jobs()
+    jobs = Jobs(prepares=False)
     jobs.start(folder, "import")
-    jobs.started[folder].wait(120)
+    jobs.sessions[folder].code(120)
     output = jobs.look(folder).output
     assert "which lies outside" in output
     assert "the secret" not in output
+    jobs.close()

@@ -24,6 +24,10 @@ def serve(
             metavar="DIR", help="Another folder that campaigns may read, such as that of the records; repeatable."
         ),
     ] = None,
+    cold: Annotated[
+        bool,
+        typer.Option("--cold", help="Do not get the next step ready in the background while a campaign is looked at."),
+    ] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
     """Serve a web page of campaigns: design, run, look at results, compare and export; no internet needed."""
@@ -41,4 +45,4 @@ def serve(
     from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.apps.dashboard.server import serve as run_server
 
-    run_server(folder, host, port, token_for(host, token), browser=not no_browser, also=also or ())
+    run_server(folder, host, port, token_for(host, token), browser=not no_browser, also=also or (), prepares=not cold)

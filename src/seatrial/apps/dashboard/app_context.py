@@ -20,7 +20,7 @@ from seatrial.core.errors import SeatrialError
 
 PATIENCE = 0.35
 """Seconds that a page waits for a part before it is shown without it."""
-GLANCE = 0.5
+GLANCE = 0.2
 """Seconds for which a look at a running command is good for all viewers."""
 
 
@@ -40,7 +40,7 @@ class AppContext:
     glances: dict[Path, tuple[float, Job]] = field(default_factory=dict)
 
     def look(self, folder: Path) -> Job:
-        """The command at work on a campaign, as it was half a second ago at most."""
+        """The command at work on a campaign, as it was a moment ago."""
         seen = self.glances.get(folder)
         if seen is None or time.monotonic() - seen[0] > GLANCE:
             seen = time.monotonic(), self.jobs.look(folder)

@@ -1,6 +1,7 @@
 """Commands on a campaign, in processes of their own: the same as in a shell, so they outlive the page and the dashboard.
 
-What is running is read from the campaign's folder and remembered nowhere else: `.running.json` while it runs, and what it printed in
+The process of a campaign stays after its command, so that the next one finds everything imported and compiled. What is running
+is read from the campaign's folder and remembered nowhere else: `.running.json` while it runs, and what it printed in
 `results/last_command.txt`.
 """
 
@@ -8,13 +9,13 @@ import os
 import re
 import signal
 import socket
-import subprocess
-import sys
+from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.apps.campaign_lock import Occupant, occupant_of
 from seatrial.apps.cli import COMMANDS
+from seatrial.apps.session import Session, how_it_ended
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 
@@ -22,6 +23,8 @@ STARTED = {name: command.makes for name, command in COMMANDS.items() if command.
 """Commands that may be started from the page, and what they make."""
 TAIL = 16_000
 """Bytes of output that are shown."""
+KEPT = 2
+"""Processes that stay without work: a few hundred megabytes each."""
 _OPTION = re.compile(r"--[a-z][a-z-]*|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}")
 
 
@@ -53,10 +56,20 @@ class Job:
 
 
 class Jobs:
-    """Starts and stops commands."""
+    """Starts and stops commands.
 
-    def __init__(self):
-        self.started: dict[Path, subprocess.Popen] = {}
+    Args:
+        prepares: whether the process of a campaign that is looked at gets its next step ready.
+    """
+
+    def __init__(self, prepares: bool = True):
+        self.prepares = prepares
+        self.sessions: OrderedDict[Path, Session] = OrderedDict()
+
+    def get_ready(self, folder: Path) -> None:
+        """Have the next step of a campaign made ready, in the background."""
+        if self.prepares:
+            self._session(folder).get_ready()
 
     def start(self, folder: Path, command: str, *options: str) -> None:
         """Start a command on a campaign.
@@ -84,17 +97,8 @@ class Jobs:
         log = log_of(folder)
         log.parent.mkdir(exist_ok=True)
         line = [command, str(folder), *options]
-        with log.open("wb") as stream:
-            stream.write(f"$ seatrial {' '.join(line)}\n".encode())
-            stream.flush()
-            self.started[folder] = subprocess.Popen(
-                [sys.executable, "-m", "seatrial", *line],
-                stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "120"},
-            )
+        log.write_bytes(f"$ seatrial {' '.join(line)}\n".encode())
+        self._session(folder).start(line, log)
 
     def stop(self, folder: Path) -> None:
         """Interrupt the command at work, as Ctrl-C does; it ends at once and can be resumed.
@@ -102,11 +106,11 @@ class Jobs:
         Raises:
             InputError: nothing is at work, or it is at work on another machine.
         """
-        occupant, ours = occupant_of(folder), self.started.get(folder)
+        occupant, ours = occupant_of(folder), self.sessions.get(folder)
         if occupant is not None and occupant.alive and occupant.host == socket.gethostname():
             os.kill(occupant.pid, signal.SIGINT)
-        elif ours is not None and ours.poll() is None:
-            ours.send_signal(signal.SIGINT)
+        elif ours is not None and ours.is_busy:
+            ours.interrupt()
         else:
             raise InputError(
                 str(folder),
@@ -117,11 +121,43 @@ class Jobs:
 
     def look(self, folder: Path) -> Job:
         """See what is at work on a campaign."""
-        occupant, ours = occupant_of(folder), self.started.get(folder)
-        fresh = ours is not None and ours.poll() is None
+        ours = self.sessions.get(folder)
+        fresh = ours is not None and ours.is_busy and not self._has_ended(folder, ours)
+        occupant = occupant_of(folder)
         first, _, rest = _end_of(log_of(folder)).partition("\n")
         command = first.removeprefix("$ ") if first.startswith("$ ") else ""
         return Job(occupant, command, rest, starting=fresh and (occupant is None or not occupant.alive))
+
+    def close(self) -> None:
+        """End the processes that have no work."""
+        for session in self.sessions.values():
+            session.close()
+        self.sessions.clear()
+
+    def _session(self, folder: Path) -> Session:
+        """The process of a campaign; of those without work only the latest are kept."""
+        there = self.sessions.get(folder)
+        if there is None or not there.is_usable:
+            if there is not None:
+                there.close()
+            self.sessions[folder] = Session(folder, outlives=True, prepares=self.prepares)
+        self.sessions.move_to_end(folder)
+        idle = [one for one, session in self.sessions.items() if not session.is_busy]
+        for one in idle[:-KEPT]:
+            self.sessions.pop(one).close()
+        return self.sessions[folder]
+
+    def _has_ended(self, folder: Path, session: Session) -> bool:
+        """Look whether a command has ended; a process that ended with it has its last words written, and is replaced."""
+        code = session.code()
+        if code is None:
+            return False
+        if words := how_it_ended(code):
+            with log_of(folder).open("a") as stream:
+                stream.write(f"{words}\n")
+        if not session.is_usable:
+            self.get_ready(folder)
+        return True
 
 
 def log_of(folder: Path) -> Path:

@@ -18,6 +18,7 @@ from starlette.requests import ClientDisconnect
 
 from seatrial.apps.dashboard.app_context import AppContext, say
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
+from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
 from seatrial.apps.dashboard.page_layout import frame
 from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
@@ -48,13 +49,30 @@ VIEWS = {
 }
 
 
-def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, also: Sequence[Path] = ()) -> None:
+def serve(
+    folder: Path,
+    host: str,
+    port: int,
+    token: str | None,
+    browser: bool,
+    also: Sequence[Path] = (),
+    prepares: bool = True,
+) -> None:
     """Serve a folder until interrupted; its campaigns may read files below it and below the folders `also`, whoever looks.
+
+    Args:
+        folder: to serve.
+        host: address to listen on.
+        port: 0 for any that is free.
+        token: that every request has to show; None for none.
+        browser: whether one is opened.
+        also: further folders that campaigns may read.
+        prepares: whether the next step of a campaign that is looked at is got ready in the background.
 
     Raises:
         InputError: no such folder, or an address that cannot be listened on.
     """
-    context = AppContext(CampaignPaths.of(folder))
+    context = AppContext(CampaignPaths.of(folder), jobs=Jobs(prepares))
     others = [CampaignPaths.of(other).root for other in also]
     keep_within([context.campaign_paths.root, *others])
     here = _listen(host, port)
@@ -77,6 +95,7 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, 
         threading.Timer(1.0, _open, [_address("127.0.0.1" if anywhere else host, port, token)]).start()
     config = uvicorn.Config(
         app,
+        log_config=None,  # its own would close every handler of this process
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -89,6 +108,7 @@ def serve(folder: Path, host: str, port: int, token: str | None, browser: bool, 
             uvicorn.Server(config).run(sockets=[here])
     finally:
         context.worker_pool.close()
+        context.jobs.close()
 
 
 def _address(host: str, port: int, token: str | None) -> str:
@@ -176,6 +196,7 @@ def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None
             with frame(context, ""):
                 say(error)
             return
+        context.jobs.get_ready(folder)
         with frame(context, view, campaign, folder):
             try:
                 await make(context, campaign, folder)

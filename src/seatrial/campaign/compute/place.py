@@ -107,6 +107,11 @@ def _place(campaign: Campaign) -> tuple[str, str]:
     return written, where
 
 
+def has_joined() -> bool:
+    """Return whether this process has joined a cluster, which it leaves at its end."""
+    return bool(_JOINED)
+
+
 _JOINED: dict[tuple[str, SlurmJobs | None], Any] = {}
 """Clusters that this process has joined."""
 

@@ -29,7 +29,7 @@ from seatrial.report.figures.records import covered, raw_record
 from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html, sentence_html
-from seatrial.report.numbers import DASH, decimals, percent, rounded, short, times_ten, typeset, unit_html
+from seatrial.report.numbers import DASH, decimals, percent, rounded, short, times_ten, typeset, unit_html, with_sd
 
 VAGUE, LITTLE, STRONG = 0.5, 0.9, 0.9
 """Relative standard deviation, share of the prior's left and correlation beyond which a number is flagged."""
@@ -54,25 +54,22 @@ def known_section(outcome: Outcome) -> dict[str, Any]:
 
 def rows_of(known: Known, labels: dict[str, str]) -> list[dict[str, Any]]:
     """Return one row for each parameter."""
-    rows = []
-    for item in known.parameters:
-        value, sd, exponent = rounded(item.value, item.sd)
-        rows.append(
-            {
-                "name": item.name,
-                "label": label_html(labels.get(item.name, item.name)),
-                "value": f"({value} ± {sd}){times_ten(exponent)}" if exponent else f"{value} ± {sd}",
-                "unit": unit_html(item.unit),
-                "known_to": typeset(item.known_to),
-                "vague": item.relative > VAGUE,
-                "left": f"{short(100 * item.left, 2)} %",
-                "little": item.left > LITTLE,
-                "correlation": decimals(item.correlation, 3) if item.partner else DASH,
-                "partner": label_html(labels.get(item.partner, item.partner)) if item.partner else "",
-                "strong": abs(item.correlation) > STRONG,
-            }
-        )
-    return rows
+    return [
+        {
+            "name": item.name,
+            "label": label_html(labels.get(item.name, item.name)),
+            "value": with_sd(item.value, item.sd),
+            "unit": unit_html(item.unit),
+            "known_to": typeset(item.known_to),
+            "vague": item.relative > VAGUE,
+            "left": f"{short(100 * item.left, 2)} %",
+            "little": item.left > LITTLE,
+            "correlation": decimals(item.correlation, 3) if item.partner else DASH,
+            "partner": label_html(labels.get(item.partner, item.partner)) if item.partner else "",
+            "strong": abs(item.correlation) > STRONG,
+        }
+        for item in known.parameters
+    ]
 
 
 def verdict_of(known: Known, labels: dict[str, str]) -> list[dict[str, Any]]:

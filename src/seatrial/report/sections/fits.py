@@ -15,7 +15,7 @@ from seatrial.report.drawing import Drawing, draw, labels_of, record_curves, tru
 from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.figures.traces import coefficient_trace
 from seatrial.report.labels import label_html, label_mathtext, sentence_html
-from seatrial.report.numbers import DASH, percent, rounded, short, times_ten, unit_text
+from seatrial.report.numbers import DASH, percent, short, unit_text, with_sd
 
 POINTS = 7000
 """Dots worth their bytes on the whole page."""
@@ -164,11 +164,6 @@ def _trace(outcome: Outcome, index: int, name: str) -> Drawing:
         figure,
         f"trace-{index}",
         f"Filter's belief about {name} over time",
-        f"Final: {_both(mean[-1], sd[-1])}; sampler: {_both(float(row['mean']), float(row['sd']))}.",
+        f"Final: {with_sd(mean[-1], sd[-1])}; sampler: {with_sd(float(row['mean']), float(row['sd']))}.",
         label_html(label),
     )
-
-
-def _both(mean: float, sd: float) -> str:
-    value, spread, exponent = rounded(mean, sd)
-    return f"({value} ± {spread}){times_ten(exponent)}" if exponent else f"{value} ± {spread}"

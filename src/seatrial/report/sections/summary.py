@@ -14,7 +14,7 @@ from seatrial.core.files import is_there
 from seatrial.manoeuvres.shapes import SHAPES
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import label_html, sentence_html
-from seatrial.report.numbers import DASH, percent, probability, rounded, short, times_ten, unit_html
+from seatrial.report.numbers import DASH, percent, probability, short, unit_html, with_sd
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 from seatrial.selection.verdict import DECIDED
 
@@ -77,8 +77,7 @@ def answer(outcome: Outcome) -> Markup:
 
 def coefficient(row: dict[str, Any]) -> Markup:
     """Write one coefficient as an equation: symbol, value, standard deviation and unit."""
-    value, sd, exponent = rounded(row["mean"], row["sd"])
-    number = f"({value} ± {sd}){times_ten(exponent)}" if exponent else f"{value} ± {sd}"
+    number = with_sd(row["mean"], row["sd"])
     unit = "" if row["unit"] in ("", "1") else Markup("\u202f") + unit_html(row["unit"])
     return Markup('<span class="together">{} = {}{}</span>').format(label_html(row["label"]), number, unit)
 

@@ -12,7 +12,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_summary
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html
-from seatrial.report.numbers import decimals, rounded, times_ten, unit_html
+from seatrial.report.numbers import decimals, unit_html, with_sd
 
 FAR = 3.0
 """Joint standard deviations from which two values contradict each other."""
@@ -74,7 +74,6 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
         if apart is not None and abs(apart) > FAR:
             words = Markup('<span class="verdict fail">{}</span>').format(words)
         name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
-        name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
         rows.append([name_cell, words, _value(a), _value(b), unit_html(known.unit)])
     head = ["parameter", "difference, joint sd", here, there, "unit"]
     facts = [
@@ -96,10 +95,7 @@ def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -
 
 
 def _value(row: StoredCoefficient | None) -> str:
-    if row is None:
-        return "not in its model"
-    value, sd, exponent = rounded(row.mean, row.sd)
-    return f"{value} ± {sd}{times_ten(exponent)}"
+    return "not in its model" if row is None else with_sd(row.mean, row.sd)
 
 
 def _model(summary: Summary) -> str:

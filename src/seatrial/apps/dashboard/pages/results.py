@@ -14,7 +14,7 @@ from seatrial.campaign.store.structures import Summary, read_selection, read_sum
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import SeatrialError
 from seatrial.report.labels import label_html, label_mathtext
-from seatrial.report.numbers import percent, probability, rounded, short, times_ten, unit_html
+from seatrial.report.numbers import percent, probability, short, unit_html, with_sd
 
 MOST = 12
 
@@ -83,19 +83,17 @@ _TITLE = {
 
 def coefficients(summary: Summary) -> Markup:
     """The table of coefficients of the chosen structure."""
-    rows = []
-    for row in summary.coefficients:
-        value, sd, exponent = rounded(row.mean, row.sd)
-        rows.append(
-            [
-                label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
-                f"{value} ± {sd}{times_ten(exponent)}",
-                unit_html(row.unit),
-                f"{short(row.lower_95)} to {short(row.upper_95)}",
-                short(row.prior_sd),
-                percent(row.sd / row.prior_sd) if row.prior_sd else "",
-            ]
-        )
+    rows = [
+        [
+            label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
+            with_sd(row.mean, row.sd),
+            unit_html(row.unit),
+            f"{short(row.lower_95)} to {short(row.upper_95)}",
+            short(row.prior_sd),
+            percent(row.sd / row.prior_sd) if row.prior_sd else "",
+        ]
+        for row in summary.coefficients
+    ]
     head = ["parameter", "mean ± sd", "unit", "95 % interval", "prior sd", "left of it"]
     return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}")
 

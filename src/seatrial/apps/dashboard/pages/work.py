@@ -7,10 +7,12 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.jobs import STARTED, Job
-from seatrial.apps.dashboard.page_layout import EVERY, button, section
+from seatrial.apps.dashboard.page_layout import button, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.core.errors import SeatrialError
 
+EVERY = 0.25
+"""Seconds between looks at a command at work."""
 OFFERED = {name: f"{name}: {makes}" for name, makes in STARTED.items() if name != "export"}
 """Commands in words; that which exports has a form of its own, beside the report."""
 
@@ -87,6 +89,7 @@ class Live:
     def look(self) -> Job:
         """Show what is at work."""
         job = self.context.look(self.folder)
+        self.was_running = self.was_running or job.running  # also of one that ends before the next look
         html = str(live_html(job, self.with_output))
         if html != self.shown:
             self.shown = html
@@ -96,8 +99,8 @@ class Live:
     async def step(self) -> None:
         """Look, and tell whoever waits that a command has ended."""
         job = self.look()
-        ended, self.was_running = self.was_running and not job.running, job.running
-        if ended:
+        if self.was_running and not job.running:
+            self.was_running = False
             for call in self.on_end:
                 await call()
 

@@ -1,0 +1,213 @@
+"""Warm processes: each command as if it alone were run, nothing compiled twice, and nothing lost however one ends."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax
+import pytest
+import xarray as xr
+
+from seatrial.apps.campaign_lock import occupant_of
+from seatrial.apps.dashboard.jobs import KEPT, Jobs, log_of
+from seatrial.apps.running import Exit
+from seatrial.apps.session import Session, how_it_ended
+from seatrial.apps.session_worker import _Rehearsal
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.workflow.steps import Workflow
+from tests.campaign.small import NO_X_U, write_small
+
+COMPILED = "Finished XLA compilation"
+PARENT = """
+import os, sys, time
+from pathlib import Path
+from seatrial.apps.session import Session
+session = Session(Path(sys.argv[1]), outlives=sys.argv[2] == "outlives", prepares=False)
+if sys.argv[3] == "works":
+    session.start(["estimate", sys.argv[1]], Path(sys.argv[1]) / "log")
+part = Path(sys.argv[4] + ".part")
+part.write_text(str(session.process.pid))
+os.replace(part, sys.argv[4])
+time.sleep(120)
+"""
+
+
+def until(true, seconds=60.0):
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_command_runs_as_if_alone_and_compiles_once(monkeypatch, tmp_path):
+    folder = write_small(tmp_path / "boat", *NO_X_U)
+    monkeypatch.setenv("JAX_LOG_COMPILES", "1")
+    session = Session(folder, outlives=True, prepares=False)
+    log = tmp_path / "log"
+
+    def design():
+        Store(folder).design.unlink(missing_ok=True)
+        log.unlink(missing_ok=True)
+        session.start(["design", str(folder)], log)
+        assert session.code(120) == Exit.OK
+        return log.read_text(), xr.load_dataset(Store(folder).design)
+
+    said, first = design()
+    assert COMPILED in said
+    text = (folder / "campaign.toml").read_text()
+    assert text.count('"1500 rpm"') == 1
+    (folder / "campaign.toml").write_text(text.replace('"1500 rpm"', '"1350 rpm"'))
+    said, limited = design()
+    assert "best design" in said
+    assert not limited.equals(first)
+    (folder / "campaign.toml").write_text(text)
+    said, again = design()
+    assert COMPILED not in said
+    xr.testing.assert_equal(again, first)
+    session.close()
+    assert session.process.wait(20) == Exit.OK
+
+
+def test_errors_end_a_command_and_an_interrupt_its_process_and_nothing_is_lost(tmp_path):
+    folder, log = write_small(tmp_path / "boat", *NO_X_U), tmp_path / "log"
+    session = Session(folder, outlives=True, prepares=False)
+
+    def run(*words):
+        log.unlink(missing_ok=True)
+        session.start(words, log)
+        return session.code(120)
+
+    assert run("next", str(folder), "--bogus") == Exit.BAD_INPUT
+    assert "--bogus" in log.read_text()
+    text = (folder / "campaign.toml").read_text()
+    (folder / "campaign.toml").write_text("[campaign]\nname = 3\n")
+    assert run("design", str(folder)) == Exit.BAD_INPUT
+    assert "error:" in log.read_text()
+    assert "Traceback" not in log.read_text()
+    (folder / "campaign.toml").write_text(text)
+    assert run("simulate", str(folder), "--quiet") == Exit.OK
+    before = everything(folder)
+    session.interrupt()  # nothing is at work: nothing happens
+    session.start(["estimate", str(folder)], log)
+    until(lambda: occupant_of(folder) is not None)
+    session.interrupt()
+    assert session.code(60) == Exit.INTERRUPTED
+    assert "run the same command again to resume" in log.read_text()
+    assert not session.is_usable
+    assert occupant_of(folder) is None
+    assert before.items() <= everything(folder).items()
+    session.close()
+
+
+def test_a_process_that_has_grown_ends_after_its_command(tmp_path):
+    folder = write_small(tmp_path)
+    small = Session(folder, outlives=True, prepares=False, memory=1)
+    small.start(["vehicle"], tmp_path / "log")
+    assert small.code(60) == Exit.OK
+    assert not small.is_usable
+    assert small.process.wait(20) == Exit.OK
+    small.close()
+
+
+def test_a_process_that_is_killed_is_told_and_replaced(tmp_path):
+    folder = write_small(tmp_path)
+    jobs = Jobs(prepares=False)
+    jobs.start(folder, "prior")
+    first = jobs.sessions[folder]
+    first.kill()
+    until(lambda: not jobs.look(folder).running)
+    assert "ended without a word (SIGKILL)" in log_of(folder).read_text()
+    jobs.start(folder, "design", "--bogus")
+    assert jobs.sessions[folder] is not first
+    until(lambda: not jobs.look(folder).running)
+    assert "--bogus" in jobs.look(folder).output
+    jobs.close()
+    assert how_it_ended(Exit.INTERRUPTED) == how_it_ended(Exit.ALARMS) == ""
+
+
+def test_each_campaign_has_its_own_process_and_few_wait(tmp_path, monkeypatch):
+    made = []
+
+    class Idle:
+        is_usable, is_busy, is_closed = True, False, False
+
+        def __init__(self, folder, **settings):
+            self.folder = folder
+            made.append(self)
+
+        def get_ready(self):
+            pass
+
+        def close(self):
+            self.is_closed = True
+
+    monkeypatch.setattr("seatrial.apps.dashboard.jobs.Session", Idle)
+    jobs, folders = Jobs(), [tmp_path / name for name in "abc"]
+    for folder in folders:
+        jobs.get_ready(folder)
+    made[1].is_busy = True
+    jobs.get_ready(folders[0])
+    assert [one.folder for one in made] == [*folders, folders[0]]
+    assert [one.is_closed for one in made] == [True, False, False, False]
+    assert len(jobs.sessions) == KEPT + 1
+
+
+def test_a_rehearsal_compiles_the_next_step_and_leaves_nothing(tmp_path, caplog):
+    folder, scratch = (
+        write_small(tmp_path / "boat", *NO_X_U, ('sample_time = "0.1 s"', 'sample_time = "0.2 s"')),
+        tmp_path / "scratch",
+    )
+    scratch.mkdir()
+    before = everything(folder)
+    rehearsal = _Rehearsal(folder, scratch)
+    rehearsal.begin()
+    rehearsal.stop()
+    rehearsal.thread.join(60)
+    assert not rehearsal.rehearsed
+    rehearsal.begin()
+    rehearsal.thread.join(120)
+    assert [step for _, step in rehearsal.rehearsed] == ["design"]
+    assert everything(folder) == before
+    assert list(scratch.iterdir()) == []
+    with jax.log_compiles():
+        assert COMPILED not in caplog.text
+        Workflow(load_campaign(folder)).get("design")
+        assert COMPILED not in caplog.text
+        jax.jit(lambda x: x + 3.25)(1.0)
+        assert COMPILED in caplog.text
+    assert Store(folder).design.is_file()
+
+
+@pytest.mark.parametrize(("kind", "works"), [("outlives", "idle"), ("ends", "idle"), ("ends", "works")])
+def test_a_process_ends_with_the_one_that_asked(tmp_path, kind, works):
+    folder = write_small(tmp_path / "boat")
+    command = [sys.executable, "-c", PARENT, str(folder), kind, works, str(tmp_path / "child")]
+    parent = subprocess.Popen(command)
+    until((tmp_path / "child").exists)
+    child = int((tmp_path / "child").read_text())
+    if works == "works":
+        until(lambda: occupant_of(folder) is not None)
+    parent.kill()
+    parent.wait()
+    until(lambda: not os.path.exists(f"/proc/{child}"), 30)
+
+
+@pytest.mark.thorough
+def test_a_command_outlives_the_one_that_asked(tmp_path):
+    folder = write_small(tmp_path / "boat", *NO_X_U)
+    command = [sys.executable, "-c", PARENT, str(folder), "outlives", "works", str(tmp_path / "child")]
+    parent = subprocess.Popen(command)
+    until(lambda: occupant_of(folder) is not None)
+    child = int((tmp_path / "child").read_text())
+    parent.kill()
+    parent.wait()
+    until(lambda: not os.path.exists(f"/proc/{child}"), 120)
+    assert "sigma_u" in (folder / "log").read_text()
+    assert Store(folder).posterior("M-0").is_file()
