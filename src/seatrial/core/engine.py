@@ -69,7 +69,8 @@ def configure(cache: bool = True) -> None:
         jax.config.update("jax_enable_x64", True)
     if cache:
         _keep_compiled(jax, started)
-        _keeps_programs = os.environ.get("JAX_ENABLE_COMPILATION_CACHE", "1").lower() not in _NO
+        allowed = os.environ.get("JAX_ENABLE_COMPILATION_CACHE", "1").lower() not in _NO
+        _keeps_programs = allowed and hasattr(os, "O_DIRECTORY")  # how a folder is known to be private
     _is_prepared = True
 
 

@@ -145,7 +145,7 @@ class Program:
         static, args, kwargs = self._split(args, kwargs)
         leaves, tree = tree_flatten((args, kwargs))
         shapes = tuple(map(_shape_of_call, leaves))
-        if None in shapes:
+        if any(shape is None for shape in shapes):
             return leaves, None
         try:
             key = (tree, static, shapes, trace_context())

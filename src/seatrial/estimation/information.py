@@ -20,6 +20,7 @@ from seatrial.core.programs import program
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
+from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
 
@@ -71,7 +72,8 @@ def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]
         return _of_hierarchy(posterior) - expand_likelihood(posterior, point).hessian[0]
     everywhere = np.zeros(posterior.dim)
     everywhere[posterior.places] = point[0]
-    information = -expand_likelihood(_with_simulated_data(posterior, jnp.asarray(everywhere)), point).hessian[0]
+    simulated = replace(posterior, data=_simulated_data(posterior, everywhere))
+    information = -expand_likelihood(simulated, point).hessian[0]
     noise = np.flatnonzero(is_noise(posterior))
     if noise.size:
         about_noise = -expand_likelihood(posterior, point).hessian[0]
@@ -174,8 +176,8 @@ def _expand(posterior: Posterior, values: Array) -> tuple[Array, Array, Array]:
 
 
 @program
-def _with_simulated_data(posterior: Posterior, values: Array) -> Posterior:
-    """Return the same posterior had every sensor shown what the simulation at these values does."""
+def _simulated_data(posterior: Posterior, values: Array) -> TrialData:
+    """Return the posterior's data had every sensor shown what the simulation at these values does."""
     likelihood, data = posterior.likelihood, posterior.data
     named = dict(zip(posterior.names, values, strict=True))
 
@@ -184,4 +186,4 @@ def _with_simulated_data(posterior: Posterior, values: Array) -> Posterior:
 
     shown = jax.vmap(of_one_trial)(likelihood.apart(named), data, likelihood.starts(named, data))
     channels = tuple(channel._replace(measured=shown[..., i]) for i, channel in enumerate(data.channels))
-    return replace(posterior, data=data._replace(channels=channels))
+    return data._replace(channels=channels)
