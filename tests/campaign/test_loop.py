@@ -63,9 +63,9 @@ def test_the_schedule_holds_every_edge_of_the_trial(finished):
 
 def test_a_second_run_computes_nothing(finished):
     folder, _ = finished
-    before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
+    before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.*")}
     run_loop(load_campaign(folder), SilentReporter())
-    assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
+    assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.*")}
 
 
 def test_what_is_said_rests_on_every_file_that_was_opened(finished):

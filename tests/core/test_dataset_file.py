@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.core.dataset_file import open_dataset, write_dataset
+from seatrial.core.dataset_file import SEAL, open_dataset, write_dataset
 from seatrial.core.errors import InputError
 
 CONTENT = xr.Dataset(
@@ -18,6 +18,58 @@ def test_round_trip_keeps_everything(tmp_path):
     write_dataset(tmp_path / "a.nc", CONTENT)
     xr.testing.assert_identical(open_dataset(tmp_path / "a.nc").drop_attrs(), CONTENT.drop_attrs())
     assert open_dataset(tmp_path / "a.nc").attrs["acceptance"] == 0.25
+
+
+KINDS = xr.Dataset(
+    {
+        "real": (("a", "b"), np.array([[1.0, np.nan], [np.inf, -0.0], [3.0, 4.0]]), {"units": "kg/s"}),
+        "single": ("a", np.arange(3, dtype=np.float32)),
+        "whole": ("a", np.array([1, -2, 3])),
+        "small": ("b", np.array([1, 255], np.uint8)),
+        "yes": (("b", "a"), np.array([[True, False, True], [False, False, True]]), {"label": "kept"}),
+        "text": ("b", np.array(["ṽ", "a longer one"], object)),
+        "alone": ((), 2.5),
+        "word": ((), "one"),
+        "none": ("empty", np.empty(0)),
+        "no_words": ("empty", np.empty(0, "U3")),
+        "without": ("no_coordinate", np.arange(4.0)),
+    },
+    coords={
+        "a": ("a", [0.1, 0.2, 0.3], {"unit": "s"}),
+        "b": ["X_u", "X_uabsu"],
+        "beside": ("a", [3, 2, 1]),
+        "scalar": 4.0,
+    },
+    attrs={
+        "key": "k",
+        "blank": "",
+        "ṽ": "ṽ",
+        "share": 0.25,
+        "nan": np.nan,
+        "count": np.int64(3),
+        "grid": [1.0, 2.0],
+    },
+)
+
+
+def test_what_was_written_here_is_read_as_xarray_reads_it(tmp_path):
+    write_dataset(tmp_path / "a.nc", KINDS)
+    theirs = xr.load_dataset(tmp_path / "a.nc", engine="h5netcdf", decode_times=False)
+    del theirs.attrs[SEAL]
+    ours = open_dataset(tmp_path / "a.nc")
+    xr.testing.assert_identical(ours, theirs)
+    assert {name: (one.dtype, one.dims) for name, one in ours.variables.items()} == {
+        name: (one.dtype, one.dims) for name, one in theirs.variables.items()
+    }
+    assert {name: type(value) for name, value in ours.attrs.items()} == {
+        name: type(value) for name, value in theirs.attrs.items()
+    }
+
+
+def test_what_was_written_here_is_read_without_xarrays_readers(tmp_path, monkeypatch):
+    write_dataset(tmp_path / "a.nc", KINDS)
+    monkeypatch.setattr("xarray.load_dataset", lambda *about, **options: pytest.fail("opened"))
+    assert open_dataset(tmp_path / "a.nc")["whole"].values.tolist() == [1, -2, 3]
 
 
 def test_other_tools_read_and_write_it(tmp_path):

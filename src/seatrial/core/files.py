@@ -111,8 +111,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically; NaN and infinities are refused, since no other reader agrees on them."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+    """Write JSON atomically; NaN and infinities are refused, since no other reader agrees on them. A file that says it stays as it is."""
+    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    if not is_there(path) or path.read_bytes() != text.encode():
+        write_text(path, text)
 
 
 def set_aside(path: Path, found: str) -> None:

@@ -9,8 +9,7 @@ import h5py
 import numpy as np
 from jaxtyping import Float, Int
 
-from seatrial.campaign.store.stored_result import text_of
-from seatrial.core.dataset_file import stored
+from seatrial.core.dataset_file import stored, text_of
 
 COLUMNS = 720
 """Columns of pixels that a figure has at most."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from jaxtyping import Bool, Float
 
-from seatrial.campaign.store.stored_result import decoding, read_json, text_of
+from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.dataset_file import open_dataset, stored
+from seatrial.core.dataset_file import open_dataset, stored, text_of
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.estimation.fit_verdict import FitLevel, FitVerdict

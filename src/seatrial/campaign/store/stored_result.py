@@ -18,7 +18,7 @@ import numpy as np
 
 from seatrial import __version__
 from seatrial.core import dataset_file
-from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored
+from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored, text_of
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, depend_on, set_aside, sha256_of_json, write_json
 
@@ -324,11 +324,6 @@ def decoding(path: Path, made_by: str) -> Iterator[None]:
             expected=f"a result of seatrial {__version__}",
             remedy=f"delete it and run `{made_by}` again",
         ) from cause
-
-
-def text_of(value: object) -> str:
-    """Return an attribute or a name of an HDF5 file as text."""
-    return value.decode() if isinstance(value, bytes) else str(value)
 
 
 def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:
