@@ -3,6 +3,7 @@
 import json
 import subprocess
 
+import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -64,6 +65,18 @@ def test_a_second_run_computes_nothing(finished):
     before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
     run_loop(load_campaign(folder), SilentReporter())
     assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.nc")}
+
+
+def test_the_next_trial_needs_few_programs(finished, tmp_path, programs):
+    """Of the chosen structure the filter, the fits and the sweep; of two contenders their motions, and what tells them apart."""
+    folder, _ = finished
+    copy = tmp_path / "copy"
+    subprocess.run(["cp", "-r", str(folder), str(copy)], check=True)
+    for name in ("filter.nc", "predictions.nc", "next.nc", "contenders.nc"):
+        (copy / "results" / name).unlink(missing_ok=True)
+    campaign = load_campaign(copy)
+    jax.clear_caches()
+    assert len(programs(run_loop, campaign, SilentReporter())) <= 6
 
 
 def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):

@@ -36,7 +36,7 @@ def fisher_information(
     values = {coefficient.text: params[coefficient.text] for coefficient in model.coefficients}
     information = _information(model, tuple(noise))
     sds = jnp.array(list(noise.values()))
-    return np.asarray(information(values, jnp.asarray(control), sample_time, jnp.asarray(start, float), sds))
+    return np.asarray(information(values, np.asarray(control), sample_time, np.asarray(start, float), sds))
 
 
 @lru_cache(maxsize=16)

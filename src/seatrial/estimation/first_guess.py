@@ -105,7 +105,7 @@ def _rows(
     """Change of each velocity over each window less what no coefficient makes, and its derivatives, at some coefficients."""
     rate, slope = map(
         np.asarray,
-        _linearised(model, rates)(jnp.asarray(values), jnp.asarray(motion.state), jnp.asarray(motion.control)),
+        _linearised(model, rates)(np.asarray(values), np.asarray(motion.state), np.asarray(motion.control)),
     )
     step = np.diff(motion.time)
     begins = np.arange(0, step.size, SAMPLES)
