@@ -3,6 +3,7 @@
 import json
 import subprocess
 
+import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -76,6 +77,18 @@ def test_what_is_said_rests_on_every_file_that_was_opened(finished):
         path.name for path in opened
     }
     assert opened <= set(seen)
+
+
+def test_the_next_trial_needs_few_programs(finished, tmp_path, programs):
+    """Of the chosen structure the filter, the fits and the sweep; of two contenders their motions, and what tells them apart."""
+    folder, _ = finished
+    copy = tmp_path / "copy"
+    subprocess.run(["cp", "-r", str(folder), str(copy)], check=True)
+    for name in ("filter.nc", "predictions.nc", "next.nc", "contenders.nc"):
+        (copy / "results" / name).unlink(missing_ok=True)
+    campaign = load_campaign(copy)
+    jax.clear_caches()
+    assert len(programs(run_loop, campaign, SilentReporter())) <= 6
 
 
 def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):

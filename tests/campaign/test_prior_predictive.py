@@ -93,6 +93,19 @@ def test_vehicles_that_run_away_are_told_apart():
     assert late[0] == pytest.approx(naive_speed(shifted, np.full(600, 0.1)), rel=1e-9)
 
 
+def test_a_term_that_is_zero_changes_no_motion():
+    """One program serves all structures; vehicles that do not fill the last batch are none the less told one by one."""
+    count, time = 103, np.arange(70) * 0.1
+    params = {name: value * np.linspace(0.8, 1.2, count) for name, value in TRUTH.items()}
+    control = 2 * np.pi * naive_doublets(time, 200, 2)[:, None]
+    given = None, np.full((count, 1), U0), control, np.full(70, 0.1), range(70)
+    own, lost = speeds(paper_model(*TRUTH), "u", params, *given)
+    full, _ = speeds(paper_model(*TRUTH, "X_du3"), "u", {**params, "X_du3": np.zeros(count)}, *given)
+    assert full == pytest.approx(own, rel=1e-12)
+    assert len(np.unique(own[:, -1])) == count
+    assert not lost.any()
+
+
 def test_without_a_record_the_largest_doublet_is_simulated(tmp_path):
     """Draws are those of the seed, and what one coefficient does alone is the closed form at its own quantiles."""
     found = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))

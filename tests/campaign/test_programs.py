@@ -4,7 +4,6 @@ Lengths are ones that no other test has, so that nothing here was compiled befor
 """
 
 import jax
-import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
@@ -15,25 +14,11 @@ from seatrial.campaign.inference.identifiability import known_before
 from seatrial.campaign.prior.predictive import predict_from_prior
 from tests.campaign.small import write_small
 
-MADE = "Finished XLA compilation of ", "Loaded program "
 TWO_MORE = (
     ('optional = ["X_u"]', 'optional = ["X_u", "X_du3"]'),
     ("[prior.X_u]", '[prior.X_du3]\ndistribution = "normal"\nmean = 0.0\nsd = 1.0\n\n[prior.X_u]'),
     ("[truth]", "[truth]\nX_du3 = 0.0"),
 )
-
-
-@pytest.fixture
-def programs(caplog):
-    """Names of the programs that are made while something is done."""
-
-    def of(work, *args):
-        caplog.clear()
-        with jax.log_compiles():
-            work(*args)
-        return [one.getMessage() for one in caplog.records if one.getMessage().startswith(MADE)]
-
-    return of
 
 
 def lasting(seconds):

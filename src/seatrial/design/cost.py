@@ -167,7 +167,7 @@ def expected_cost(
         spent = np.broadcast_to(cost.per_second(now), controls.shape[:2]) @ np.asarray(plan.step)
         none = np.zeros(len(controls))
         return ExpectedCost(cost.fixed + spent, none, none.astype(int), cost.unit)
-    (total,) = in_blocks(lambda control: (_totals(plan, cost, control, jnp.asarray(draws)),), controls)
+    (total,) = in_blocks(lambda control: (_totals(plan, cost, control, draws),), controls)
     finite = np.isfinite(total)
     whole, kept = finite.all(1), np.where(finite, total, 0.0)
     error = kept.std(1, ddof=1) / np.sqrt(len(draws)) if len(draws) > 1 else np.full(len(controls), np.nan)

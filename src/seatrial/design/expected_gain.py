@@ -135,7 +135,7 @@ def explain(
     noise_key, draw_key = jax.random.split(key)
     noise = noise_of(noise_key, which, plan.weight.size)
     t = np.stack([_student(random, inner, z.shape[1]) for random in _generators(draw_key, which)])
-    result = _explain(plan, belief, control, z, jnp.asarray(noise), jnp.asarray(t), climbs)
+    result = _explain(plan, belief, control, z, noise, t, climbs)
     log_prior, log_weight, origin = jax.tree.map(np.asarray, result)
     total, double = (np.asarray(logsumexp(times * log_weight, axis=1)) for times in (1.0, 2.0))
     ess = np.exp(2.0 * total - double)
@@ -183,7 +183,7 @@ def importance_gain(
     _check(plan, belief, control)
     _check_sizes(settings)
     z, local = _local_gains(plan, belief, control, key, settings.draws)
-    m, held = settings.outer, jnp.asarray(control, float)
+    m, held = settings.outer, jax.device_put(np.asarray(control, float))
     key = jax.random.fold_in(key, 1)
     result, chance, ess = in_blocks(
         lambda which, point: explain(plan, belief, held, key, which, point, settings.inner, settings.climbs),
@@ -312,7 +312,7 @@ def _local_gains(
     plan: TrialPlan, belief: Belief, control: np.ndarray, key: jax.Array, n: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the prior draws z, shape (n, k), and 0.5 ln det(I + N F) at each."""
-    z, held = draw_z(belief, key, n), jnp.asarray(control, float)
+    z, held = draw_z(belief, key, n), jax.device_put(np.asarray(control, float))
     information = in_blocks(lambda point: (_information(plan, belief, held, point),), z)[0]
     _refuse_divergence(belief, plan, z, np.isfinite(information).all((1, 2)))
     width = np.exp(entropies(belief)) / np.sqrt(2.0 * np.pi * np.e)
@@ -347,7 +347,7 @@ def _refusal(ess: np.ndarray, inner: int, remedy: str) -> str:
 def _refuse_divergence(belief: Belief, plan: TrialPlan, z: np.ndarray, finite: np.ndarray) -> None:
     if finite.all():
         return
-    first = np.asarray(values_of(belief, jnp.asarray(z[np.argmin(finite)])))
+    first = np.asarray(values_of(belief, z[np.argmin(finite)]))
     at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(plan.names, first, strict=True))
     raise NumericalError(
         f"the simulation diverges for {np.sum(~finite)} of {finite.size} draws from the prior, first at {at} (SI): the gain of this "

@@ -35,7 +35,7 @@ def fisher_information(
     """
     values = {coefficient.text: params[coefficient.text] for coefficient in model.coefficients}
     sds = jnp.array(list(noise.values()))
-    at = values, jnp.asarray(control), sample_time, jnp.asarray(start, float), sds
+    at = values, np.asarray(control), sample_time, np.asarray(start, float), sds
     return np.asarray(_information(model, tuple(noise), *at))
 
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import minimize
@@ -156,7 +155,7 @@ class Climb:
 
     def course(self, x: Float[np.ndarray, " m"]) -> Course:
         """Return where one input takes the draws that are kept: they lead each shape."""
-        result = courses(self.setup, self.watched, jnp.asarray(x)[None], self.problem.block)
+        result = courses(self.setup, self.watched, np.asarray(x)[None], self.problem.block)
         return Course(*(np.asarray(each)[0][self.kept] for each in result))
 
     def pulled_in(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
@@ -184,10 +183,10 @@ class Climb:
             notify(min(done[0], steps))
 
         def gain(x: np.ndarray) -> float:
-            return float(_finite(np.asarray(utility(self.setup, jnp.asarray(x), self.problem.block))))
+            return float(_finite(np.asarray(utility(self.setup, np.asarray(x), self.problem.block))))
 
         def slope(x: np.ndarray) -> np.ndarray:
-            return np.asarray(utility_slope(self.setup, jnp.asarray(x), self.problem.block))
+            return np.asarray(utility_slope(self.setup, np.asarray(x), self.problem.block))
 
         constraints = []
         if most.size:
@@ -245,12 +244,12 @@ class Climb:
 
     def _worst(self, x: np.ndarray) -> np.ndarray:
         """Return the same of the worst draw that is kept."""
-        result = worst_course(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
+        result = worst_course(self.setup, self.watched, np.asarray(x), np.asarray(self.kept), self.problem.block)
         return self._beyond(Course(*map(np.asarray, result)))
 
     def _worst_slope(self, x: np.ndarray) -> np.ndarray:
         """Its Jacobian."""
-        slope = worst_course_slope(self.setup, self.watched, jnp.asarray(x), jnp.asarray(self.kept), self.problem.block)
+        slope = worst_course_slope(self.setup, self.watched, np.asarray(x), np.asarray(self.kept), self.problem.block)
         results = [
             room.side * np.asarray(slope.highest if room.side > 0 else slope.lowest)[:, room.index] / room.scale
             for room in self.rooms

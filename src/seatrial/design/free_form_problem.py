@@ -6,7 +6,7 @@ from functools import cached_property
 from math import floor, inf
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -86,18 +86,12 @@ class FreeFormProblem:
         names = self.plan.model.controls
         trim = np.array([self.form.trim if name == self.form.control else self.held[name] for name in names])
         span = np.array([self.span if name == self.form.control else 0.0 for name in names])
-        return Setup(
-            self.plan,
-            jnp.asarray(trim),
-            jnp.asarray(span),
-            jnp.asarray(self.form.basis(self.plan.time)),
-            jnp.asarray(self.points, float),
-            jnp.asarray(np.linalg.cholesky(self.prior_cov)),
-        )
+        basis, points = self.form.basis(self.plan.time), np.asarray(self.points, float)
+        return jax.device_put(Setup(self.plan, trim, span, basis, points, np.linalg.cholesky(self.prior_cov)))
 
     def watched(self) -> Watched:
         """Return what the search looks at on the way."""
-        return Watched(self.motion, self.cost, jnp.asarray(self.safe_for))
+        return Watched(self.motion, self.cost, jax.device_put(self.safe_for))
 
     def linear(self) -> tuple[Float[np.ndarray, "r m"], Float[np.ndarray, " r"]]:
         """Return the rows A and bounds b of the limits of value and rate, A x <= b; plain bounds of the levels are left out."""
@@ -156,7 +150,7 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
         check_motion_limits(problem.plan.model, problem.motion)
     if problem.cost is not None:
         check_cost(problem.plan, problem.cost)
-    still = jnp.zeros((1, problem.form.size))
+    still = np.zeros((1, problem.form.size))
     course = Course(
         *(np.asarray(each)[0] for each in courses(problem.setup(), problem.watched(), still, problem.block))
     )

@@ -106,7 +106,7 @@ def entropies(belief: Belief) -> Float[np.ndarray, " k"]:
     """Entropy of each component of z, nats, by quadrature: of unit variance, next to nothing of it lies beyond 20."""
     k = belief.mean.size if isinstance(belief, Gaussian) else len(belief)
     grid = np.linspace(-20.0, 20.0, 40001)
-    logs = np.asarray(_log_densities(belief, jnp.broadcast_to(grid[:, None], (grid.size, k))))
+    logs = np.asarray(_log_densities(belief, np.broadcast_to(grid[:, None], (grid.size, k))))
     density = np.exp(logs)
     return -np.trapezoid(density * np.where(density > 0, logs, 0.0), grid, axis=0)
 

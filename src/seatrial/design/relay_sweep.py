@@ -102,9 +102,9 @@ def sweep_relay(
     allowed = _allowed(family, amplitudes, thresholds, limits)
     n = family.time().size
     mask = np.ones((n, len(space.outputs))) if measured is None else measured
-    start = space.initial.mean if truth is None else jnp.asarray(truth, float)
-    gaps = jnp.asarray(np.where(mask > 0, 0.0, np.nan))
-    error = jnp.zeros(n) if noise is None else jnp.asarray(noise, float)
+    start = space.initial.mean if truth is None else np.asarray(truth, float)
+    gaps = np.where(mask > 0, 0.0, np.nan)
+    error = np.zeros(n) if noise is None else np.asarray(noise, float)
     method = method or unscented_filter(len(space.states))
     gain, peak, sd, switches, reached, failures = in_blocks(
         lambda a, y: _predict(method, family, space, start, a, y, gaps, error), amplitudes, thresholds

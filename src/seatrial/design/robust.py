@@ -7,7 +7,6 @@ mean may be poor where the truth lies (Pronzato and Walter, Math. Biosci. 75, 19
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -93,7 +92,7 @@ def information_table(
         raise _misfit("draws", draws, f"(draws, {len(plan.names)} coefficients: {', '.join(plan.names)})")
     shape = (len(controls), len(draws))
     design, draw = (index.ravel() for index in np.indices(shape))
-    held = jnp.asarray(controls)
+    held = jax.device_put(controls)
     information = in_blocks(lambda which, values: (_information(plan, held, which, values),), design, draws[draw])[0]
     finite = np.isfinite(information).all((1, 2)).reshape(shape)
     if not finite.all():

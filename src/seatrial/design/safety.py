@@ -153,7 +153,7 @@ def judge_safety(
     _check(probability, confidence, len(draws))
     controls, draws = check_runs(plan, controls, draws)
     ends = np.full(len(controls), plan.step.shape[0]) if samples is None else np.asarray(samples)
-    least, finite = in_blocks(partial(_rooms, plan, tuple(limits), jnp.asarray(draws)), controls, ends)
+    least, finite = in_blocks(partial(_rooms, plan, tuple(limits), np.asarray(draws, float)), controls, ends)
     rooms = np.where(finite[..., None], least, -np.inf)
     return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(1))
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -66,7 +65,7 @@ def sensor_worth(
     Raises:
         NumericalError: the motion diverges at a draw.
     """
-    held = jnp.asarray(control)
+    held = jax.device_put(np.asarray(control, float))
     slopes = in_blocks(lambda values: (_slopes(plan, held, values),), np.asarray(draws, float))[0]
     if not np.isfinite(slopes).all():
         raise NumericalError("the motion diverges at a draw of the coefficients: narrow the priors")

@@ -47,7 +47,7 @@ class Prediction:
             NumericalError: the motion diverges there.
         """
         value, gradient = _value_and_slope(
-            self.signal, self.plan, jnp.asarray(self.control, float), jnp.asarray(values, float)
+            self.signal, self.plan, np.asarray(self.control, float), np.asarray(values, float)
         )
         if not (np.isfinite(value) and np.isfinite(gradient).all()):
             raise NumericalError(

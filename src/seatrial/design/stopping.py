@@ -80,9 +80,9 @@ def best_stops(
     """
     controls, draws = check_runs(plan, controls, draws)
     n, k, shape = plan.step.shape[0], len(plan.names), (len(controls), len(draws))
-    at = jnp.asarray(np.unique(np.linspace(1, n, min(ends, n)).round().astype(int)))
+    at = np.unique(np.linspace(1, n, min(ends, n)).round().astype(int))
     design, draw = (index.ravel() for index in np.indices(shape))
-    held = jnp.asarray(controls)
+    held = jax.device_put(controls)
     result = in_blocks(lambda which, values: (_until(plan, held, at, which, values),), design, draws[draw])[0]
     by_end = np.moveaxis(result.reshape(*shape, at.size, k, k), 2, 1)
     finite = np.isfinite(by_end).all(axis=(2, 3, 4))
@@ -90,10 +90,10 @@ def best_stops(
         raise NumericalError("a motion diverges at a draw of the coefficients: narrow the priors, or excite less")
     by_end = np.where(np.asarray(finite)[:, :, None, None, None], by_end, 0.0)
     gain = np.asarray(utility(by_end)).mean(-1) - np.asarray(utility(np.zeros((shape[1], k, k)))).mean()
-    length = np.cumsum(np.asarray(plan.step))[np.asarray(at) - 1]
+    length = np.cumsum(np.asarray(plan.step))[at - 1]
     rate = np.where(finite, gain / (overhead + length), -np.inf)
     best, each = rate.argmax(1), np.arange(shape[0])
-    return BestStops(rate[each, best], np.asarray(at)[best], length[best], by_end[each, best])
+    return BestStops(rate[each, best], at[best], length[best], by_end[each, best])
 
 
 @program

@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.core.array_module import array_module
+from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.information import coefficient_information
 from seatrial.numerics.integrate import time_loop
@@ -52,8 +54,9 @@ class TrialPlan:
 
         Its arrays keep their shapes, so that what is compiled serves any end; traced, may be batched over the samples.
         """
-        taken = jnp.arange(self.step.shape[0]) < samples
-        return replace(self, step=jnp.where(taken, self.step, 0.0), weight=jnp.where(taken[:, None], self.weight, 0.0))
+        xp = array_module(samples, self.step, self.weight)
+        taken = xp.arange(self.step.shape[0]) < samples
+        return replace(self, step=xp.where(taken, self.step, 0.0), weight=xp.where(taken[:, None], self.weight, 0.0))
 
     def motion(self, values: Float[Array, " k"], control: Float[Array, "n c"]) -> Float[Array, "n n_states"]:
         """States at every sample under a control, without noise; may be batched.
@@ -82,6 +85,7 @@ class TrialPlan:
         """Coefficients by name, SI."""
         return {name: values[i] for i, name in enumerate(self.names)}
 
+    @program
     def _run(self, values: Array, control: Array) -> tuple[Array, Array]:
         params = self.named(values)
 

@@ -172,9 +172,9 @@ def _regress(
     """Return the estimates, covariance and residual standard deviation; instruments are the regressors at the speeds given."""
     kept: list[tuple[np.ndarray, ...]] = []
     for trial, speed in zip(trials, instruments, strict=True):
-        control = jnp.asarray(trial.control)
-        constant, phi = (np.asarray(x) for x in _regressors(model, jnp.asarray(trial.speed), control))
-        z = phi if speed is trial.speed else np.asarray(_regressors(model, jnp.asarray(speed), control)[1])
+        control = np.asarray(trial.control)
+        constant, phi = (np.asarray(x) for x in _regressors(model, np.asarray(trial.speed), control))
+        z = phi if speed is trial.speed else np.asarray(_regressors(model, np.asarray(speed), control)[1])
         there = np.isfinite(trial.acceleration) & np.isfinite(phi).all(1)
         kept.append((phi[there], z[there], (trial.acceleration - constant)[there]))
     phi, z, y = (np.concatenate(parts) for parts in zip(*kept, strict=True))
@@ -229,9 +229,9 @@ def _regressors(model: VehicleModel, speed: Array, controls: Array) -> tuple[Arr
 
 def _motion(model: VehicleModel, names: tuple[str, ...], values: np.ndarray, trial: Accelerations) -> np.ndarray:
     """Return the speeds of the fitted vehicle from the trial's first speed."""
-    start = jnp.array([trial.speed[np.flatnonzero(np.isfinite(trial.speed))[0]]])
+    start = np.array([trial.speed[np.flatnonzero(np.isfinite(trial.speed))[0]]])
     params = dict(zip(names, map(float, values), strict=True))
-    speed = np.asarray(simulate(model, params, jnp.asarray(trial.control), jnp.asarray(trial.step), start))[:, 0]
+    speed = np.asarray(simulate(model, params, np.asarray(trial.control), np.asarray(trial.step), start))[:, 0]
     if not np.isfinite(speed).all():
         raise NumericalError(
             f"the vehicle that fits the accelerations of {trial.label} diverges when simulated: its damping drives. Noise in u "

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -183,7 +182,7 @@ def _by_the_second(
     utility[rows, columns], length[rows, columns] = stops.rate, stops.length
     gain[rows, columns] = np.asarray(find_criterion("fisher-d", cov)(stops.information)).mean(-1)
     final_sd[rows, columns] = np.sqrt(np.diagonal(left, axis1=2, axis2=3).mean(1)) / scales
-    (leading,) = in_blocks(partial(_leading, plan, jnp.asarray(draws.mean(0))), controls)
+    (leading,) = in_blocks(partial(_leading, plan, draws.mean(0)), controls)
     taken = np.arange(leading.shape[1]) < stops.samples[:, None]
     peak[rows, columns] = np.where(taken, np.abs(leading), 0.0).max(1)
     return replace(sweep, gain=gain, final_sd=final_sd, peak_speed=peak, utility=utility, length=length)

@@ -6,7 +6,6 @@ from math import inf
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -149,7 +148,7 @@ def _effect(campaign: Campaign, output: str, plan: TrialPlan, trim: tuple, trimm
 def _closed(
     family: RelayFamily, space: StateSpace, amplitude: float, threshold: float, starts: Array, errors: Array
 ) -> RelayRun:
-    settings = jnp.asarray(amplitude, float), jnp.asarray(threshold, float)
+    settings = np.asarray(amplitude, float), np.asarray(threshold, float)
     return jax.vmap(lambda start, error: run_relay(space, family, *settings, start, error))(starts, errors)
 
 

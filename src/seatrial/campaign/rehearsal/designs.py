@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -88,7 +87,7 @@ class DesignSpace:
 
     def gains(self, values: Float[np.ndarray, " k"], cov: Float[np.ndarray, "k k"]) -> Float[np.ndarray, " D"]:
         """Bayesian D gain of every design, nats, NaN where the motion is not finite; arguments as `most_informative`."""
-        (information,) = in_blocks(lambda part: (_information(self.plan, jnp.asarray(values), part),), self.control)
+        (information,) = in_blocks(lambda part: (_information(self.plan, np.asarray(values), part),), self.control)
         finite = np.all(np.isfinite(information), axis=(1, 2))
         gain = find_criterion("fisher-d", cov)(np.where(finite[:, None, None], information, 0.0))
         return np.where(finite, gain, np.nan)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -94,7 +93,7 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
     own = {name: float(value) for name, value in zip(posterior.names, drawn, strict=True) if _is_own(name)}
     starts = {initial_name(state, LABEL): trim[i] for i, state in enumerate(campaign.model(campaign.full).states)}
     own |= {name: value for name, value in starts.items() if name in own}
-    data = posterior.data._replace(initial=jnp.asarray(trim)[None])
+    data = posterior.data._replace(initial=np.asarray(trim, float)[None])
     shown = replicate(posterior.likelihood, vehicle.values | own, data, noise_key).channels
     present, measured = (
         np.stack([np.asarray(column)[0, : control.size] for column in columns], -1)
@@ -125,18 +124,18 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
     size = min(most, max(FEWEST, 1 << (n - 1).bit_length()))
     unused = [replace(records[0], label=str(i + 1)) for i in range(n, size)]
     posterior = build_posterior(campaign, campaign.full, [*records, *unused])
-    data = posterior.data
-    used = jnp.asarray(np.arange(size) < n, float)[:, None]
+    data = jax.device_get(posterior.data)
+    used = np.asarray(np.arange(size) < n, float)[:, None]
     channels = tuple(
         channel._replace(
             measured=used * channel.measured,
             present=used * channel.present,
             counts=used * channel.counts,
-            gaps=jnp.where(used > 0, channel.gaps, FOREVER),
+            gaps=np.where(used > 0, channel.gaps, FOREVER),
         )
         for channel in data.channels
     )
-    return replace(posterior, data=data._replace(channels=channels))
+    return replace(posterior, data=jax.device_put(data._replace(channels=channels)))
 
 
 def _posterior_of_one(campaign: Campaign, control: np.ndarray) -> Posterior:
