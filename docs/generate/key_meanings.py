@@ -178,6 +178,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "SelectionTable": {
         "particles": ("", "of the tempered SMC that checks each evidence"),
         "repeats": ("", "of it"),
+        "draws": ("", "of the importance sampling that gives each evidence; more where few of them count"),
     },
 }
 """By table of the schema and key: kind of quantity, meaning."""

@@ -10,6 +10,11 @@ from tests.campaign.small import write_small
 MISTAKES = {
     "unknown key": (("seed = 3", "seed = 3\nsede = 4"), 'unknown key "sede"', 'did you mean "seed"?'),
     "unknown key in a named table": (('noise = "0.05 m/s"', 'noize = "0.05 m/s"'), "sensors.u.", "noise"),
+    "a control that never moves": (
+        ('upper = "1500 rpm"', 'upper = "1500 rpm"\nrate = "0 rpm/s"'),
+        "limits.n.rate",
+        "above 0",
+    ),
     "too few importance draws": (("repeats = 2", "repeats = 2\ndraws = 10"), "selection.draws", "1024"),
     "unknown nested key": (("points = 3", "point = 3"), "design.amplitude.", "points"),
     "unknown unit": (('"100 rpm"', '"100 rpn"'), 'unknown unit "rpn"', 'did you mean "rpm"?'),

@@ -217,8 +217,6 @@ def test_shortfall_of_a_bound():
         ({"limits": Limits(LOW, None)}, "upper limit None"),
         ({"limits": Limits(75.0, HIGH)}, "lower limit 75 above trim 70 by 5"),
         ({"limits": Limits(LOW, 65.0)}, "trim 70 above upper limit 65 by 5"),
-        ({"limits": Limits(TRIM, TRIM)}, "both 70"),
-        ({"limits": Limits(LOW, HIGH, 0.0)}, "rate limit 0 per s"),
         ({"limits": Limits(LOW, HIGH, 5.0)}, "edges of 0 s"),
         ({"prior_cov": np.diag([1.0, 1.0, 0.0])}, "an eigenvalue of 0 or less"),
         ({"prior_cov": np.eye(2)}, "shapes"),

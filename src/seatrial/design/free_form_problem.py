@@ -219,7 +219,6 @@ def _check_control(problem: FreeFormProblem) -> None:
             remedy="give the bounds that the actuator has",
         )
     for low, low_name, high, high_name in (
-        (limits.lower, "lower limit", limits.upper, "upper limit"),
         (limits.lower, "lower limit", form.trim, "trim"),
         (form.trim, "trim", limits.upper, "upper limit"),
     ):
@@ -230,23 +229,9 @@ def _check_control(problem: FreeFormProblem) -> None:
                 expected="lower limit <= trim <= upper limit: the trial begins and ends at trim",
                 remedy="correct the limits or the trim value",
             )
-    if limits.lower == limits.upper:
-        raise InputError(
-            where,
-            found=f"lower and upper limit both {limits.lower:g} (SI)",
-            expected="room between them",
-            remedy="widen the limits: the trim control alone teaches next to nothing",
-        )
     if limits.rate is None:
         return
     swing = limits.upper - limits.lower
-    if not limits.rate > 0:
-        raise InputError(
-            where,
-            found=f"rate limit {limits.rate:g} per s against an amplitude of {problem.span:g} (SI): no way back to trim",
-            expected="a positive rate",
-            remedy="give the rate of the actuator",
-        )
     if not form.rates().size:
         raise InputError(
             where,

@@ -6,7 +6,7 @@ from math import inf
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.schema import DesignTable, LimitsTable, PowerTable, PredictionTable, RelayTable
 from seatrial.campaign.config.settings import DesignSettings, Power, RelaySettings, StatedPrediction
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.design.motion_limits import Advance, Distance, MotionLimit, StateBound
 from seatrial.manoeuvres.family import Family
@@ -208,7 +208,8 @@ def _control_limits(table: LimitsTable, keys: FileKeys, control: str) -> Limits:
     unit = signal_unit(control)
     lower, upper = _bounds(table, keys, control, unit)
     rate = None if table.rate is None else keys.si(table.rate, f"({unit})/s", f"limits.{control}.rate")
-    return Limits(None if lower == -inf else lower, None if upper == inf else upper, rate)
+    with located(keys.where(f"limits.{control}.rate")):
+        return Limits(None if lower == -inf else lower, None if upper == inf else upper, rate)
 
 
 def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:
