@@ -90,7 +90,10 @@ def click(scratch: str | None) -> None:
                 while Store(folder).design.stat().st_mtime_ns == before and time.monotonic() - began < 120:
                     time.sleep(0.01)
                 page.get_by_text("Nothing is running").wait_for()
-                print(f"click to design, {kind}: {first:.2f} s; after another limit {time.monotonic() - began:.2f} s")
+                print(
+                    f"click to design, {kind}: {first:.2f} s; after another limit {time.monotonic() - began:.2f} s",
+                    flush=True,
+                )
             finally:
                 browser.close()
                 server.send_signal(signal.SIGINT)

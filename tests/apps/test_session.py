@@ -35,7 +35,7 @@ time.sleep(120)
 """
 
 
-def until(true, seconds=60.0):
+def until(true, seconds=120.0):
     deadline = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < deadline
@@ -169,10 +169,10 @@ def test_a_rehearsal_compiles_the_next_step_and_leaves_nothing(tmp_path, caplog)
     rehearsal = _Rehearsal(folder, scratch)
     rehearsal.begin()
     rehearsal.stop()
-    rehearsal.thread.join(60)
+    until(lambda: not rehearsal.is_at_it)
     assert not rehearsal.rehearsed
     rehearsal.begin()
-    rehearsal.thread.join(120)
+    until(lambda: not rehearsal.is_at_it, 300)
     assert [step for _, step in rehearsal.rehearsed] == ["design"]
     assert everything(folder) == before
     assert list(scratch.iterdir()) == []

@@ -143,9 +143,14 @@ class _Rehearsal:
         self.is_stopped, self.until = threading.Event(), 0.0
         self.rehearsed: set[tuple[str, str]] = set()
 
+    @property
+    def is_at_it(self) -> bool:
+        """Whether it goes on, stopped or not."""
+        return self.thread is not None and self.thread.is_alive()
+
     def begin(self) -> None:
         """Begin, unless it is at it."""
-        if self.thread is None or not self.thread.is_alive():
+        if not self.is_at_it:
             self.is_stopped.clear()
             self.thread = threading.Thread(target=self._run, daemon=True)
             self.thread.start()
