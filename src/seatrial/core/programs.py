@@ -1,7 +1,7 @@
 """Functions whose compiled programs are kept ready for later processes: `program` takes the place of `jax.jit`.
 
 Most of what a user waits for is tracing and lowering, which XLA's own cache does not spare; a program that lies here as an executable
-loads in a tenth of the time. What is kept, and when it is found again, is in `program_store`; docs/decisions/0021 says why.
+loads in a tenth of the time. What is kept, and when it is found again, is in `program_store`; docs/decisions/0023 says why.
 """
 
 import inspect
