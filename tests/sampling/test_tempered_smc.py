@@ -21,7 +21,7 @@ def test_particles_follow_the_posterior(d):
     sd = np.sqrt(np.diag(cov))
     result = sample_tempered_smc(problem.posterior, KEY, SMCSettings())
     values = np.asarray(problem.posterior.constrain(jnp.asarray(result.particles)))
-    assert values.shape == (SMCSettings().particles, d)
+    assert values.shape == (SMCSettings().particles_for(d), d)
     assert (np.abs(values.mean(0) - mean) < 4 * sd / np.sqrt(250)).all()
     assert values.std(0) == pytest.approx(sd, rel=4 / np.sqrt(2 * 250))
     assert np.abs(np.corrcoef(values.T) - cov / np.outer(sd, sd)).max() < 4 / np.sqrt(250)

@@ -11,7 +11,6 @@ and the points removed, taken with probability w_i / Z, are draws of the posteri
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import blackjax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -145,6 +144,7 @@ def _log_likelihoods(target: Target, z: Array) -> Array:
 @lru_cache(maxsize=8)
 def _compiled(live: int, batch: int, moves: int):
     """Compiled start and step for this many points."""
+    import blackjax
 
     def sampler(target: Target) -> Any:
         return blackjax.nss(target.log_prior, target.log_likelihood, num_inner_steps=moves, num_delete=batch)

@@ -7,7 +7,6 @@ the mean weights estimates the evidence.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
@@ -126,27 +125,27 @@ def sample_tempered_smc(
     """
     start_key, key = jax.random.split(key)
     particles = settings.particles_for(target.dim)
-    begin, step, resample = _steps(settings, target.dim)
     start = start or prior_particles(target, start_key, particles)
     alive = start.alive
-    state = begin(target, start.particles, start.temperature)
+    cloud = _begin(settings, target, start.particles, start.temperature)
     if alive == 0.0:
         raise NumericalError(
             f"none of {particles} draws from the prior has a finite likelihood: under this prior the model "
             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     log_evidence, temperatures, acceptance = float(np.log(alive)), [], []
-    log_scale = jnp.zeros(())
+    log_scale = np.zeros(())
     for iteration in range(max_steps):
-        before = float(state.sampler_state.tempering_param)
-        state, log_scale, increment, accepted = step(target, state, log_scale, jax.random.fold_in(key, iteration))
-        temperature = float(state.sampler_state.tempering_param)
+        before = float(cloud.temperature)
+        step_key = jax.random.fold_in(key, iteration)
+        cloud, log_scale, increment, accepted = _step(settings, target, cloud, log_scale, step_key)
+        temperature = float(cloud.temperature)
         log_evidence += float(increment)
         temperatures.append(temperature)
         acceptance.append(float(accepted))
         progress(round(1000 * (1 + np.log10(max(temperature, 1e-9)) / 9)), 1000)
         if temperature >= 1.0:
-            resampled = resample(state.sampler_state, jax.random.fold_in(key, max_steps))
+            resampled = _resample(cloud, jax.random.fold_in(key, max_steps))
             lost = len(temperatures) * (1.0 / settings.target_ess - 1.0) + (1.0 / alive - 1.0)
             return SMCResult(
                 log_evidence,
@@ -165,64 +164,79 @@ def sample_tempered_smc(
     )
 
 
-@lru_cache(maxsize=8)
-def _steps(settings: SMCSettings, dim: int):
-    import blackjax
-    import blackjax.smc.resampling
+class _Cloud(NamedTuple):
+    """Particles on their way, arrays only.
 
-    walk = blackjax.additive_step_random_walk.build_kernel()
+    Attributes:
+        particles: positions, shape (particles, d).
+        weights: theirs, shape (particles,).
+        temperature: b.
+        factor: Cholesky factor of the steps' covariance, shape (1, d, d).
+    """
+
+    particles: Array
+    weights: Array
+    temperature: Array
+    factor: Array
+
+
+@program(static_argnums=0)
+def _begin(settings: SMCSettings, target: Target, particles: Array, temperature: Array) -> _Cloud:
+    weights = _kernel(settings, target).init(particles).sampler_state.weights
+    return _Cloud(particles, weights, jnp.asarray(temperature, float), _factor_of(particles))
+
+
+@program(static_argnums=0)
+def _step(settings: SMCSettings, target: Target, cloud: _Cloud, log_scale: Array, key: Array):
+    kernel = _kernel(settings, target)
+    state = kernel.init(cloud.particles)
+    begun = state.sampler_state._replace(weights=cloud.weights, tempering_param=cloud.temperature)
+    state = state._replace(sampler_state=begun, parameter_override={"factor": cloud.factor})
+    (after, override), info = kernel.step(key, state)
+    acceptance = jnp.mean(info.update_info.acceptance_rate)
+    log_scale = log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
+    moved = _Cloud(after.particles, after.weights, after.tempering_param, jnp.exp(log_scale) * override["factor"])
+    return moved, log_scale, info.log_likelihood_increment, acceptance
+
+
+@program
+def _resample(cloud: _Cloud, key: Array) -> Array:
+    from blackjax.smc.resampling import systematic
+
+    return cloud.particles[systematic(key, cloud.weights, cloud.particles.shape[0])]
+
+
+def _factor_of(particles: Array) -> Array:
+    dim = particles.shape[1]
+    cov = jnp.cov(particles, rowvar=False).reshape(dim, dim)
+    return jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))[None]
+
+
+def _kernel(settings: SMCSettings, target: Target) -> Any:
+    """Return BlackJAX's algorithm; only compiled functions use it, so that it is not loaded where their programs are ready."""
+    import blackjax
+    from blackjax.smc.resampling import systematic
+
+    walk, dim = blackjax.additive_step_random_walk.build_kernel(), target.dim
     scale, count = 2.38 / np.sqrt(dim), settings.particles_for(dim)
+    whole = LANES if count % LANES == 0 else count
 
     def move(key: Array, state: Any, log_density: Any, factor: Array):
         return walk(key, state, log_density, lambda k, z: scale * factor @ jax.random.normal(k, z.shape))
 
-    def factor_of(particles: Array) -> dict[str, Array]:
-        cov = jnp.cov(particles, rowvar=False).reshape(dim, dim)
-        return {"factor": jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))[None]}
-
-    def log_likelihood(target: Target, z: Array) -> Array:
-        return jnp.maximum(target.log_likelihood(z), _FLOOR)
-
     def weighted_factor(key: Array, state: Any, info: Any) -> dict[str, Array]:
-        drawn = blackjax.smc.resampling.systematic(key, state.weights, count)
-        return factor_of(state.particles[drawn])
+        return {"factor": _factor_of(state.particles[systematic(key, state.weights, count)])}
 
-    def lanes(target: Target) -> int:
-        particles = jax.ShapeDtypeStruct((count, dim), float)
-        whole = LANES if count % LANES == 0 else count
-        return lanes_at_once(jax.vmap(target.log_likelihood), particles, cpu=whole)
-
-    def kernel(target: Target) -> Any:
-        return blackjax.inner_kernel_tuning(
-            blackjax.adaptive_tempered_smc,
-            target.log_prior,
-            lambda z: log_likelihood(target, z),
-            move,
-            blackjax.additive_step_random_walk.init,
-            blackjax.smc.resampling.systematic,
-            weighted_factor,
-            initial_parameter_value={},
-            num_mcmc_steps=settings.moves_for(dim),
-            target_ess=settings.target_ess,
-            batch_size=lanes(target),
-        )
-
-    @program
-    def begin(target: Target, particles: Array, temperature: Array):
-        state = kernel(target).init(particles)
-        begun = state.sampler_state._replace(tempering_param=jnp.asarray(temperature, float))
-        return state._replace(sampler_state=begun, parameter_override=factor_of(particles))
-
-    @program
-    def step(target: Target, state: Any, log_scale: Array, key: Array):
-        state, info = kernel(target).step(key, state)
-        acceptance = jnp.mean(info.update_info.acceptance_rate)
-        log_scale = log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
-        tuned = {"factor": jnp.exp(log_scale) * state.parameter_override["factor"]}
-        return state._replace(parameter_override=tuned), log_scale, info.log_likelihood_increment, acceptance
-
-    @program
-    def resample(state: Any, key: Array) -> Array:
-        return state.particles[blackjax.smc.resampling.systematic(key, state.weights, state.particles.shape[0])]
-
-    return begin, step, resample
+    return blackjax.inner_kernel_tuning(
+        blackjax.adaptive_tempered_smc,
+        target.log_prior,
+        lambda z: jnp.maximum(target.log_likelihood(z), _FLOOR),
+        move,
+        blackjax.additive_step_random_walk.init,
+        systematic,
+        weighted_factor,
+        initial_parameter_value={},
+        num_mcmc_steps=settings.moves_for(dim),
+        target_ess=settings.target_ess,
+        batch_size=lanes_at_once(jax.vmap(target.log_likelihood), jax.ShapeDtypeStruct((count, dim), float), cpu=whole),
+    )

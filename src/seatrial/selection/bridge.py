@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy import stats
 from scipy.special import expit, logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
@@ -91,8 +91,8 @@ def _fit(z: np.ndarray, shape: ProposalShape) -> Any:
     if not np.linalg.eigvalsh(cov).min() > 0:
         raise NumericalError("bridge sampling: the draws do not vary in every direction; the chains never moved")
     if shape == "normal":
-        return stats.multivariate_normal(mean, cov)
-    return stats.multivariate_t(mean, cov * (FREEDOM - 2) / FREEDOM, df=FREEDOM)
+        return scipy.stats.multivariate_normal(mean, cov)
+    return scipy.stats.multivariate_t(mean, cov * (FREEDOM - 2) / FREEDOM, df=FREEDOM)
 
 
 def _log_ratio(posterior: Posterior, g: Any, z: np.ndarray) -> Float[np.ndarray, " n"]:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy import stats
 from scipy.optimize import minimize
 from scipy.special import gammaln
 
@@ -142,7 +142,7 @@ def _guided(x: np.ndarray, z0: float, width: float) -> float:
 
 
 def _normal(z0: float) -> Callable[[np.ndarray], float]:
-    return lambda x: float(stats.norm.logpdf(z0, x.mean(), x.std()))
+    return lambda x: float(scipy.stats.norm.logpdf(z0, x.mean(), x.std()))
 
 
 def _student(z0: float) -> Callable[[np.ndarray], float]:

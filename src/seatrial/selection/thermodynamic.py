@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy import stats
 from scipy.interpolate import PchipInterpolator
 from scipy.special import logsumexp
 
@@ -353,7 +353,7 @@ def _judged(estimate: Callable[[slice], np.ndarray], draws: int) -> tuple[float,
 def _jackknife(rows: np.ndarray) -> float:
     """Return the standard error from leave-one-out values, which follow the first, widened as Student's t at 95 %."""
     n = rows.size - 1
-    widened = stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975)
+    widened = scipy.stats.t.ppf(0.975, n - 1) / scipy.stats.norm.ppf(0.975)
     return float(np.sqrt((n - 1) * np.var(rows[1:])) * widened)
 
 
