@@ -102,6 +102,7 @@ def toy(tmp_path, monkeypatch):
     monkeypatch.setattr(program_store, "OWN_PACKAGES", (*program_store.OWN_PACKAGES, "toy"))
     monkeypatch.setattr(programs, "_is_writable", True)
     monkeypatch.setattr(programs, "_is_told", False)
+    monkeypatch.setattr(programs, "_is_tried", False)
     program_store._sources.cache_clear()
     yield importlib.import_module("toy")
     del sys.modules["toy"]
@@ -383,6 +384,18 @@ def test_a_folder_that_takes_nothing_costs_time_only(toy, done, caplog, monkeypa
     assert files() == []
 
 
+def test_a_processor_whose_code_is_refused_keeps_none(toy, done, caplog, monkeypatch):
+    def refuse(*_, **__):
+        raise RuntimeError("Machine type used for XLA:CPU compilation doesn't match")
+
+    monkeypatch.setattr(programs.serialize_executable, "deserialize_and_load", refuse)
+    with caplog.at_level(logging.WARNING, "seatrial"):
+        assert [float(toy.power(jnp.ones(2), n)) for n in (2, 3)] == [4.0, 8.0]
+    assert done() == (0, 1)
+    assert ["doesn't match" in record.message for record in caplog.records if record.name == "seatrial"] == [True]
+    assert not engine.program_directory().exists()
+
+
 def test_the_folder_is_private(toy):
     toy.power(jnp.ones(2), 2)
     assert engine.program_directory().stat().st_mode & 0o777 == 0o700
@@ -396,6 +409,7 @@ def test_programs_unused_for_longest_make_room(toy, done, monkeypatch):
     toy.power.clear()
     toy.power(jnp.ones(2), 2)  # a use
     monkeypatch.setattr(program_store, "LARGEST", sum(path.stat().st_size for path in files()) + 10)
+    monkeypatch.setattr(program_store, "_since_look", -1)
     toy.power(jnp.ones(2), 4)
     toy.power.clear()
     done()

@@ -220,7 +220,7 @@ def write(folder: Path, key: str, content: bytes) -> None:
             pass
         with atomic_path(folder / key) as temporary:
             temporary.write_bytes(_MAGIC + _checksum(key, content) + content)
-        _drop_oldest(folder)
+        _make_room(folder, len(content))
     except OSError as cause:
         raise Unusable(f"{folder} cannot be written to ({cause.strerror})") from cause
 
@@ -264,7 +264,17 @@ def _refuse_shared(about: os.stat_result, place: Any) -> None:
         raise Unusable(f"{place} belongs to another user, or may be written by others")
 
 
-def _drop_oldest(folder: Path) -> None:
+_since_look = -1
+"""Bytes written since the folder was last looked through, below 0 where it was not yet."""
+
+
+def _make_room(folder: Path, written: int) -> None:
+    """Drop what was unused for longest: looked after at the first file that a process writes, and then now and then."""
+    global _since_look
+    if 0 <= _since_look < LARGEST // 20:
+        _since_look += written
+        return
+    _since_look = 0
     remove_orphans(folder)
     with os.scandir(folder) as entries:
         files = [entry for entry in entries if not entry.name.startswith(".") and entry.is_file(follow_symlinks=False)]

@@ -305,6 +305,7 @@ _done = {"loaded": 0, "compiled": 0, "all": 0}
 _WITHOUT = ("jax_disable_jit", "jax_debug_nans", "jax_debug_infs", "jax_default_device")
 """Settings of JAX under which nothing is kept."""
 _is_writable = True
+_is_tried = False
 _is_told = False
 _xla_cache_users = 0
 _waiting: deque[_Entry] = deque()
@@ -350,7 +351,7 @@ def _found(folder: Path, key: str) -> _Ready | None:
         return None
     except Exception as cause:  # whatever XLA says of code that it cannot load
         program_store.discard(folder, key)
-        _tell(f"{folder / key} cannot be loaded ({str(cause).splitlines()[0] if str(cause) else type(cause).__name__})")
+        _tell(f"{folder / key} cannot be loaded ({_first_line(cause)})")
         return None
     _count("loaded")
     _note("Loaded program %s in %.9f sec", key, time.monotonic() - started)
@@ -369,17 +370,28 @@ def _loaded(content: bytes) -> _Ready:
 
 def _keep(folder: Path, key: str, run: Any, out_tree: bytes, arguments: int) -> None:
     """Write a program, and say once why none can be."""
-    global _is_writable
+    global _is_writable, _is_tried
     try:
         executable = serialize_executable.serialize(run)[0]
     except Exception as cause:  # whatever JAX says of a program that has to stay, such as one that calls Python
         _note("%s is not kept: %s", key, cause)
         return
+    content = zlib.compress(pickle.dumps((executable, arguments, out_tree)), 1)
     try:
-        program_store.write(folder, key, zlib.compress(pickle.dumps((executable, arguments, out_tree)), 1))
+        if not _is_tried:  # some processors' code is written, and then refused
+            _loaded(content)
+        program_store.write(folder, key, content)
+        _is_tried = True
     except Unusable as cause:
         _is_writable = False
         _tell(str(cause))
+    except Exception as cause:  # whatever XLA says
+        _is_writable = False
+        _tell(f"compiled programs cannot be loaded here ({_first_line(cause)})")
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0]
 
 
 def _tell(why: str) -> None:
