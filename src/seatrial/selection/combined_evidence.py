@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-import scipy
 from jaxtyping import Array, Bool, Float
+from scipy.special import chdtri
 
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
@@ -125,7 +125,7 @@ def _is_new(
 ) -> Bool[np.ndarray, " n"]:
     """Return whether points lie far from all modes, or higher than them."""
     away = np.min([distance(laplace_proposal(mode), z) for mode in modes], 0)
-    return (away > scipy.stats.chi2.isf(FAR, z.shape[1])) | _is_higher_mode(modes, height)
+    return (away > chdtri(z.shape[1], FAR)) | _is_higher_mode(modes, height)
 
 
 def _is_higher_mode(modes: Sequence[Mode], height: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -348,7 +348,7 @@ def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Seq
     """Return whether cold particles met a peak higher than those known and than where the others are, in words."""
     if not cold.size:
         return ["the particles could not be cooled, so that no further peak was searched for"]
-    normal = float(evaluate(posterior, warm).max()) + 0.5 * float(scipy.stats.chi2.ppf(1e-3, posterior.dim))
+    normal = float(evaluate(posterior, warm).max()) + 0.5 * float(chdtri(posterior.dim, 1.0 - 1e-3))
     higher = float(evaluate(posterior, cold).max()) - max([*known, normal])
     if higher <= HIGHER:
         return []

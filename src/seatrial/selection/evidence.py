@@ -5,7 +5,7 @@ from typing import Any
 
 import jax
 import numpy as np
-import scipy
+from scipy.special import ndtri, stdtrit
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
@@ -132,4 +132,4 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
 
 def _widened(variance: float, repeats: int, freedom: int) -> float:
     """Standard error of a mean, widened for the uncertainty of its own variance."""
-    return float(np.sqrt(variance / repeats) * scipy.stats.t.ppf(0.975, freedom) / scipy.stats.norm.ppf(0.975))
+    return float(np.sqrt(variance / repeats) * stdtrit(freedom, 0.975) / ndtri(0.975))

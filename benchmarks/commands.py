@@ -1,0 +1,166 @@
+"""How long a user waits: processor seconds, memory and programs of whole commands, with empty caches and with full ones.
+
+`python benchmarks/commands.py` runs the loop on the template campaign twice, each time in a new folder: first with caches that are empty,
+then with those that the first left. Growth with the number of structures and of samples follows. Nothing else should run meanwhile.
+"""
+
+import os
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+GOALS: dict[str, tuple[float, float]] = {
+    "--help": (0.35, 0.35),
+    "--version": (0.35, 0.35),
+    "init": (0.7, 0.7),
+    "inspect": (0.7, 0.7),
+    "design": (3, 7),
+    "simulate": (2, 4),
+    "estimate --by mode": (2.5, 8),
+    "estimate": (8, 16),
+    "select": (10, 20),
+    "next": (5, 9),
+    "run": (5, 9),
+    "run, nothing left": (1.2, 1.2),
+    "report, nothing left": (1.2, 1.2),
+    "estimate, nothing left": (1.2, 1.2),
+}
+"""Processor seconds that a command may take, with caches full and empty; those of `next` and `run` are what is left of the whole loop's."""
+LOOP_PROGRAMS = 40
+"""Programs of the whole loop, whatever the number of structures."""
+MORE_TERMS = ("X_u3", "X_du2", "T_n", "X_u2")
+"""Terms that are added to the template's two optional ones: each doubles the number of structures."""
+
+
+class Cost(NamedTuple):
+    """What one command took: processor seconds, seconds, MB at most, programs compiled and loaded."""
+
+    cpu: float
+    wall: float
+    memory: float
+    compiled: int
+    loaded: int
+
+
+def main() -> None:
+    """Measure everything and print it."""
+    with tempfile.TemporaryDirectory() as place:
+        base = Path(place)
+        _loop(base)
+        _growth(base)
+
+
+def _loop(base: Path) -> None:
+    print(f"{'':24}{'goal':>6}{'CPU s':>8}{'s':>7}{'MB':>6}{'compiled':>10}{'loaded':>8}")
+    for column, cache in ((1, "empty caches"), (0, "full caches")):
+        folder, programs = base / cache.split()[0], 0
+        print(cache)
+        for name, words in _commands(folder):
+            cost = _run(words, base / "cache")
+            goal = GOALS[name][column]
+            programs += cost.compiled + cost.loaded
+            verdict = "" if cost.cpu <= goal else "  over"
+            print(
+                f"  {name:22}{goal:6.4g}{cost.cpu:8.2f}{cost.wall:7.2f}{cost.memory:6.0f}{cost.compiled:10}{cost.loaded:8}{verdict}"
+            )
+        print(f"  programs of the loop: {programs}, goal {LOOP_PROGRAMS}")
+
+
+def _commands(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    yield "--help", ["--help"]
+    yield "--version", ["--version"]
+    yield "init", ["init", str(folder)]
+    log = folder.with_suffix(".csv")
+    rows = (f"{0.1 * i:.1f},{1.5 + 0.01 * (i % 7):.3f},{1000 + i % 50}" for i in range(1500))
+    log.write_text("time [s],u [m/s],n [rpm]\n" + "\n".join(rows) + "\n")
+    yield "inspect", ["inspect", str(log)]
+    for words in (
+        ("design",),
+        ("simulate",),
+        ("estimate", "--by", "mode"),
+        ("estimate",),
+        ("select",),
+        ("next",),
+        ("run",),
+    ):
+        yield " ".join(words), [words[0], str(folder), *words[1:]]
+    for word in ("run", "report", "estimate"):
+        yield f"{word}, nothing left", [word, str(folder)]
+
+
+def _growth(base: Path) -> None:
+    print("growth, full caches of the loop above: CPU s and programs")
+    for structures, more in ((4, 0), (16, 2), (64, 4)):
+        _show_growth(base, f"{structures} structures", MORE_TERMS[:more], "60 s")
+    for duration in ("120 s", "240 s"):
+        _show_growth(base, f"4 structures, {duration}", (), duration)
+
+
+def _show_growth(base: Path, title: str, more: Sequence[str], duration: str) -> None:
+    folder = base / title.replace(" ", "-").replace(",", "")
+    _run(["init", str(folder)], base / "cache")
+    _widen(folder / "campaign.toml", more, duration)
+    for words in (("design",), ("simulate",), ("estimate", "--by", "mode")):
+        first = _run([words[0], str(folder), *words[1:]], base / "cache")
+        _forget(folder, words[0])
+        second = _run([words[0], str(folder), *words[1:]], base / "cache")
+        print(
+            f"  {title:22} {' '.join(words):20}{first.cpu:8.2f} ({first.compiled} compiled, {first.loaded} loaded)"
+            f"{second.cpu:8.2f} ({second.compiled}, {second.loaded})"
+        )
+
+
+def _widen(path: Path, more: Sequence[str], duration: str) -> None:
+    text = path.read_text().replace('duration = "60 s"', f'duration = "{duration}"')
+    terms = "".join(f', "{term}"' for term in more)
+    text = text.replace('optional = ["X_u", "X_du3"]', f'optional = ["X_u", "X_du3"{terms}]')
+    for term in more:
+        half = 1e-3 if term == "T_n" else 5.0
+        text += f'\n[prior.{term}]\ndistribution = "uniform"\nlower = {-half}\nupper = {half}\n'
+    path.write_text(text)
+
+
+def _forget(folder: Path, command: str) -> None:
+    """Have a command's work to do again."""
+    for name in ("answers", {"design": "design.nc", "simulate": "records"}.get(command, "none")):
+        path = folder / "results" / name
+        if path.exists():
+            path.rename(folder / f"before-{command}-{name}")
+
+
+def _run(words: Sequence[str], cache: Path) -> Cost:
+    """Run a command in a process of its own."""
+    environment = os.environ | {"XDG_CACHE_HOME": str(cache), "JAX_LOG_COMPILES": "1"}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = os.times().elapsed
+    done = subprocess.run(
+        [sys.executable, "-c", _MEASURED, *words], env=environment, capture_output=True, text=True, check=False
+    )
+    wall = os.times().elapsed - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode not in (0, 3):
+        raise SystemExit(f"seatrial {' '.join(words)} ended with {done.returncode}:\n{done.stderr[-2000:]}")
+    peak = re.search(r"peak memory (\d+) kB", done.stderr)
+    return Cost(
+        after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+        wall,
+        int(peak.group(1)) / 1024 if peak else float("nan"),
+        len(re.findall("Finished XLA compilation of", done.stderr)),
+        len(re.findall("Loaded program ", done.stderr)),
+    )
+
+
+_MEASURED = """
+import atexit, resource, sys
+atexit.register(lambda: print("peak memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, "kB", file=sys.stderr))
+from seatrial.apps.cli import main
+main()
+"""
+
+if __name__ == "__main__":
+    main()
