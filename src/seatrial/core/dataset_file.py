@@ -40,9 +40,7 @@ def write_dataset(path: Path, dataset: "xr.Dataset") -> None:
 
     HDF5 writes to memory: where a disk is full it would break the interpreter at its end.
     """
-    with _without(
-        "dask.distributed"
-    ):  # where it is installed, xarray loads it to ask whether it is in use: half a second
+    with _without("distributed"):  # where Dask is installed, xarray loads it to ask whether it is in use: half a second
         content = dataset.assign_attrs({SEAL: _hash(dataset)}).to_netcdf(engine="h5netcdf")
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         stream.write(content)
