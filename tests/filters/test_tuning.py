@@ -267,6 +267,8 @@ TUNED = TuningReport(
         ({"moved": 7.1}, [("P", "up")]),
         ({"moved": 7.1, "nis": 0.91}, [("P", "up")]),
         ({"moved": 7.1, "nis": 0.89}, [("Q", "down")]),
+        ({"moved": 7.1, "nis": 0.8, "nis_band": (0.7, 1.3)}, [("P", "up")]),
+        ({"moved": 7.1, "nis": 0.69, "nis_band": (0.7, 1.3)}, [("Q", "down")]),
         ({"moved": 0.02}, []),
         ({"moved": 0.009}, [("P", "down")]),
         ({"nis": 1.09}, []),
@@ -355,3 +357,10 @@ def test_twenty_measurements_in_the_second_half_are_enough(measured_in_half, jud
     else:
         with pytest.raises(InputError, match="19 measurements"):
             check_tuning(trace, SPACE)
+
+
+@pytest.mark.parametrize(("counts", "found"), [([5000, 50], []), ([50, 5000], [("R", "down")])])
+def test_small_innovations_of_few_measurements_may_be_chance(counts, found):
+    """A mean of 50 squares is below 0.7 by chance too often to tell, one of 5000 never is."""
+    findings = _findings(replace(TUNED, spread=np.array([1.0, 0.7])), SPACE, counts)
+    assert [finding[:2] for finding in findings] == found
