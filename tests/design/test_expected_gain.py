@@ -21,12 +21,13 @@ from seatrial.design.expected_gain import (
     _log_student,
     _refusal,
     _student,
+    _with_prior,
     explain,
     importance_gain,
     noise_of,
 )
 from seatrial.design.fisher_utilities import find_criterion
-from seatrial.design.prior_belief import draw_values, entropies, normal_belief, prior_cov
+from seatrial.design.prior_belief import draw_values, entropies, log_priors, normal_belief, prior_cov
 from seatrial.design.trial_plan import plan_trial
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform, half_normal
 from seatrial.vehicles.model import VehicleModel
@@ -295,3 +296,15 @@ def test_explanations_of_a_linear_model_are_exact():
     ).logpdf(measured)
     np.testing.assert_allclose(found.gain, exact, atol=0.15)
     assert ((found.ess > 40) & (found.ess <= 64)).all()
+
+
+def test_precision_and_slope_of_the_prior_against_differences():
+    """A box's log density bends by up to 7 near its ends and not at all inside, where the precision of its z is taken as one."""
+    belief, z = (PRIORS["uniform"], PRIORS["uniform"], PRIORS["normal"]), np.array([1.5, 0.3, -2.0])
+    information = np.array([[2.0, 0.5, 0.1], [0.5, 3.0, 0.2], [0.1, 0.2, 1.0]])
+    precision, rise = _with_prior(belief, jnp.asarray(z), jnp.asarray(information))
+    below, here, above = (np.asarray(log_priors(belief, jnp.asarray(z + h))) for h in (-1e-4, 0.0, 1e-4))
+    bend = (2 * here - below - above) / 1e-8
+    assert bend[0] > 5 > 1 > bend[1]
+    np.testing.assert_allclose(rise, (above - below) / 2e-4, atol=1e-6)
+    np.testing.assert_allclose(precision, information + np.diag([bend[0], 1.0, 1.0]), rtol=1e-5)

@@ -11,7 +11,7 @@ from seatrial.design import free_form_climb
 from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import ALIKE, TIGHT, ClimbOutcome, _change, _margin, _status
 from seatrial.design.free_form_climb import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
-from seatrial.design.free_form_course import Course
+from seatrial.design.free_form_course import Course, _blocks
 from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
 from seatrial.design.motion_limits import StateBound
 from seatrial.design.sweep import LANES
@@ -268,3 +268,19 @@ def test_starts_are_named_and_on_both_sides_of_trim(monkeypatch):
     assert np.abs(found["best multisine"]).max() == pytest.approx(0.4)
     edge = problem(limits=Limits(TRIM, HIGH))
     assert "best multisine" not in ready_starts(edge, edge.setup(), np.random.default_rng(3), 0)
+
+
+@pytest.mark.parametrize("samples", [8, 9, 11])
+def test_blocks_hold_the_samples_in_order_and_are_filled_with_none_that_last_or_are_measured(samples):
+    """Two controls and three sensors, in blocks of four."""
+    rng = np.random.default_rng(6)
+    control, step, weight = rng.normal(size=(samples, 2)), rng.uniform(1, 2, samples), rng.uniform(1, 2, (samples, 3))
+    plan = replace(problem().plan, step=step, weight=weight)
+    columns, steps, weights = _blocks(plan, control, 4)
+    assert steps.shape[1:] == (4,)
+    assert weights.shape[1:] == (4, 3)
+    fill = -samples % 4
+    for found, wanted in zip(columns, control.T, strict=True):
+        np.testing.assert_array_equal(np.ravel(found), np.append(wanted, np.full(fill, wanted[-1])))
+    np.testing.assert_array_equal(np.ravel(steps), np.append(step, np.zeros(fill)))
+    np.testing.assert_array_equal(np.reshape(weights, (-1, 3)), np.vstack([weight, np.zeros((fill, 3))]))

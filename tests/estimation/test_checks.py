@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.prior_checks import _gain_beyond, check_prior_contains_data, information_complaints
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from tests.estimation_cases import posterior
 
@@ -114,3 +114,13 @@ def test_correlated_but_known(correlation, said):
     cov = 1e-4 * np.array([[1, correlation], [correlation, 1]])
     draws = np.random.default_rng(2).multivariate_normal([0, 0], cov, 4000)
     assert len(complaints([0, 0], np.linalg.inv(cov), draws)) == said
+
+
+def test_gain_beyond_a_bound_is_along_the_ridge():
+    """Of a normal likelihood the others follow to their conditional means, and the gain is that of the marginal of the one moved."""
+    cov = np.array([[1.0, 0.9, -0.3], [0.9, 1.0, -0.2], [-0.3, -0.2, 1.0]])
+    centre = np.array([3.0, 2.0, 1.0])
+    priors = {name: Uniform(-1.0, 1.0) for name in "abc"}
+    target = posterior(priors, quadratic, (jnp.asarray(centre), jnp.asarray(np.linalg.inv(cov))))
+    values = centre + cov[:, 0] * (1.0 - centre[0])
+    assert _gain_beyond(target, values, 0, 1.2) == pytest.approx((2.0**2 - 1.8**2) / 2, abs=1e-9)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -62,3 +64,22 @@ def test_numbers_of_priors_and_data_are_the_leaves():
     other = posterior({"a": Normal(1.5, 2.5), "s": Uniform(0.4, 3.5)}, likelihood, jnp.array(0.0))
     assert density(other, z) != first
     assert len(traces) == 1
+
+
+def test_an_absent_parameter_is_zero_and_its_z_standard_normal():
+    """The others keep their priors and their density, as if it were not among them."""
+    priors = {"a": Normal(1.0, 2.0), "b": Uniform(5.0, 6.0), "s": Uniform(0.5, 3.0)}
+
+    def shifted(values, data):
+        return likelihood({"a": values["a"] + values["b"], "s": values["s"]}, data)
+
+    target = replace(posterior(priors, shifted, jnp.array(1.7)), present=np.array([1.0, 0.0, 1.0]))
+    z = np.asarray(target.sample_prior(jax.random.key(1), 10_000))
+    values = np.asarray(target.constrain(jnp.asarray(z)))
+    assert stats.kstest(z[:, 1], stats.norm.cdf).pvalue > 0.01
+    assert stats.kstest(values[:, 0], stats.norm(1, 2).cdf).pvalue > 0.01
+    assert stats.kstest(values[:, 2], stats.uniform(0.5, 2.5).cdf).pvalue > 0.01
+    assert np.abs(np.corrcoef(z.T) - np.eye(3)).max() < 0.04
+    assert not values[:, 1].any()
+    found, known = (jax.jit(jax.vmap(one.log_density)) for one in (target, POSTERIOR))
+    np.testing.assert_allclose(found(z), known(z[:, [0, 2]]) + stats.norm.logpdf(z[:, 1]), atol=1e-9)

@@ -6,6 +6,7 @@ import pytest
 from seatrial.estimation.record_checks import (
     _delay,
     _scatter,
+    _standing_out,
     best_lag,
     check_excitation,
     check_motion,
@@ -92,8 +93,17 @@ def test_spikes_alone_and_together_are_counted(together, share, most):
         np.abs(TIME % 12 - 6),
         np.where(TIME % 20 < 10, 0.0, 1.0),
         np.cumsum(np.where(TIME % 14 < 7, 0.1, -0.1) * np.exp(-(TIME % 7))),
+        TIME % 12,
+        -TIME % 12,
     ],
-    ids=["a turn after quiet", "kinks", "steps", "rates that jump and fade"],
+    ids=[
+        "a turn after quiet",
+        "kinks",
+        "steps",
+        "rates that jump and fade",
+        "ramps that end in a step",
+        "steps that begin a ramp",
+    ],
 )
 def test_motion_that_turns_is_no_outlier(motion):
     quiet = 1e-4 * np.random.default_rng(5).normal(size=TIME.size)
@@ -250,3 +260,22 @@ def test_lag_by_a_naive_twin():
     best = max(range(-15, 16), key=lambda lag: abs(correlation(lag)))
     assert best_lag(measured, expected, 40) == (best, pytest.approx(correlation(best)))
     assert best_lag(np.ones(60), expected, 5) == (0, 0.0)
+
+
+def test_how_far_samples_stand_out_by_a_naive_twin():
+    """Beyond both sides and where the lines through two samples of each lead, of spikes of up to three; the ends are held."""
+    x = np.cumsum(np.random.default_rng(10).normal(size=40))
+
+    def at(i):
+        return x[min(max(i, 0), 39)]
+
+    def beyond(i, before, after):
+        sides = [(i - before, i - before - 1), (i + after, i + after + 1)]
+        lines = [np.polyfit(places, [at(place) for place in places], 1) for places in sides]
+        led = [*(np.polyval(line, i) for line in lines), *(at(near) for near, _ in sides)]
+        return max(x[i] - max(led), min(led) - x[i])
+
+    ways = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (3, 1)]
+    naive = [max(0.0, *(beyond(i, *way) for way in ways)) for i in range(40)]
+    assert np.count_nonzero(naive) > 10
+    np.testing.assert_allclose(_standing_out(x), naive, atol=1e-9)

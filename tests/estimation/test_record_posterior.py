@@ -1,5 +1,8 @@
 """Posteriors from records and priors are those of a campaign of the same content; simulated records are what a plain loop makes."""
 
+import hashlib
+import json
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -213,3 +216,11 @@ def test_what_is_no_prior_is_refused_by_name(prior):
         st.posterior_of_density(lambda values: -(values["a"] ** 2), {"a": prior})
     assert 'priors["a"]' in str(refused.value)
     assert "remedy" in str(refused.value)
+
+
+def test_a_simulated_record_tells_what_made_it(record):
+    told = {"values": TRUTH, "start": START, "rates": {"u": 10.0}}
+    assert record.provenance.source == "simulated"
+    assert record.provenance.options == told
+    assert record.provenance.sha256 == hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+    assert record.label == "trial"

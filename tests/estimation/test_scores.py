@@ -5,6 +5,7 @@ import pytest
 from scipy import integrate, stats
 
 from seatrial.estimation.validation import (
+    _innovations,
     coverage,
     crps_normal,
     effective_samples,
@@ -169,3 +170,11 @@ def test_effective_samples_by_a_plain_sum():
                 break
             total += r
         assert effective_samples(np.arange(40.0), e) == pytest.approx(40 / (1 + 2 * total))
+
+
+def test_what_is_new_in_coloured_residuals_is_white_by_the_factor_of_their_covariance():
+    """Samples at uneven times: the inverse of the Cholesky factor of exp(-|t - t'| / tau) makes them independent, of variance one."""
+    rng = np.random.default_rng(12)
+    time, z = np.cumsum(rng.uniform(0.05, 1.0, 30)), rng.normal(size=30)
+    cov = np.exp(-np.abs(time[:, None] - time) / 0.4)
+    np.testing.assert_allclose(_innovations(time, z, 0.4), np.linalg.solve(np.linalg.cholesky(cov), z), rtol=1e-9)

@@ -8,7 +8,7 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.noise import _relative_error, noise_from_high_pass
+from seatrial.filters.noise import MAX_ORDER, _relative_error, noise_from_high_pass
 from seatrial.filters.run import run_filter
 from seatrial.filters.tuning import LEVEL, TuningReport, _band, _findings, check_tuning
 from tests.cases import X_U, naive_rk4, surge_rate
@@ -184,8 +184,10 @@ def test_unit_carries_over():
         (np.full(1000, np.nan), "0 differences"),
         (np.arange(30.0), "at least 50"),
         (np.round(np.arange(1000) / 100), "steps"),
+        (np.random.default_rng(2).integers(0, 3, 1000) / 10, "steps"),
+        (np.cumsum(np.where(np.arange(1000) % 5 == 0, np.random.default_rng(2).normal(size=1000), 0.0)), "steps"),
     ],
-    ids=["nothing", "few", "quantised"],
+    ids=["nothing", "few", "quantised", "three steps", "seldom anew"],
 )
 def test_data_without_visible_noise_are_refused(measured, words):
     with pytest.raises(InputError, match=words):
@@ -267,6 +269,8 @@ TUNED = TuningReport(
         ({"moved": 7.1}, [("P", "up")]),
         ({"moved": 7.1, "nis": 0.91}, [("P", "up")]),
         ({"moved": 7.1, "nis": 0.89}, [("Q", "down")]),
+        ({"moved": 7.1, "nis": 0.8, "nis_band": (0.7, 1.3)}, [("P", "up")]),
+        ({"moved": 7.1, "nis": 0.69, "nis_band": (0.7, 1.3)}, [("Q", "down")]),
         ({"moved": 0.02}, []),
         ({"moved": 0.009}, [("P", "down")]),
         ({"nis": 1.09}, []),
@@ -355,3 +359,19 @@ def test_twenty_measurements_in_the_second_half_are_enough(measured_in_half, jud
     else:
         with pytest.raises(InputError, match="19 measurements"):
             check_tuning(trace, SPACE)
+
+
+@pytest.mark.parametrize(("counts", "found"), [([5000, 50], []), ([50, 5000], [("R", "down")])])
+def test_small_innovations_of_few_measurements_may_be_chance(counts, found):
+    """A mean of 50 squares is below 0.7 by chance too often to tell, one of 5000 never is."""
+    findings = _findings(replace(TUNED, spread=np.array([1.0, 0.7])), SPACE, counts)
+    assert [finding[:2] for finding in findings] == found
+
+
+def test_a_signal_that_no_order_removes_counts_at_the_highest():
+    """A sine of eight samples a period is 0.77 times smaller in each difference, by more than a median of 4000 errs."""
+    time = 0.1 * np.arange(4000)
+    found = noise_from_high_pass(time, np.sin(2 * np.pi / 8.1 * np.arange(4000)))
+    assert found.order == MAX_ORDER
+    gain = (2 * np.sin(np.pi / 8.1)) ** MAX_ORDER / np.sqrt(comb(2 * MAX_ORDER, MAX_ORDER))
+    assert found.sd == pytest.approx(gain * np.sqrt(0.5) / stats.norm.ppf(0.75), rel=0.02)

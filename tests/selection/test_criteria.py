@@ -110,6 +110,7 @@ def test_monte_carlo_errors_are_honest():
         pairs = (
             (waic(table).value, truth.waic.sum()),
             (psis_loo(table).value, truth.loo.sum()),
+            (deviance.mean_deviance, truth.mean_deviance),
             (deviance.p_d, truth.p_d),
             (deviance.dic, truth.mean_deviance + truth.p_d),
             (deviance.bpic, truth.mean_deviance + 2 * truth.p_d),

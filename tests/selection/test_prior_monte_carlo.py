@@ -60,8 +60,19 @@ def check_early_stop(target, n):
     assert logsumexp(quick) == pytest.approx(logsumexp(full), rel=1e-12)
 
 
-def test_early_stop_changes_nothing():
+def test_early_stop_changes_nothing(monkeypatch):
+    """The best likelihood is sought after the first of 16 pieces, and whenever as much again is done: after 1, 2, 4, 8 and 16."""
+    whole, sizes = early_stop._log_likelihoods, []
+
+    def counting(posterior, values):
+        sizes.append(values.shape[0])
+        return whole(posterior, values)
+
+    monkeypatch.setattr(early_stop, "_log_likelihoods", counting)
     check_early_stop(surge("X_u", "X_uabsu", "T_nabsn"), 1000)
+    assert len(sizes) == 5 + 1
+    assert sizes[0] == early_stop.PROMISING
+    assert sizes[-1] == 1000
 
 
 @pytest.mark.proof

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -106,3 +108,18 @@ def test_rules_of_other_terms_and_missing_priors_are_refused():
     rules = compiled(library_of(SURGE, ("u", "n")))
     with pytest.raises(InputError, match="no prior of X_du3"):
         screen(equations, rules, [surge_record(1)], {"u": SIGMA}, {k: PRIOR[k] for k in SURGE[:3]}, KEY)
+
+
+@pytest.mark.parametrize(
+    ("most", "covered", "length"),
+    [(8, 0.49, 1), (8, 0.51, 2), (8, 0.79, 2), (8, 0.81, 3), (8, 0.98, 4), (8, 0.999, 4), (2, 0.98, 2), (1, 0.1, 1)],
+)
+def test_a_shortlist_ends_where_it_is_probable_enough(golden, most, covered, length):
+    """Structures of probability 0.5, 0.3, 0.15 and 0.04, in that order; the rest are not listed."""
+    posterior = replace(
+        golden.posterior,
+        structures=np.array([0b0111, 0b1111, 0b0011, 0b0001], np.uint64),
+        probability=np.array([0.5, 0.3, 0.15, 0.04]),
+    )
+    found = replace(golden, posterior=posterior).shortlist(most, covered)
+    assert found == tuple(golden.posterior.names[:terms] for terms in (3, 4, 2, 1)[:length])

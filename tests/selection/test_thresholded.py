@@ -79,3 +79,23 @@ def test_bad_questions():
     phi[:, 3] = phi[:, 2]
     with pytest.raises(InputError, match="c and d are proportional"):
         thresholded_least_squares(gram(phi, y), NAMES[:12])
+
+
+def test_the_path_goes_from_nearly_every_term_to_none():
+    """Forty thresholds from a thousandth of the largest coefficient of the full fit to just beyond it."""
+    phi, y = data()
+    full = np.abs(naive(phi, y, 0.0) * np.sqrt((phi**2).mean(0))).max()
+    found = thresholded_least_squares(gram(phi, y), NAMES[:12])
+    np.testing.assert_allclose(found.thresholds, full * 1001 ** (np.arange(40) / 39) * 1e-3, rtol=1e-9)
+    assert found.structures[-1] == 0
+    assert int(found.structures[0]).bit_count() > 6
+
+
+def test_parts_need_not_determine_every_term_alone():
+    """Three parts of eight rows for twelve terms: any two of them do together."""
+    phi, y = data(24)
+    folds = [gram(phi[i::3], y[i::3]) for i in range(3)]
+    found = thresholded_least_squares(gram(phi, y), NAMES[:12], folds=folds, thresholds=[0.3])
+    c = [naive(np.delete(phi, np.s_[i::3], 0), np.delete(y, np.s_[i::3]), 0.3) for i in range(3)]
+    expected = sum(np.sum((y[i::3] - phi[i::3] @ c[i]) ** 2) for i in range(3)) / 24
+    assert found.criterion[0] == pytest.approx(expected, rel=1e-9)

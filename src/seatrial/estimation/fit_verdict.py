@@ -74,7 +74,7 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
 def _sizes(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
-    short = score.coverage < 0.9 and scipy.special.betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
+    short = scipy.special.betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
     large = scipy.stats.chi2.sf(n * score.variance, n) < RARE
     small = scipy.stats.chi2.cdf(n * score.variance, n) < RARE
     result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"

@@ -86,7 +86,7 @@ def _of_one_draw(likelihood: OutputError, values: Mapping[str, Any], data: Trial
         for sensor, channel, x in zip(sensors, trial.channels, shown.T, strict=True):
             noise = likelihood.noise(here, sensor, channel._replace(counts=one))
             columns.append(
-                jax.vmap(lambda e, noise=noise: noise.log_likelihood(noise.absorb(noise.empty(), e, 1, 0, True)))(
+                jax.vmap(lambda e, noise=noise: noise.log_likelihood(noise.absorb(noise.empty(), e, 1, 0)))(
                     channel.measured - x
                 )
             )

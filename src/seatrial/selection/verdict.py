@@ -231,11 +231,7 @@ def pair_verdicts(has: Mapping[str, np.ndarray], probability: np.ndarray) -> lis
         only_a = float((has[a] * (1 - has[b])) @ probability)
         only_b = float((has[b] * (1 - has[a])) @ probability)
         both = float((has[a] * has[b]) @ probability)
-        if (
-            only_a + only_b + both >= DECIDED
-            and max(only_a + both, only_b + both) < DECIDED
-            and min(only_a, only_b) > 1 - DECIDED
-        ):
+        if only_a + only_b + both >= DECIDED and min(only_a, only_b) > 1 - DECIDED:
             said.append(
                 f"these records cannot separate {a} from {b}: at least one is needed (probability {only_a + only_b + both:.2f}), "
                 f"{a} alone {only_a:.2f}, {b} alone {only_b:.2f}, both {both:.2f}"

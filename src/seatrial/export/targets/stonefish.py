@@ -183,16 +183,15 @@ def enclosing_ellipsoid(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "
     def spread() -> Float[np.ndarray, " 3"]:
         return 3 * (weights @ points**2 - (weights @ points) ** 2)
 
-    for step in range(_ITERATIONS + 1):
+    for step in range(_ITERATIONS):
         outside = ((points - weights @ points) ** 2 / spread()).sum(axis=1)
         worst = int(np.argmax(outside))
         excess = outside[worst] - 1
         if excess <= _TOLERANCE:
             return np.sqrt(spread()) if step else 0.5 * np.ptp(points, axis=0)
-        if step < _ITERATIONS:
-            share = excess / (4 * (1 + excess))
-            weights *= 1 - share
-            weights[worst] += share
+        share = excess / (4 * (1 + excess))
+        weights *= 1 - share
+        weights[worst] += share
     return np.sqrt(spread())
 
 
