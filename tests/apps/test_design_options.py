@@ -3,7 +3,7 @@
 import pytest
 
 from seatrial.apps.commands.plan import _each
-from seatrial.apps.running import Exit
+from seatrial.apps.running import Answer, Exit
 from seatrial.core.errors import InputError, NumericalError
 from tests.apps.test_cli import results, run
 from tests.campaign.small import write_small
@@ -39,7 +39,7 @@ def test_an_option_that_fails_does_not_drop_the_others(capsys):
 
     first, last = InputError("here", found="a", expected="b", remedy="c"), NumericalError("it diverges")
     with pytest.raises(NumericalError, match="it diverges"):
-        _each([lambda: fails(first), lambda: ["one", "two"], lambda: fails(last), lambda: ["three"]])
+        _each(Answer(), [lambda: fails(first), lambda: ["one", "two"], lambda: fails(last), lambda: ["three"]])
     said = capsys.readouterr()
     assert said.out == "one\ntwo\nthree\n"
     assert said.err.startswith("error: here\n  found:    a")

@@ -92,7 +92,7 @@ class Sweep:
         """The sweep with the duration of its best design, as long as that is to be run."""
         if self.length is None:
             return self
-        return replace(self, family=replace(self.family, duration=float(self.length[self.best])))
+        return replace(self, family=replace(self.family, ended=float(self.length[self.best])))
 
     def best_manoeuvre(self) -> Manoeuvre:
         """The best design, as long as it is to be run."""

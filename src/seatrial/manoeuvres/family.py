@@ -29,6 +29,7 @@ class Family:
         kind: shape, such as `step`, `doublet`, `repeated-doublet`, `multistep-3211`, `random-steps`, `multisine` or `chirp`; the reference
             of the campaign file lists all of them.
         seed: of random levels.
+        ended: when the trial is ended, s, which may be before the input has come to its end; None for its whole duration.
 
     Raises:
         InputError: a shape that there is not, a time that is none, or times that contradict each other.
@@ -43,6 +44,7 @@ class Family:
     ramp: float = 0.0
     kind: str = "repeated-doublet"
     seed: int = 0
+    ended: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse settings that no trial has."""
@@ -54,6 +56,8 @@ class Family:
         for name in ("start", "ramp"):
             check_number(getattr(self, name), f"Family, {name}", least=0.0, remedy="give a time in s, or leave it out")
         check_count(self.seed, "Family, seed", least=0)
+        if self.ended is not None:
+            check_number(self.ended, "Family, ended", above=0.0, remedy="give a time in s, or leave it out")
         _check_times(self)
 
     @property
@@ -66,9 +70,14 @@ class Family:
         """Name of the kind in a sentence."""
         return self.kind.replace("-", " ").replace("multistep 3211", "3-2-1-1")
 
+    @property
+    def end(self) -> float:
+        """When the trial ends, s."""
+        return self.duration if self.ended is None else self.ended
+
     def time(self) -> Float[np.ndarray, " n"]:
         """Sample times, s."""
-        return np.arange(round(self.duration / self.sample_time)) * self.sample_time
+        return np.arange(round(self.end / self.sample_time)) * self.sample_time
 
     def signal(self, amplitude: Any, period: Any, time: Any) -> Array:
         """Return the control at given times, SI; settings and times broadcast.
@@ -109,7 +118,7 @@ class Family:
         def signal(time: np.ndarray) -> np.ndarray:
             return np.asarray(self.signal(amplitude, period, time))
 
-        return Manoeuvre(self.words, self.control, self.duration, settings, signal)
+        return Manoeuvre(self.words, self.control, self.end, settings, signal)
 
     def schedule(self, amplitude: float, period: float, **held: float) -> Schedule:
         """Return one member as controls over time.
