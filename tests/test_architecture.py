@@ -22,8 +22,8 @@ FORBIDDEN = {
     "__import__",
 }
 
-BETWEEN_OWN_PROCESSES = {"dask_workers.py": {"pickle"}}
-"""Dask's tasks, never a file: docs/decisions/0016."""
+BETWEEN_OWN_PROCESSES = {"dask_workers.py": {"pickle"}, "programs.py": {"pickle"}}
+"""Dask's tasks, never a file: docs/decisions/0016. Compiled programs, in a folder that is the user's own alone: docs/decisions/0023."""
 
 
 def test_imports_point_downwards_only():
