@@ -110,3 +110,19 @@ def test_controls_that_are_not_driven_are_held(found):
     schedule = replace(found, sweeps=(replace(found.sweeps[0], trim=trim),)).schedule
     np.testing.assert_array_equal(schedule.controls["n"], found.schedule.controls["n"])
     np.testing.assert_array_equal(schedule.controls["delta_r"], 0.1)
+
+
+@pytest.mark.parametrize("other", [None, -0.2], ids=["of its own vehicle", "of another"])
+def test_controls_of_a_sweep_s_designs_are_those_of_their_schedules(found, other):
+    """Beside the driven one the rudder is held where the sweep's vehicle has it, or another one."""
+    held = 0.1 if other is None else other
+    sweep = replace(found.sweeps[0], trim=(("n", 1200 * RPM), ("delta_r", 0.1)))
+    trim = None if other is None else (("n", 1200 * RPM), ("delta_r", other))
+    rows, columns, every = sweep.inside(trim)
+    assert list(zip(rows, columns, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    for row, column, control in zip(rows, columns, every, strict=True):
+        shown = FAMILY.schedule(float(GRID[0][row]), GRID[1][column], delta_r=held).controls
+        wanted = np.column_stack([shown["n"], shown["delta_r"]])
+        np.testing.assert_allclose(control, wanted)
+        np.testing.assert_allclose(sweep.controls(row, column, trim), wanted)
+    np.testing.assert_array_equal(sweep.best_controls(trim), sweep.controls(*sweep.best, trim))
