@@ -69,6 +69,9 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/design/utility_agreement.py, _spearman: return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), "
     "where=scale > 0) => return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 1)": "ranks of five designs "
     "and more that are not all alike spread by more than one",
+    "src/seatrial/filters/run.py, _pass: begin = (_arrays(start), tuple(control[0]), step[0], grows[0], zero, zero) => "
+    "begin = (_arrays(start), tuple(control[0]), step[0], grows[1], zero, zero)": "the growth before the first sample, to which "
+    "nothing is predicted",
     'src/seatrial/selection/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
     '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
 }

@@ -35,6 +35,7 @@ def test_interval_holds_the_correlation_of_the_population():
 def test_monotone_utilities_choose_alike():
     found = one(np.exp(EXPENSIVE))
     assert (found.correlation, found.regret, found.chosen) == (pytest.approx(1.0), 0.0, found.best)
+    assert one(np.exp(EXPENSIVE), std_error=0.3).regret_error == 0.0
     assert "chooses a design that is best" in found.words
 
 

@@ -82,3 +82,26 @@ def test_sensors_are_worth_the_information_of_the_samples_they_take():
         np.testing.assert_allclose(found.sd, np.sqrt(np.diagonal(after, axis1=1, axis2=2).mean(0)), rtol=1e-8)
     with pytest.raises(NumericalError, match="diverges"):
         sensor_worth(whole, control, np.array([[1e300, 1.0, 1.0]]), cov, criterion, choices)
+
+
+def test_trials_that_are_only_good_together_are_found_by_exchange():
+    """By ln det(I + F) the even design is the best alone and beside any; the two one-sided ones together beat it twice."""
+    found = np.array([np.diag(x) for x in ((1.0, 1.0), (2.6, 0.0), (0.0, 2.5))])[:, None]
+
+    def gain(f):
+        return np.linalg.slogdet(np.eye(2) + f)[1]
+
+    batch = plan_batch(found, gain, 2)
+    assert batch.designs == (1, 2)
+    assert batch.utility == pytest.approx((np.log(3.6), np.log(3.6 * 3.5)))
+    assert batch.repeated == pytest.approx(2 * np.log(3.0))
+
+
+def test_fewer_trials_are_the_best_of_those_planned():
+    found, criterion = information(9, seed=8), find_criterion("fisher-d", COV)
+    batch = plan_batch(found, criterion, 4)
+    together = [criterion(found[list(batch.designs[:n])].sum(0)).mean() for n in (1, 2, 3, 4)]
+    assert batch.utility == pytest.approx(together, rel=1e-12)
+    for n in range(4):
+        before = found[list(batch.designs[:n])].sum(0)
+        assert together[n] == pytest.approx(max(criterion(before + found[d]).mean() for d in batch.designs[n:]))

@@ -380,3 +380,15 @@ def test_duty_of_any_control_by_a_naive_count():
 def test_duty_at_its_bound_is_kept(share, broken):
     control = np.array([1.0, 1.0, 0.0, 0.0])
     assert ("share away from trim" in duty_excess(Duty(0.0, 0.1, share=share), control, 1.0)) == broken
+
+
+@pytest.mark.parametrize(
+    ("left", "pairs"),
+    [(([0], [1, 2, 3], [4, 5]), [(1, 2), (0, 1), (0, 2)]), (([1, 2, 3], [0], [4, 5]), [(0, 2), (0, 1), (1, 2)])],
+)
+def test_pairs_that_leave_most_designs_alone_come_first(left, pairs):
+    """Of three limits that share no design: by the fewer of the designs that the two leave."""
+    room = -np.ones((6, 59, 3))
+    for limit, designs in enumerate(left):
+        room[designs, :, limit] = 1.0
+    assert conflicting_pairs(Safety((*WIDE, Advance(upper=9.0)), 0.95, 0.95, room, np.zeros(6, int))) == pairs

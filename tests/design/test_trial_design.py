@@ -1,11 +1,16 @@
 """The best next trial by priors or draws: that of the sweep it rests on, and better known than before."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 import seatrial as st
 from seatrial.core.gaussian import Gaussian
 from seatrial.design.sweep import sweep_family
+from seatrial.design.trial_design import _measured, _trim
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.discretise import discretise
 
@@ -74,3 +79,50 @@ def test_what_is_missing_is_said():
         design(belief={"T_nabsn": PRIORS["T_nabsn"]})
     with pytest.raises(st.InputError, match="a value of n"):
         design(families=st.Family("delta_r", 0.0, duration=20.0, active=16.0, sample_time=0.1))
+
+
+def test_a_family_without_a_design_inside_the_limits_is_refused_by_name(found):
+    high = replace(FAMILY, trim=1300 * RPM, kind="step")
+    limits = Limits(upper=1390 * RPM)
+    both = design(families=[high, FAMILY], limits=limits)
+    assert [sweep.family.kind for sweep in both.sweeps] == ["repeated-doublet"]
+    assert both.gain == pytest.approx(float(found.sweeps[0].gain[0].max()), rel=1e-9)
+    assert list(both.refused) == ["step"]
+    assert "no design of 4" in both.refused["step"]
+    with pytest.raises(st.InputError, match="one design at least inside the limits") as caught:
+        design(families=[high, replace(high, kind="repeated-doublet")], limits=limits)
+    assert "step: " in caught.value.found
+    assert "repeated-doublet: " in caught.value.found
+
+
+def test_sensors_give_every_so_many_samples():
+    """At 10 samples a second: all without a rate or at a higher one, every third at three a second."""
+    mask = _measured(FAMILY, {"u": 0.1, "udot": 0.2, "n": 0.3}, {"udot": 3.0, "n": 40.0})
+    assert mask.shape == (200, 3)
+    assert mask[:, [0, 2]].all()
+    np.testing.assert_array_equal(np.flatnonzero(mask[:, 1]), np.arange(0, 200, 3))
+
+
+def test_controls_that_are_not_driven_are_held(found):
+    model: Any = SimpleNamespace(controls=("delta_r", "n"))
+    trim = _trim(model, FAMILY, {"delta_r": 0.1, "n": 5.0})
+    assert trim == (("delta_r", 0.1), ("n", 1200 * RPM))
+    schedule = replace(found, sweeps=(replace(found.sweeps[0], trim=trim),)).schedule
+    np.testing.assert_array_equal(schedule.controls["n"], found.schedule.controls["n"])
+    np.testing.assert_array_equal(schedule.controls["delta_r"], 0.1)
+
+
+@pytest.mark.parametrize("other", [None, -0.2], ids=["of its own vehicle", "of another"])
+def test_controls_of_a_sweep_s_designs_are_those_of_their_schedules(found, other):
+    """Beside the driven one the rudder is held where the sweep's vehicle has it, or another one."""
+    held = 0.1 if other is None else other
+    sweep = replace(found.sweeps[0], trim=(("n", 1200 * RPM), ("delta_r", 0.1)))
+    trim = None if other is None else (("n", 1200 * RPM), ("delta_r", other))
+    rows, columns, every = sweep.inside(trim)
+    assert list(zip(rows, columns, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    for row, column, control in zip(rows, columns, every, strict=True):
+        shown = FAMILY.schedule(float(GRID[0][row]), GRID[1][column], delta_r=held).controls
+        wanted = np.column_stack([shown["n"], shown["delta_r"]])
+        np.testing.assert_allclose(control, wanted)
+        np.testing.assert_allclose(sweep.controls(row, column, trim), wanted)
+    np.testing.assert_array_equal(sweep.best_controls(trim), sweep.controls(*sweep.best, trim))

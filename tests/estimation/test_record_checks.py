@@ -279,3 +279,25 @@ def test_how_far_samples_stand_out_by_a_naive_twin():
     naive = [max(0.0, *(beyond(i, *way) for way in ways)) for i in range(40)]
     assert np.count_nonzero(naive) > 10
     np.testing.assert_allclose(_standing_out(x), naive, atol=1e-9)
+
+
+@pytest.mark.parametrize(("steps", "said"), [(5, "about 0.5 s late"), (-12, "about 1.2 s early")])
+def test_a_shift_is_told_in_seconds(steps, said):
+    found = check_motion("u", STEP, np.roll(EXPECTED, steps) + NOISE, EXPECTED)
+    assert [finding.value for finding in found if finding.check == "delay"] == [said]
+    assert {finding.signal for finding in found} == {"u"}
+
+
+@pytest.mark.parametrize(("steps", "found"), [(15, True), (-15, True), (16, False), (-16, False)])
+def test_shifts_are_sought_up_to_a_quarter_of_the_record(steps, found):
+    expected = np.random.default_rng(11).normal(size=60)
+    lag, correlation = best_lag(np.roll(expected, steps), expected, 40)
+    assert (lag == steps) == found
+    assert (correlation > 0.99) == found
+
+
+def test_outliers_are_told_of_their_channel():
+    spiky = np.where(np.arange(600) % 100 == 50, 1.0, NOISE)
+    for values, level in ((NOISE, "pass"), (spiky, "caution")):
+        (finding,) = check_samples("r", values, 0.02)
+        assert (finding.signal, finding.check, finding.level) == ("r", "outliers", level)

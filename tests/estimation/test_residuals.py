@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from seatrial.estimation.residuals import Coloured, Heavy, White
+from seatrial.estimation.trial_data import FOREVER, channel_data
 
 
 @pytest.mark.parametrize("complete", [True, False])
@@ -48,3 +49,12 @@ def test_independent_residuals_are_sums_of_their_log_densities(shape, law, compl
         total = shape.absorb(total, one, there, 0)
     assert int(present.sum()) == 7
     assert float(shape.log_likelihood(total)) == pytest.approx(law.logpdf(e[present > 0]).sum(), rel=1e-12)
+
+
+def test_gaps_that_agree_to_the_nanosecond_are_one():
+    """Of gaps 1, 1 + 0.3 ns, 1 + 3 ns and 2 s the first two are one, their mean."""
+    time = np.cumsum([0.0, 1.0, 1.0 + 3e-10, 1.0 + 3e-9, 2.0])
+    found = channel_data(time, np.zeros(5))
+    assert found.counts.tolist() == [2.0, 1.0, 1.0, 1.0]
+    np.testing.assert_allclose(found.gaps - [1.0, 1.0, 2.0, FOREVER], [1.5e-10, 3e-9, 0.0, 0.0], atol=1e-12)
+    assert found.kind.tolist() == [3, 0, 0, 1, 2]

@@ -155,3 +155,36 @@ def test_mode_in_these_coordinates_has_their_curvature(problem):
     slope = np.asarray(jax.jacfwd(target.coupled)(jnp.asarray(there.z)))
     np.testing.assert_allclose(there.precision, slope.T @ mode.precision @ slope, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(there.cov @ there.precision, np.eye(6), atol=1e-5)
+
+
+class TwoValues:
+    """Trial i measures two values that both differ between trials, each by its own error, and a gain with the second."""
+
+    varying, labels = ("X_u", "Y_v"), LABELS
+    measured, error = np.array([[-3.3, -2.9, -2.2], [7.0, 7.4, 6.5]]), np.array([[0.05, 0.2, 0.1], [0.3, 0.1, 0.4]])
+
+    def __call__(self, values, data):
+        own = [
+            [values[name] + values[f"spread_{name}"] * values[f"dev_{name}[{label}]"] for label in LABELS]
+            for name in self.varying
+        ]
+        known = jnp.stack([jnp.stack(row) for row in own]) + jnp.array([[0.0], [1.0]]) * values["gain"]
+        return -0.5 * jnp.sum(((self.measured - known) / self.error) ** 2)
+
+
+def test_given_their_spreads_two_values_that_vary_are_not_correlated():
+    """Values, deviations and trials keep their places: curvature is the identity at the mode's spreads, and the way back is the way."""
+    priors = {
+        "gain": Normal(0.0, GAIN_SD),
+        **{"X_u": Normal(COMMON, COMMON_SD), "Y_v": Normal(6.0, 2.0)},
+        **{f"spread_{name}": half_normal(SPREAD, lower=0.0) for name in TwoValues.varying},
+        **{f"dev_{name}[{label}]": Normal(0.0, 1.0) for name in TwoValues.varying for label in LABELS},
+    }
+    posterior = Posterior(tuple(Parameter(name, "1", "", prior) for name, prior in priors.items()), TwoValues(), ())
+    target, there = uncouple(posterior, find_mode(posterior, KEY))
+    assert isinstance(target, Uncoupled)
+    inside = [1, 2, *range(5, 11)]
+    hessian = jax.jit(jax.hessian(lambda x: target.log_prior(x) + target.log_likelihood(x)))(jnp.asarray(there.z))
+    assert -np.asarray(hessian)[np.ix_(inside, inside)] == pytest.approx(np.eye(8), abs=1e-5)
+    z = posterior.sample_prior(KEY, 5)
+    assert np.asarray(coupled(target, target.uncoupled(z))) == pytest.approx(np.asarray(z), abs=1e-9)

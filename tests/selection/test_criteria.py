@@ -72,6 +72,7 @@ def test_deviance_criteria(d):
     assert_within(found.dic, truth.mean_deviance + truth.p_d)
     assert_within(found.bpic, truth.mean_deviance + 2 * truth.p_d)
     assert found.p_d.error < 0.05
+    assert found.mean_deviance.error == pytest.approx(np.sqrt(2 * d / 20_000), rel=0.4)
 
 
 @pytest.mark.parametrize("d", [1, 3])
