@@ -30,7 +30,7 @@ def main() -> None:
         "sigma_u": st.LogUniform(0.002, 0.2),
     }
     posterior = st.make_posterior(full, first, priors, start=START)
-    draws = st.sample(posterior, settings=st.ChainSettings(chains=8, warmup=300, draws=500))
+    draws = st.sample(posterior, settings=st.ChainSettings(chains=16, warmup=400, draws=800))
     print(draws.summary().to_string(float_format="{:.4g}".format), *draws.complaints(), sep="\n")
     explained = st.predict(posterior, draws, second, start=START).score("u").explained
     print(f"of the second trial's variance {explained:.0%} was predicted")

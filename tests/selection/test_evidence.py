@@ -72,7 +72,7 @@ def short_surge():
 )
 def test_known_evidence(problem):
     target, exact = problem()
-    found = smc_evidence(target, jax.random.key(1), EvidenceSettings(repeats=4))
+    found = smc_evidence(target, jax.random.key(1))
     assert found.status == ""
     assert 0 < found.std_error < 0.2
     assert abs(found.log_value - exact) < 4 * found.std_error
