@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
 
-.PHONY: run test quick thorough proof lint types imports examples bench figures docs dist lock clean
+.PHONY: run test test-campaigns test-library quick proof lint types imports examples bench figures docs dist lock clean
 
 run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
@@ -13,13 +13,17 @@ run: $(VENV)/ready
 
 # Both halves at once: each keeps about one core busy.
 test: $(VENV)/ready
-	$(MAKE) --no-print-directory -j2 --output-sync=target quick thorough
+	$(MAKE) --no-print-directory -j2 --output-sync=target test-campaigns test-library
 
+test-campaigns: $(VENV)/ready
+	$(BIN)/python -m pytest -m "not proof" --durations=25 tests/apps tests/campaign
+
+test-library: $(VENV)/ready
+	$(BIN)/python -m pytest -m "not proof" --durations=25 tests studies --ignore tests/apps --ignore tests/campaign
+
+# What takes less than ten seconds each.
 quick: $(VENV)/ready
-	$(BIN)/python -m pytest -m "not thorough and not proof" --durations=25
-
-thorough: $(VENV)/ready
-	$(BIN)/python -m pytest -m thorough --durations=25
+	$(BIN)/python -m pytest -m "not thorough and not proof"
 
 # Long sweeps that rarely break: golden numbers, reference posteriors, calibrations, damaged logs, the study at full size, code of the docs.
 proof: $(VENV)/ready

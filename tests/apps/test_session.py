@@ -20,7 +20,6 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.steps import Workflow
 from tests.campaign.small import NO_X_U, write_small
 
-COMPILED = "Finished XLA compilation"
 PARENT = """
 import os, sys, time
 from pathlib import Path
@@ -33,6 +32,11 @@ part.write_text(str(session.process.pid))
 os.replace(part, sys.argv[4])
 time.sleep(120)
 """
+
+
+def makes_programs(said):
+    """Whether what JAX said tells of programs that were compiled or loaded."""
+    return "Finished XLA compilation" in said or "Loaded program" in said
 
 
 def until(true, seconds=120.0):
@@ -60,7 +64,7 @@ def test_a_command_runs_as_if_alone_and_compiles_once(monkeypatch, tmp_path):
         return log.read_text(), xr.load_dataset(Store(folder).design)
 
     said, first = design()
-    assert COMPILED in said
+    assert makes_programs(said)
     text = (folder / "campaign.toml").read_text()
     assert text.count('"1500 rpm"') == 1
     (folder / "campaign.toml").write_text(text.replace('"1500 rpm"', '"1350 rpm"'))
@@ -69,7 +73,7 @@ def test_a_command_runs_as_if_alone_and_compiles_once(monkeypatch, tmp_path):
     assert not limited.equals(first)
     (folder / "campaign.toml").write_text(text)
     said, again = design()
-    assert COMPILED not in said
+    assert not makes_programs(said)
     xr.testing.assert_equal(again, first)
     session.close()
     assert session.process.wait(20) == Exit.OK
@@ -177,11 +181,11 @@ def test_a_rehearsal_compiles_the_next_step_and_leaves_nothing(tmp_path, caplog)
     assert everything(folder) == before
     assert list(scratch.iterdir()) == []
     with jax.log_compiles():
-        assert COMPILED not in caplog.text
+        assert not makes_programs(caplog.text)
         Workflow(load_campaign(folder)).get("design")
-        assert COMPILED not in caplog.text
+        assert not makes_programs(caplog.text)
         jax.jit(lambda x: x + 3.25)(1.0)
-        assert COMPILED in caplog.text
+        assert makes_programs(caplog.text)
     assert Store(folder).design.is_file()
 
 

@@ -45,7 +45,7 @@ def test_a_sequence_runs_what_is_proposed_until_the_goal_allows_no_more(tmp_path
     assert len(later_trials(campaign)) == 2
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_lag_that_no_structure_has_is_told_and_stops_the_sequence(tmp_path):
     """A second of lag in four doublets of 30 s: every coefficient would be wrong by several of its standard deviations."""
     text = ONE.replace("[truth]", "[truth]\nlag_n = 1.0").replace('noise = "0.05 m/s"', 'noise = "0.02 m/s"')

@@ -29,7 +29,7 @@ TWO_MORE = (
 WRITTEN = {"surge": lambda folder: write_small(folder, *TWO_MORE), "yaw": write_yaw}
 
 
-@pytest.fixture(scope="module", params=WRITTEN)
+@pytest.fixture(scope="module", params=["surge", pytest.param("yaw", marks=pytest.mark.proof)])
 def study(request, tmp_path_factory):
     campaign = load_campaign(WRITTEN[request.param](tmp_path_factory.mktemp(request.param)))
     return Study(campaign, get_trials(campaign).fit)
@@ -107,6 +107,7 @@ def test_prior_draws_are_those_of_the_priors_and_standard_normal_in_what_is_abse
         assert abs(values[:, i].mean() - prior.mean) < 4 * prior.sd / np.sqrt(4000)
 
 
+@pytest.mark.proof
 def test_a_value_that_varies_may_be_absent(tmp_path, monkeypatch):
     """Coordinates of a value that no trial has are its own, and finite."""
     monkeypatch.setattr(posteriors, "SHARED", 0.0)

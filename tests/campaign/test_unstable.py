@@ -62,7 +62,7 @@ def turning(c, mass, inertia):
     return rates
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_closed_loop_on_an_unstable_vehicle(tmp_path):
     vehicle = load_vehicle("remus100_hall_anstee")
     rates = turning({**vehicle.hull.fixed, **vehicle.coefficients}, vehicle.hull.mass, vehicle.hull.inertia[2])

@@ -172,6 +172,7 @@ class TwoValues:
         return -0.5 * jnp.sum(((self.measured - known) / self.error) ** 2)
 
 
+@pytest.mark.proof
 def test_given_their_spreads_two_values_that_vary_are_not_correlated():
     """Values, deviations and trials keep their places: curvature is the identity at the mode's spreads, and the way back is the way."""
     priors = {

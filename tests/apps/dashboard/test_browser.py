@@ -51,6 +51,7 @@ def wait_for_end(folder: Path) -> None:
         time.sleep(0.2)
 
 
+@pytest.mark.proof
 def test_from_a_limit_to_an_export(tmp_path, page):
     folder = write_small(tmp_path / "served" / "boat", *NO_X_U, ("points = 4", "points = 3"))
     with served(tmp_path / "served", kill=True) as (address, _):
