@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
+CAMPAIGNS := tests/apps tests/campaign tests/core tests/docs tests/report
 
 .PHONY: run test test-campaigns test-library quick proof lint types imports examples bench figures docs dist lock clean
 
@@ -16,10 +17,10 @@ test: $(VENV)/ready
 	$(MAKE) --no-print-directory -j2 --output-sync=target test-campaigns test-library
 
 test-campaigns: $(VENV)/ready
-	$(BIN)/python -m pytest -m "not proof" --durations=25 tests/apps tests/campaign
+	$(BIN)/python -m pytest -m "not proof" --durations=25 $(CAMPAIGNS) studies
 
 test-library: $(VENV)/ready
-	$(BIN)/python -m pytest -m "not proof" --durations=25 tests studies --ignore tests/apps --ignore tests/campaign
+	$(BIN)/python -m pytest -m "not proof" --durations=25 tests $(CAMPAIGNS:%=--ignore=%)
 
 # What takes less than ten seconds each.
 quick: $(VENV)/ready
