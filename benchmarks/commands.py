@@ -120,7 +120,7 @@ def _widen(path: Path, more: Sequence[str], duration: str) -> None:
     terms = "".join(f', "{term}"' for term in more)
     text = text.replace('optional = ["X_u", "X_du3"]', f'optional = ["X_u", "X_du3"{terms}]')
     for term in more:
-        half = 1e-3 if term == "T_n" else 5.0
+        half = 1e-3 if term == "T_n" else 0.3
         text += f'\n[prior.{term}]\ndistribution = "uniform"\nlower = {-half}\nupper = {half}\n'
     path.write_text(text)
 

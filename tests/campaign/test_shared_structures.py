@@ -108,9 +108,8 @@ def test_prior_draws_are_those_of_the_priors_and_standard_normal_in_what_is_abse
 
 
 @pytest.mark.proof
-def test_a_value_that_varies_may_be_absent(tmp_path, monkeypatch):
+def test_a_value_that_varies_may_be_absent(tmp_path):
     """Coordinates of a value that no trial has are its own, and finite."""
-    monkeypatch.setattr(posteriors, "SHARED", 0.0)
     varying = ("[estimation]", '[estimation]\nvarying = ["X_u"]')
     spread = ("[truth]", '[prior.spread_X_u]\ndistribution = "half-normal"\nlower = 0.0\nscale = 0.5\n\n[truth]')
     campaign = load_campaign(write_small(tmp_path, varying, spread))
@@ -129,3 +128,13 @@ def test_another_motion_has_a_model_of_its_own(study):
     """A structure that shares states and controls shares the model; the widest is one of the structures here."""
     campaign = study.campaign
     assert {shared_model(campaign, one) for one in campaign.structures} == {campaign.model(campaign.full)}
+
+
+def test_few_of_many_parameters_have_a_posterior_of_their_own(study, monkeypatch):
+    campaign = study.campaign
+    monkeypatch.setattr(posteriors, "FEW", 0)
+    monkeypatch.setattr(posteriors, "SHARED", 1.0)
+    least = min(campaign.structures, key=lambda one: len(one.terms))
+    own = Study(campaign, study.records).posterior(least)
+    assert own.present is None
+    assert set(own.names) == set(study.posterior(least).present_names)

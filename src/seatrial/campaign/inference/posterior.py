@@ -26,8 +26,8 @@ from seatrial.vehicles.model import VehicleModel
 
 WIDEST = 1e30
 """Standard deviation of a prior, SI, beyond which squares of it leave double precision."""
-SHARED = 0.5
-"""Share of the parameters of all structures together from which a structure is computed by the programs of all."""
+FEW, SHARED = 12, 0.5
+"""Parameters of all structures together up to which each is computed by the programs of all; beyond, those with such a share of them."""
 NARROWEST = 1e-9
 """Standard deviation over value of a prior below which rounding is felt."""
 
@@ -67,7 +67,7 @@ def shared_model(campaign: Campaign, structure: Structure) -> VehicleModel:
 def narrow_posterior(campaign: Campaign, wide: Posterior, structure: Structure, records: Sequence[Record]) -> Posterior:
     """Return the posterior of a structure as that of a wider one in which some parameters are absent; errors as `build_posterior`.
 
-    Both share all that is compiled. One of its own is built where the structure has less than `SHARED` of the parameters, or another
+    Both share all that is compiled. One of its own is built where the structure has few of many parameters (`FEW`, `SHARED`), or another
     motion: states or controls that go with the terms.
     """
     model = campaign.model(structure)
@@ -77,7 +77,7 @@ def narrow_posterior(campaign: Campaign, wide: Posterior, structure: Structure, 
     known = {parameter.name: parameter for parameter in wide.parameters}
     same = shared_model(campaign, structure) == wide.likelihood.model
     same = same and all(known.get(parameter.name) == parameter for parameter in parameters)
-    if not same or len(parameters) < SHARED * wide.dim:
+    if not same or (wide.dim > FEW and len(parameters) < SHARED * wide.dim):
         return build_posterior(campaign, structure, records)
     guess = wide.guess
     if guess is not None:
