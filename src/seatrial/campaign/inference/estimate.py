@@ -208,11 +208,6 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
     )
 
 
-@program
-def _values_and_slopes(posterior: Posterior, z: jax.Array) -> tuple[jax.Array, jax.Array]:
-    return jax.jvp(posterior.constrain, (z,), (jnp.ones_like(z),))
-
-
 def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
     """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
     values, log_density = (np.asarray(x).T[posterior.places] for x in _prior_curves(posterior))

@@ -16,7 +16,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_key, design_next
 from seatrial.campaign.inference.estimate import estimate_all
-from seatrial.campaign.inference.posterior import build_likelihood
+from seatrial.campaign.inference.posterior import build_likelihood, shared_model
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -32,7 +32,6 @@ from seatrial.estimation.simulation import Simulator
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
-from seatrial.vehicles.model import VehicleModel
 
 # Motions of two contending structures: by how much their speeds differ, and what evidence a trial is expected to
 # bring.
@@ -140,7 +139,7 @@ def _speeds(
     campaign: Campaign, estimate: Estimate, trials: Trials, sweep: Sweep
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
-    model, table = _shared_model(campaign, estimate.structure), estimate.draws()
+    model, table = shared_model(campaign, estimate.structure), estimate.draws()
     draws = table[:: max(1, len(table) // DRAWS)][:DRAWS]
     values = dict(zip(estimate.names, np.vstack([table.mean(axis=0), draws]).T, strict=True))
     output, data = _output(campaign, estimate, trials)
@@ -166,16 +165,6 @@ def _speeds(
             )
         found.append((time, np.where(lost[:, None], np.nan, speed)))
     return found
-
-
-def _shared_model(campaign: Campaign, structure: Structure) -> VehicleModel:
-    """Return the model of all terms, of which those that the structure lacks are to be 0: one program serves every structure.
-
-    Its own where it has other states or controls, or where there are too many terms to compute in vain.
-    """
-    own, full = campaign.model(structure), campaign.model(campaign.full)
-    alike = own.states == full.states and own.controls == full.controls
-    return full if alike and not campaign.is_large else own
 
 
 def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> SpeedDifference:
