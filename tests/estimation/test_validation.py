@@ -252,6 +252,7 @@ def test_scores_of_the_whole_distribution_by_hand():
     z = white() / sd
     each = sd * (z * (2 * stats.norm.cdf(z) - 1) + 2 * stats.norm.pdf(z) - 1 / np.sqrt(np.pi))
     assert found.crps == pytest.approx(each.mean())
+    assert found.log_score == pytest.approx(stats.norm.logpdf(white() + MOTION, MOTION, sd).mean())
     assert found.noise_share == pytest.approx(NOISE**2 / (MOTION + white()).var())
     assert scored(white(), noise=5.0).noise_share == 1.0
 

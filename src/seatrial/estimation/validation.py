@@ -23,6 +23,7 @@ from jaxtyping import Float, Int
 BINS = 10
 """Bins of the histogram of the probability integral transform."""
 DIVERGES = "the prediction diverges"
+LOG_2PI = float(np.log(2 * np.pi))
 
 
 class Whiteness(NamedTuple):
@@ -59,6 +60,7 @@ class Score:
         nrmse: normalised fit, 1 - sqrt(SSE / SST), as MATLAB's `compare` gives it, over 100.
         rmse: root mean square error, in the channel's unit.
         crps: mean continuous ranked probability score, in the channel's unit.
+        log_score: mean log density of the measurements under their own predictions, one at a time, nats for the channel in its SI unit.
         coverage_50: share of samples inside the 50 % band.
         coverage: share of samples inside the 90 % band.
         variance: mean square of the normalised residuals, 1 where errors are as large as stated.
@@ -77,6 +79,7 @@ class Score:
     nrmse: float
     rmse: float
     crps: float
+    log_score: float
     coverage_50: float
     coverage: float
     variance: float
@@ -205,6 +208,7 @@ def score_channel(
         nrmse=0.0 if still else nrmse_fit(measured, mean),
         rmse=float(np.sqrt(np.mean((measured - mean) ** 2))),
         crps=float(crps_normal(measured, mean, sd).mean()),
+        log_score=float(np.mean(-0.5 * z**2 - np.log(sd)) - 0.5 * LOG_2PI),
         coverage_50=coverage(z, 0.5),
         coverage=coverage(z, 0.9),
         variance=float(np.mean(z**2)),
@@ -220,7 +224,7 @@ def score_channel(
 
 def unscored(samples: int, why: str) -> Score:
     """Return a score without numbers."""
-    return Score(samples, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, why)
+    return Score(samples, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, why)
 
 
 def _grid(time: np.ndarray) -> np.ndarray:
