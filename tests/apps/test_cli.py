@@ -3,12 +3,18 @@
 import io
 import subprocess
 import sys
+import warnings
+from contextlib import suppress
+from unittest.mock import patch
 
+import numpy as np
 import pytest
+import typer
 
 from seatrial.apps.cli import COMMANDS, main
 from seatrial.apps.console import ConsoleReporter
-from seatrial.apps.running import Exit, with_campaign
+from seatrial.apps.running import Exit, run_app, with_campaign
+from seatrial.core.engine import EngineWarning
 from tests.campaign.small import write_small
 
 
@@ -146,3 +152,26 @@ def test_work_on_a_campaign_begins_by_removing_what_a_killed_one_left(tmp_path):
     there = []
     with_campaign(tmp_path, True, lambda *_: there.append(left.exists()) or Exit.OK)
     assert there == [False]
+
+
+def test_warnings_of_libraries_never_reach_the_terminal(capsys):
+    """Only our own of the engine does."""
+    app = typer.Typer()
+
+    @app.command()
+    def work() -> None:
+        np.exp(np.float64(1000.0))
+        warnings.warn("old", DeprecationWarning, stacklevel=1)
+        warnings.warn("single precision", EngineWarning, stacklevel=1)
+
+    with (
+        warnings.catch_warnings(),
+        patch.object(sys, "argv", ["seatrial"]),
+        patch.object(sys, "warnoptions", []),
+        suppress(SystemExit),
+    ):
+        run_app(app)
+    said = capsys.readouterr().err
+    assert "overflow" not in said
+    assert "old" not in said
+    assert "single precision" in said

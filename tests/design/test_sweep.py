@@ -259,8 +259,18 @@ def test_no_edge_fits():
 
 def test_motion_that_diverges():
     runaway = np.array([U0, X_U, 60.0, THRUST])
-    with pytest.raises(NumericalError, match=r"the extended filter.*first at amplitude.* rpm.*or set filter"):
+    with pytest.raises(NumericalError, match=r"the extended filter.*all.*first at amplitude.* rpm.*or set filter"):
         sweep_family(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, PERIODS, method=ExtendedKalmanFilter())
+
+
+def test_only_designs_that_diverge_are_left_out():
+    """Beside one beyond all numbers the others are as without it."""
+    beside = sweep_family(paper_space(BELIEF_SD), SHORT, np.array([*AMPLITUDES, 1e200]), PERIODS)
+    alone = sweep_family(paper_space(BELIEF_SD), SHORT, AMPLITUDES, PERIODS)
+    assert np.isnan(beside.gain[-1]).all()
+    assert np.isposinf(beside.peak_speed[-1]).all()
+    assert beside.gain[:-1] == pytest.approx(alone.gain, rel=1e-9)
+    assert beside.best == alone.best
 
 
 def test_excess_counts_as_a_share_of_the_bound():

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable
 from enum import IntEnum
 from pathlib import Path
@@ -127,12 +128,21 @@ def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
         raise typer.Exit(int(code))
 
 
+def _hush_libraries(ours: type[Warning]) -> None:
+    """Keep the warnings of libraries from the terminal, as those of overflows under a draw that diverges; `python -W` shows them."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("default", ours)
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
+
 def run_app(app: typer.Typer) -> None:
     """Run a command line; errors meant for the user are printed without a traceback, each kind with its exit code."""
     from seatrial.apps.console import fail
     from seatrial.core import engine
     from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
 
+    _hush_libraries(engine.EngineWarning)
     engine.configure()
     try:
         app()

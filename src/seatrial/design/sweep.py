@@ -42,8 +42,9 @@ class Sweep:
         family: what the designs share.
         amplitude: change from trim, SI, shape (A,).
         period: s, shape (P,).
-        gain: entropy reduction, nats, NaN where the design breaks a limit, shape (A, P).
-        peak_speed: largest magnitude of the first state in the predicted motion, m/s where that is a speed, shape (A, P).
+        gain: entropy reduction, nats, NaN where the design breaks a limit or its motion diverges, shape (A, P).
+        peak_speed: largest magnitude of the first state in the predicted motion, m/s where that is a speed, infinite where the motion
+            diverges under what is believed, shape (A, P).
         final_sd: predicted standard deviation of each coefficient in filter units, shape (A, P, k).
         trim: every control's name and trim value, in the vehicle's order; the family drives one of them.
         utility: what makes a design the best, where that is not the gain; NaN as there, shape (A, P).
@@ -127,7 +128,7 @@ def sweep_family(
 
     Raises:
         InputError: no design of the grid is inside the limits; the gentlest is named with all that it breaks.
-        NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
+        NumericalError: the expected motion diverges or the filter fails for every design that is inside the limits.
     """
     amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
     trim = ((family.control, family.trim),) if trim is None else trim
@@ -143,13 +144,14 @@ def sweep_family(
     lanes = filled(controls.swapaxes(0, 1), size).swapaxes(0, 1)
     gain, peak, sd, failures = in_blocks(lambda control: _predict(chosen, space, start, control, step, gaps), lanes)
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
-    if broken.any():
+    if broken.sum() == allowed.sum():
         worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
         raise NumericalError(
-            f"the {name or 'square-root unscented'} filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude "
+            f"the {name or 'square-root unscented'} filter failed for all {allowed.sum()} designs, first at amplitude "
             f"{amplitudes[worst] * factor:.4g} {unit} and period {periods[worst]:.4g} s: the expected motion diverges or the prior is "
             "too wide for it; narrow the priors" + (', or set filter = "square-root-unscented"' if name else "")
         )
+    allowed, peak = allowed & ~broken, np.where(broken, np.inf, peak)
     shape = (len(amplitude), len(period))
     return Sweep(
         family,

@@ -177,7 +177,8 @@ def _by_the_second(
     few, cov = utility_draws(design, draws), np.atleast_2d(np.cov(draws, rowvar=False))
     stops = best_stops(plan, controls, few, criterion, design.turnaround)
     left = np.linalg.inv(stops.information + np.linalg.inv(cov))
-    utility, length, gain, peak = (np.full(sweep.gain.shape, np.nan) for _ in range(4))
+    utility, length, gain = (np.full(sweep.gain.shape, np.nan) for _ in range(3))
+    peak = np.where(np.isposinf(sweep.peak_speed), np.inf, np.nan)
     final_sd = np.full_like(sweep.final_sd, np.nan)
     utility[rows, columns], length[rows, columns] = stops.rate, stops.length
     gain[rows, columns] = np.asarray(find_criterion("fisher-d", cov)(stops.information)).mean(-1)

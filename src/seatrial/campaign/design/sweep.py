@@ -22,7 +22,7 @@ from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import on_accelerator
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.core.signals import signal_unit
@@ -63,7 +63,7 @@ class _Rows(NamedTuple):
 
 def sweep_all(
     campaign: Campaign, believed: Believed, report: Progress, reporter: Reporter
-) -> tuple[list[Sweep], dict[str, InputError]]:
+) -> tuple[list[Sweep], dict[str, InputError | NumericalError]]:
     """Sweep every family of a campaign and weigh its designs.
 
     Args:
@@ -74,9 +74,6 @@ def sweep_all(
 
     Returns:
         Sweeps of the families that have a design inside the limits, in the campaign's order, and why the others have none.
-
-    Raises:
-        NumericalError: the expected motion diverges for a design that is inside the limits.
     """
     amplitude, period = campaign.design.grid()
     every = amplitude.size if on_accelerator() else max(1, -(-LANES // period.size))
@@ -86,9 +83,9 @@ def sweep_all(
         for first in range(0, amplitude.size, every)
     ]
     found: dict[_Rows, Sweep] = {}
-    refused: dict[_Rows, InputError] = {}
+    refused: dict[_Rows, InputError | NumericalError] = {}
 
-    def done(index: int, result: tuple[_Rows, Sweep | InputError]) -> _Rows | None:
+    def done(index: int, result: tuple[_Rows, Sweep | InputError | NumericalError]) -> _Rows | None:
         rows, outcome = result
         if isinstance(outcome, Sweep):
             found[rows] = outcome
@@ -114,15 +111,15 @@ def sweep_all(
     return sweeps, reasons
 
 
-def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Sweep | InputError]:
-    """Predict and weigh the designs of some rows; an error where none is inside the limits."""
+def _sweep_rows(study: Study, rows: _Rows, report: Progress) -> tuple[_Rows, Sweep | InputError | NumericalError]:
+    """Predict and weigh the designs of some rows; an error where none is inside the limits, or all diverge."""
     campaign, believed = study.campaign, study.extra
     known = study.once("belief", lambda: _prepare(campaign, believed))
     amplitude, period = campaign.design.grid()
     try:
         sweep = known.predict(campaign.families[rows.family], amplitude[rows.first : rows.last], period)
         return rows, weigh(campaign, known.plan, sweep, believed.draws, known.scales)
-    except InputError as error:
+    except (InputError, NumericalError) as error:
         return rows, error
 
 
@@ -214,7 +211,16 @@ class Designs:
     def lines(self) -> list[str]:
         """The best of each family, and the families that have none."""
         found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
-        return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
+        return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()] + self.diverging()
+
+    def diverging(self) -> list[str]:
+        """The families of which some designs are left out, since under what is believed their motion diverges."""
+        counts = {sweep.family.kind: int(np.isposinf(sweep.peak_speed).sum()) for sweep in self.sweeps}
+        return [
+            f"{kind}: {count} of {self.best.gain.size} designs left out, since under what is believed their motion diverges"
+            for kind, count in counts.items()
+            if count
+        ]
 
     def _worth(self, sweep: Sweep) -> str:
         worth, gain = sweep.worth[sweep.best], sweep.gain[sweep.best]
@@ -318,13 +324,14 @@ def _sweep(
     sweeps, errors = sweep_all(campaign, Believed(structure, belief, draws), report, reporter)
     if len(families) == 1 and errors:
         raise next(iter(errors.values()))
-    refused = {kind: f"{error.found}; expected {error.expected}" for kind, error in errors.items()}
+    refused = {kind: _why(error) for kind, error in errors.items()}
     if not sweeps:
+        remedies = [error.remedy if isinstance(error, InputError) else "narrow the priors" for error in errors.values()]
         raise InputError(
             campaign.where("design"),
-            found="of all families none:" + "".join(f"\n    {kind}: {error.found}" for kind, error in errors.items()),
+            found="of all families none:" + "".join(f"\n    {kind}: {why}" for kind, why in refused.items()),
             expected="one design at least that fits and is inside the limits",
-            remedy="; or ".join(dict.fromkeys(error.remedy for error in errors.values())),
+            remedy="; or ".join(dict.fromkeys(remedies)),
         )
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
     units = {
@@ -360,6 +367,10 @@ def _sweep(
             "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         },
     )
+
+
+def _why(error: InputError | NumericalError) -> str:
+    return f"{error.found}; expected {error.expected}" if isinstance(error, InputError) else str(error)
 
 
 def _kept(sweep: Sweep, name: str) -> np.ndarray:

@@ -246,7 +246,8 @@ def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
 
 def _families(designs: Designs) -> list[str]:
     """Return the best of every family, where there is more than one."""
-    return designs.lines() if len(designs.sweeps) + len(designs.refused) > 1 else []
+    several = len(designs.sweeps) + len(designs.refused) > 1
+    return designs.lines() if several else designs.diverging()
 
 
 def _step(record: Record) -> str:
