@@ -1,4 +1,4 @@
-"""Pass, caution or fail: what the scores of a predicted trial mean, with the reason in one sentence.
+"""Pass, unjudged, caution or fail: what the scores of a predicted trial mean, with the reason in one sentence.
 
 A departure counts when it matters (the limits below) and when it is more than chance, three standard errors, for the number of
 independent samples that the trial is worth.
@@ -12,13 +12,16 @@ import scipy
 
 from seatrial.estimation.validation import DIVERGES, Score
 
-FitLevel = Literal["pass", "caution", "fail"]
-LEVELS: tuple[FitLevel, ...] = ("pass", "caution", "fail")
+FitLevel = Literal["pass", "unjudged", "caution", "fail"]
+LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
+"""In order of gravity; unjudged is neither passed nor failed, for want of independent samples or of motion."""
 
 POOR = 0.5
 """Share of variance explained below which less is known of the motion than is not."""
 NARROW, BROKEN = 0.8, 0.6
 """Share inside the 90 % band: errors 1.3 times those stated leave 0.8, errors twice as large 0.6."""
+NARROWER = 0.85
+"""Share inside the 90 % band of all held-back runs together below which bands do not hold: errors 1.14 times those stated."""
 WIDE = 0.98
 """Share inside the 90 % band when errors are 0.7 of those stated."""
 SPREAD, BURST, TAME = 2.0, 4.0, 0.5
@@ -29,6 +32,10 @@ CORRELATED, LIKELY = 0.1, 0.01
 """Correlation of neighbours that changes standard deviations by a tenth, and p-value below which it is no chance."""
 RARE = 0.00135
 """Probability below which a departure is not put down to chance: three standard errors on one side."""
+FEWEST = 10.0
+"""Effective samples from which on bands are judged: of fewer, one outside more or less changes the verdict."""
+ONE_SAMPLE = 10.3
+"""Mean square of normalised residuals that is no chance even where all samples are worth one: chi-square of one, three standard errors."""
 KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
@@ -64,6 +71,13 @@ def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool) -> Fi
         or _shape(score, channel)
         or FitVerdict("pass", "", _praise(score, channel))
     )
+
+
+def explained_words(share: float, channel: str) -> str:
+    """Say what share of a channel's variance is explained; below nothing a percentage would mislead."""
+    if share < 0:
+        return f"{channel} is predicted worse than by the run's own mean"
+    return f"{share:.0%} of the variance of {channel} is explained"
 
 
 def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
