@@ -7,12 +7,14 @@ Clopper and Pearson (Biometrika 26, 1934), and the probability of so few inside 
 
 I the regularised incomplete beta function. Of runs with n_i samples that are worth e_i the share of all samples has
 N = (sum n_i)^2 / sum n_i^2 / e_i (Kish, Survey Sampling, 1965), and errors of the motion that runs have in common make it
-N / (1 + (N - 1) s), s the mean squared correlation of two samples of it. The factor by which bands have to be widened is the 0.9
-quantile of the absolute normalised residuals over that of a normal law.
+N / (1 + (N - 1) s), s the mean squared correlation of two samples of it. Where the shares c_i of three runs or more scatter by
+more than that, N is what their scatter leaves, c (1 - c) / var(c): a run that is shifted as a whole is one error. The factor by
+which bands have to be widened is the 0.9 quantile of the absolute normalised residuals over that of a normal law.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -157,7 +159,7 @@ def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | N
         shared = float(np.average([run.motion_share for run in runs], weights=sizes)) ** 2
     worth = np.array([max(run.independent, min(1.0, run.z.size)) for run in runs])
     independent = float(sizes.sum() ** 2 / np.sum(sizes**2 / worth))
-    n = independent / (1 + max(0.0, independent - 1) * shared)
+    n = min(independent / (1 + max(0.0, independent - 1) * shared), _worth_by_scatter(runs, sizes))
     total = sum(run.total for run in runs)
     inside = coverage(z, BAND)
     lower, upper = share_range(inside, n)
@@ -178,6 +180,50 @@ def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | N
     noisy = sum(run.noise for run in runs) > POOR * total
     uncertain = float(np.average([run.motion_share for run in runs], weights=sizes)) > POOR
     return Pooled(**numbers, **_judge(found, excused=noisy or uncertain)._asdict())
+
+
+class MotionProducts(NamedTuple):
+    """Sums over the measured samples of one channel of one run, from which the correlation of its uncertain motion follows.
+
+    Attributes:
+        products: of every pair of draws, the sum of the products of their departures from the mean motion, in predicted standard
+            deviations, shape (draws, draws).
+        samples: measured ones.
+    """
+
+    products: Float[np.ndarray, "draws draws"]
+    samples: int
+
+
+def motion_products(
+    motions: Float[np.ndarray, "draws n m"], sd: Float[np.ndarray, "n m"], measured: Float[np.ndarray, "n m"]
+) -> list[MotionProducts]:
+    """Return for every channel what `shared_motion` needs of one run.
+
+    Args:
+        motions: outputs under each draw of the posterior, without noise, SI.
+        sd: predicted standard deviation, noise included, SI.
+        measured: SI, NaN where nothing was measured.
+    """
+    found = []
+    with np.errstate(invalid="ignore"):
+        departures = (motions - motions.mean(axis=0)) / sd
+    for of_channel, there in zip(np.moveaxis(departures, 2, 0), np.isfinite(measured).T, strict=True):
+        own = of_channel[:, there]
+        found.append(MotionProducts(own @ own.T, int(there.sum())))
+    return found
+
+
+def shared_motion(runs: Sequence[MotionProducts]) -> float:
+    """Return the mean squared correlation of two samples, of whichever of the runs, that comes from the motion being uncertain.
+
+    Of draws X it is |X X'|^2 / (draws samples)^2 summed over the runs, the same draws of the coefficients in each.
+    """
+    samples = sum(run.samples for run in runs)
+    products = sum(run.products for run in runs)
+    if not samples or not np.isfinite(products).all():
+        return 1.0
+    return float(min(1.0, np.sum(products**2) / (len(products) * samples) ** 2))
 
 
 def share_range(share: float, n: float) -> tuple[float, float]:
@@ -205,6 +251,17 @@ def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, flo
     found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / scipy.stats.norm.ppf(0.5 + 0.5 * BAND)
     factor, lower, upper = map(float, found)
     return factor, lower, upper
+
+
+def _worth_by_scatter(runs: Sequence[RunResiduals], sizes: Float[np.ndarray, " runs"]) -> float:
+    """Return the samples that the scatter of the runs' shares inside the band leaves; infinite where there are too few runs to tell."""
+    shares, weights = np.array([coverage(run.z, BAND) for run in runs]), sizes / sizes.sum()
+    mean = float(weights @ shares)
+    among = float(weights @ (shares - mean) ** 2)
+    if len(runs) < 3 or among == 0:
+        return np.inf
+    spread = float(weights @ weights)
+    return max(1.0, mean * (1 - mean) * (1 - spread) / (among * spread))
 
 
 def _judge(pooled: Pooled, excused: bool) -> FitVerdict:
