@@ -43,7 +43,8 @@ def test_the_mode_predicts_what_was_held_back(tmp_path):
     trials = get_trials(campaign)
     (record,) = trials.fit
     (answer,) = posterior_modes(campaign, replace(trials, predict=(replace(record, label="2"),)))
-    (fit,) = answer.held_back
+    assert answer.held_back is not None
+    (fit,) = answer.held_back.fits
     values = {name: pairs[0][0] for name, _, pairs in answer.rows}
     model = campaign.model(answer.structure)
     start = jnp.array([record.channel("u")[0] if campaign.estimation.initial == "measured" else 1.54])
@@ -53,8 +54,9 @@ def test_the_mode_predicts_what_was_held_back(tmp_path):
     explained = 1 - np.sum((speed - motion)[there] ** 2) / np.sum((speed[there] - speed[there].mean()) ** 2)
     assert (fit.record, fit.channel, fit.held_back) == ("2", "u", True)
     assert fit.explained == pytest.approx(explained, abs=0.002)
-    assert answer.lines()[-1].startswith("  held-back run 2: u ")
-    assert f"{fit.explained:.1%} of the variance explained" in answer.lines()[-1]
+    assert answer.lines()[-2].startswith("  held-back run 2: u ")
+    assert f"{fit.explained:.1%} of the variance explained" in answer.lines()[-2]
+    assert answer.lines()[-1].startswith("  held-back runs together: pass; ")
 
 
 def test_a_regression_of_measured_accelerations_is_plain_and_refined(small):

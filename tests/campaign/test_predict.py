@@ -2,9 +2,19 @@
 
 import json
 
-from seatrial.campaign.inference.predict import MOST_NAMED, fit_complaints, trial_verdicts
-from seatrial.campaign.store.estimates import Fit
+import numpy as np
+
+from seatrial.campaign.inference.predict import (
+    MOST_NAMED,
+    HeldBack,
+    fit_complaints,
+    held_back_alarms,
+    held_back_lines,
+    trial_verdicts,
+)
+from seatrial.campaign.store.estimates import Fit, decode_fit
 from seatrial.estimation.fit_verdict import judge_fit
+from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
 from seatrial.estimation.validation import Score
 
 NUMBERS = {
@@ -30,6 +40,9 @@ def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, exp
         interval=0.1,
         white=white,
         noise_share=0.1,
+        noise_sd=0.02,
+        correlation_time=0.0,
+        coefficient_share=0.1,
     )
     verdict = judge_fit(score, channel, held_back, False)
     return Fit(**vars(score), record=record, held_back=held_back, channel=channel, **verdict._asdict())
@@ -49,12 +62,43 @@ def test_complaints_are_few_and_the_gravest_is_first():
         fit("3", correlation=0.7, white=1e-9),
         fit("4", held_back=True, coverage=0.2, variance=30.0),
     ]
-    said = fit_complaints(fits)
-    assert len(said) == 2
-    assert said[0].startswith("held-back run 4: 20% of u lies inside the 90 % band")
-    assert said[1].startswith("run 2: residuals of u are correlated (+0.60 over 0.1 s)")
-    assert said[1].endswith("; likewise 3")
+    (alarm,) = held_back_alarms(fits, [])
+    assert alarm.startswith("held-back run 4: 20% of u lies inside the 90 % band")
+    (said,) = fit_complaints(fits)
+    assert said.startswith("run 2: residuals of u are correlated (+0.60 over 0.1 s)")
+    assert said.endswith("; likewise 3")
     assert fit_complaints(fits[:1]) == []
+
+
+def pooled(scale):
+    """Four held-back runs of independent errors of this size."""
+    time, random = np.arange(300) * 0.1, np.random.default_rng(1)
+    motion, none = np.sin(time), np.zeros(300)
+    return pooled_verdict(
+        [run_residuals(time, motion + scale * random.normal(size=300), motion, none, 0.1) for _ in range(4)], "u"
+    )
+
+
+def test_held_back_runs_that_fail_together_are_an_alarm_even_where_none_fails_alone():
+    fits = [fit(str(i), held_back=True, coverage=0.75) for i in range(4)]
+    (alarm,) = held_back_alarms(fits, [pooled(0.2)])
+    assert alarm.startswith("held-back runs: ")
+    assert "widen the bands 2.0 times" in alarm
+    assert held_back_alarms(fits, [pooled(0.1)]) == []
+
+
+def test_what_could_not_be_judged_is_said_and_is_no_alarm():
+    time = np.arange(3) * 0.1
+    few = pooled_verdict([run_residuals(time, np.array([0.1, -0.1, 0.1]), np.zeros(3), np.zeros(3), 0.1)], "u")
+    assert held_back_alarms([], [few]) == []
+    (said,) = fit_complaints([], [few])
+    assert "too few to say whether the bands hold" in said
+
+
+def test_lines_say_worse_than_the_mean_where_a_percentage_would_be_negative():
+    lines = held_back_lines(HeldBack((fit("5", held_back=True, explained=-1.84),), (pooled(0.1),)))
+    assert lines[0] == "held-back run 5: u        worse than the run's own mean, 90% inside the 90 % band"
+    assert lines[1].startswith("held-back runs together: pass; ")
 
 
 def test_many_trials_with_one_trouble_are_counted_and_not_listed():
@@ -65,4 +109,4 @@ def test_many_trials_with_one_trouble_are_counted_and_not_listed():
 
 def test_a_fit_is_plain_numbers_and_words():
     one = fit("1", held_back=True)
-    assert Fit(**{**json.loads(json.dumps(vars(one), allow_nan=False)), "pit": one.pit}) == one
+    assert decode_fit(json.loads(json.dumps(vars(one), allow_nan=False))) == one

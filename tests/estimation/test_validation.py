@@ -80,11 +80,13 @@ def test_outliers_fail_by_their_size():
 
 
 def test_an_uncertain_motion_is_one_error_and_not_a_thousand():
-    """Off by 2.5 standard deviations of a motion that is common to the trial: no sample inside, yet nothing strange."""
+    """Off by 2.5 standard deviations of a motion that is common to the trial: no sample inside, yet nothing that could be judged."""
     off = scored(white(0.01) + 0.5, motion_sd=0.2, noise=0.01)
     assert off.coverage < 0.01
     assert off.effective < 1.1
-    assert verdict(off, held_back=True).level == "pass"
+    found = verdict(off, held_back=True)
+    assert found.level == "unjudged"
+    assert "worth one independent sample, too few to judge whether its band holds" in found.reason
     assert verdict(scored(white(0.01) + 0.5, motion_sd=0.002, noise=0.01), held_back=True).level == "fail"
 
 
@@ -111,9 +113,24 @@ def test_little_motion_explained():
     hidden = verdict(scored(white(5.0), noise=5.0))
     assert hidden.about == "noise hides the motion"
     ignorant = verdict(scored(white(), mean=-MOTION, motion_sd=2.0), held_back=True)
-    assert ignorant.about == "predicted poorly"
-    assert "-" in ignorant.reason
+    assert ignorant.level == "unjudged"
+    assert "u is predicted worse than by the run's own mean" in ignorant.reason
+    assert "uncertainty of the coefficients allows" in ignorant.reason
     assert "next trial" in ignorant.reason
+
+
+def test_the_coefficients_are_blamed_only_where_their_uncertainty_covers_the_errors():
+    """Half the motion is missed and the band is wide: by the coefficients, by slow noise of the fit, or by pushes of process noise."""
+    missed, wide = 0.1 * MOTION, np.full(TIME.size, 0.8)
+    noise = scored(white(), mean=missed, noise=0.6, correlation_time=1.2)
+    said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, coloured=True).reason
+    assert "only because of what the fit leaves over, 0.6 m/s with a memory of 1.2 s" in said
+    assert "not because the coefficients are uncertain" in said
+    known = scored(white(), mean=missed, motion_sd=0.8)
+    assert "next trial" in verdict(replace(known, effective=20.0), held_back=True).reason
+    pushed = score_channel(TIME, MOTION + white(), missed, wide, NOISE, coefficient_sd=0.01 * wide)
+    assert pushed.coefficient_share < 0.001
+    assert "next trial" not in verdict(replace(pushed, effective=20.0), held_back=True).reason
 
 
 def test_a_measurement_that_never_changes():
@@ -122,14 +139,14 @@ def test_a_measurement_that_never_changes():
     assert found.missing == "the measurement never changes"
     assert found.rmse == 0.0
     assert "never changes" in verdict(found).reason
-    assert verdict(found).level == "caution"
+    assert verdict(found).level == "unjudged"
 
 
 def test_a_channel_without_measurements():
     found = score_channel(TIME, np.full(TIME.size, np.nan), MOTION, np.zeros(TIME.size), NOISE)
     assert found.samples == 0
     assert verdict(found, held_back=True) == FitVerdict(
-        "caution", "not measured", "nothing was measured of u: the prediction cannot be judged; check the channel map"
+        "unjudged", "not measured", "nothing was measured of u: the prediction cannot be judged; check the channel map"
     )
 
 
@@ -183,17 +200,21 @@ def changed(**numbers):
         ({"coverage": 0.79}, "band too narrow"),
         ({"coverage": 0.61}, "band too narrow"),
         ({"coverage": 0.59}, "errors beyond what is stated"),
-        ({"coverage": 0.59, "effective": 2.0}, ""),
+        ({"coverage": 0.59, "effective": 2.0}, "too little to judge"),
         ({"variance": 1.95}, ""),
         ({"variance": 2.05}, "band too narrow"),
         ({"variance": 3.95}, "band too narrow"),
         ({"variance": 4.05}, "errors beyond what is stated"),
-        ({"variance": 2.05, "effective": 2.0}, ""),
+        ({"variance": 2.05, "effective": 2.0}, "too little to judge"),
         ({"variance": 0.55, "coverage": 0.99}, ""),
         ({"variance": 0.45, "coverage": 0.99}, "band too wide"),
         ({"variance": 0.45, "coverage": 0.97}, ""),
-        ({"variance": 0.45, "coverage": 0.99, "effective": 5.0}, ""),
+        ({"variance": 0.45, "coverage": 0.99, "effective": 5.0}, "too little to judge"),
         ({"variance": 0.45, "coverage": 0.99, "missing": "the measurement never changes"}, "never changes"),
+        ({"effective": 10.0}, ""),
+        ({"effective": 9.9}, "too little to judge"),
+        ({"effective": 1.0, "variance": 10.2}, "too little to judge"),
+        ({"effective": 1.0, "variance": 10.4}, "errors beyond what is stated"),
         ({"explained": 0.51}, ""),
         ({"explained": 0.49}, "predicted poorly"),
         ({"explained": 0.49, "noise_share": 0.49}, "predicted poorly"),
@@ -240,10 +261,10 @@ def test_a_bad_fit_is_told_otherwise_than_a_bad_prediction():
 
 
 def test_samples_that_a_trial_is_worth():
-    """White errors of the sensor alone are worth all; where half of each variance is motion's, which is common, about two."""
+    """White errors of the sensor alone are worth all; where half of each variance is motion's, which is common, about four."""
     independent = scored(white(), motion_sd=0.0).effective
     assert independent == pytest.approx(1200, rel=0.2)
-    assert scored(white(), motion_sd=NOISE).effective == pytest.approx(1 / (0.5 + 0.5 / independent), rel=1e-12)
+    assert scored(white(), motion_sd=NOISE).effective == pytest.approx(1 / (0.25 + 0.75 / independent), rel=1e-12)
 
 
 def test_scores_of_the_whole_distribution_by_hand():
@@ -255,6 +276,30 @@ def test_scores_of_the_whole_distribution_by_hand():
     assert found.log_score == pytest.approx(stats.norm.logpdf(white() + MOTION, MOTION, sd).mean())
     assert found.noise_share == pytest.approx(NOISE**2 / (MOTION + white()).var())
     assert scored(white(), noise=5.0).noise_share == 1.0
+
+
+@pytest.mark.parametrize("factor", [57.3, 60.0, 1000.0])
+@pytest.mark.parametrize("samples", [3, 1200])
+def test_a_run_in_other_units_fails_however_short(factor, samples):
+    rate = np.radians(5) * np.cos(0.4 * TIME[:samples])
+    found = score_channel(TIME[:samples], factor * rate, rate, np.full(samples, 0.002), 0.005)
+    said = judge_fit(found, "r", held_back=True, coloured=False)
+    assert said.level == "fail"
+    assert "wrong unit" in said.reason
+
+
+def test_a_run_of_three_samples_is_unjudged():
+    found = score_channel(TIME[:3], MOTION[:3] + np.array([0.1, -0.1, 0.05]), MOTION[:3], np.full(3, 0.01), NOISE)
+    assert verdict(found, held_back=True).level == "unjudged"
+
+
+def test_a_run_that_leaves_the_fitted_range_is_told_to_be_fitted_too():
+    outside = ("delta_r up to 35 deg where the fit saw 10",)
+    said = judge_fit(scored(white(2.5 * NOISE)), "u", True, False, outside)
+    assert (
+        "it leaves what was fitted (delta_r up to 35 deg where the fit saw 10): fit a run that goes as far"
+        in said.reason
+    )
 
 
 def test_gaps_are_left_out():

@@ -18,6 +18,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.fit_verdict import judge_fit
+from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict, run_residuals
 from seatrial.estimation.validation import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
@@ -112,6 +113,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         _filter(campaign, trials, random),
         fits,
         _predictions(campaign, trials),
+        make_pooled(0.02),
         make_known(chosen),
         None,
         None,
@@ -122,6 +124,14 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         (),
         summary,
     )
+
+
+def make_pooled(scale: float) -> tuple[Pooled, ...]:
+    """Held-back runs whose errors are of this size, and noise that was found to be 0.02."""
+    time, random = np.arange(150) * 0.1, np.random.default_rng(3)
+    motion, none = 0.2 * np.sin(time), np.zeros(150)
+    runs = [run_residuals(time, motion + scale * random.normal(size=150), motion, none, 0.02) for _ in range(3)]
+    return (pooled_verdict(runs, "u"),)
 
 
 def make_screened(cautions: str = "") -> Screened:
@@ -212,6 +222,7 @@ def _fit(label: str, channel: str) -> Fit:
         score = unscored(0, "nothing was measured")
     else:
         numbers = {"explained": 0.4, "nrmse": 0.2254, "rmse": 0.03, "crps": 0.02, "log_score": 1.0, "noise_share": 0.1}
+        numbers |= {"noise_sd": 0.02, "correlation_time": 0.0, "coefficient_share": 0.1}
         shape = {"coverage_50": 0.3, "coverage": 0.7, "variance": 2.2, "pit": (0.1,) * 10, "pit_distance": 0.02}
         score = Score(150, 20.0, **numbers, **shape, correlation=0.9, interval=0.1, white=1e-9)
     verdict = judge_fit(score, channel, held_back, False)

@@ -1,4 +1,4 @@
-"""Pass, caution or fail: what the scores of a predicted trial mean, with the reason in one sentence.
+"""Pass, unjudged, caution or fail: what the scores of a predicted trial mean, with the reason in one sentence.
 
 A departure counts when it matters (the limits below) and when it is more than chance, three standard errors, for the number of
 independent samples that the trial is worth.
@@ -10,15 +10,19 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
+from seatrial.core.display_units import shown_unit
 from seatrial.estimation.validation import DIVERGES, Score
 
-FitLevel = Literal["pass", "caution", "fail"]
-LEVELS: tuple[FitLevel, ...] = ("pass", "caution", "fail")
+FitLevel = Literal["pass", "unjudged", "caution", "fail"]
+LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
+"""In order of gravity; unjudged is neither passed nor failed, for want of independent samples or of motion."""
 
 POOR = 0.5
 """Share of variance explained below which less is known of the motion than is not."""
 NARROW, BROKEN = 0.8, 0.6
 """Share inside the 90 % band: errors 1.3 times those stated leave 0.8, errors twice as large 0.6."""
+NARROWER = 0.85
+"""Share inside the 90 % band of all held-back runs together below which bands do not hold: errors 1.14 times those stated."""
 WIDE = 0.98
 """Share inside the 90 % band when errors are 0.7 of those stated."""
 SPREAD, BURST, TAME = 2.0, 4.0, 0.5
@@ -29,6 +33,10 @@ CORRELATED, LIKELY = 0.1, 0.01
 """Correlation of neighbours that changes standard deviations by a tenth, and p-value below which it is no chance."""
 RARE = 0.00135
 """Probability below which a departure is not put down to chance: three standard errors on one side."""
+FEWEST = 10.0
+"""Effective samples from which on bands are judged: of fewer, one outside more or less changes the verdict."""
+ONE_SAMPLE = 10.3
+"""Mean square of normalised residuals that is no chance even where all samples are worth one: chi-square of one, three standard errors."""
 KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
@@ -41,12 +49,20 @@ class FitVerdict(NamedTuple):
     reason: str
 
 
-def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool) -> FitVerdict:
-    """Say what the scores of one channel mean; of several departures the first in order of gravity."""
+def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool, outside: Sequence[str] = ()) -> FitVerdict:
+    """Say what the scores of one channel mean; of several departures the first in order of gravity.
+
+    Args:
+        score: of the channel.
+        channel: its name.
+        held_back: whether its run was not fitted.
+        coloured: whether the noise is modelled as correlated in time.
+        outside: where the run leaves the range that was fitted, in words.
+    """
     use = "prediction" if held_back else "fit"
     if not score.samples:
         return FitVerdict(
-            "caution",
+            "unjudged",
             "not measured",
             f"nothing was measured of {channel}: the {use} cannot be judged; check the channel map",
         )
@@ -54,11 +70,13 @@ def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool) -> Fi
         return FitVerdict(
             "fail",
             "diverges",
-            f"the simulated {channel} grows without bound: the model cannot move as this trial did; "
+            f"the simulated {channel} grows without bound: the model cannot move as this trial did; {_left(outside)}"
             "check units and signs, or narrow the priors to damping that dissipates",
         )
+    if score.effective < FEWEST and score.variance < ONE_SAMPLE:
+        return _few(score, channel, held_back, coloured)
     return (
-        _sizes(score, channel, held_back)
+        _sizes(score, channel, held_back, outside)
         or _motion(score, channel, held_back)
         or _colour(score, channel, coloured)
         or _shape(score, channel)
@@ -66,12 +84,39 @@ def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool) -> Fi
     )
 
 
+def explained_words(share: float, channel: str) -> str:
+    """Say what share of a channel's variance is explained; below nothing a percentage would mislead."""
+    if share < 0:
+        return f"{channel} is predicted worse than by the run's own mean"
+    return f"{share:.0%} of the variance of {channel} is explained"
+
+
+def explained_short(share: float) -> str:
+    """Say the same in a table or a line that names the channel."""
+    return "worse than the run's own mean" if share < 0 else f"{share:.1%} of the variance explained"
+
+
 def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     """Return the gravest verdict of a trial's channels, the first of them where several are as grave."""
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _sizes(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
+def _few(score: Score, channel: str, held_back: bool, coloured: bool) -> FitVerdict:
+    """Say that a run tells too little of its band, and what it shows nevertheless."""
+    if not held_back and (found := _colour(score, channel, coloured)):
+        return found
+    motion = _motion(score, channel, held_back)
+    worth = "one independent sample" if score.effective < 1.5 else f"{score.effective:.0f} independent samples"
+    return FitVerdict(
+        "unjudged",
+        "too little to judge",
+        f"{channel} of this run is worth {worth}, too few to judge whether its band holds ({FEWEST:.0f} are needed; "
+        f"{score.coverage:.0%} lies inside the 90 % band); "
+        + (motion.reason if motion else explained_words(score.explained, channel)),
+    )
+
+
+def _sizes(score: Score, channel: str, held_back: bool, outside: Sequence[str]) -> FitVerdict | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
     short = scipy.special.betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
@@ -80,7 +125,8 @@ def _sizes(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
     result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
     if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
         do = (
-            "look at this trial for a sensor fault or another condition (current, load, trim), then add a term or fit it too"
+            f"{_left(outside)}look at this trial for a sensor fault, a wrong unit or another condition (current, load, trim), then "
+            "add a term or fit it too"
             if held_back
             else "look at its residuals for outliers, a wrong unit or a missing term"
         )
@@ -88,7 +134,11 @@ def _sizes(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
             "fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty; {do}"
         )
     if (short and score.coverage < NARROW) or (large and score.variance > SPREAD):
-        do = "fit more trials like it, or add a term" if held_back else "look for outliers or a missing term"
+        do = (
+            f"{_left(outside)}fit more trials like it, or add a term"
+            if held_back
+            else "look for outliers or a missing term"
+        )
         return FitVerdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small; {do}")
     if small and not score.missing and score.variance < TAME and score.coverage > WIDE:
         return FitVerdict(
@@ -104,33 +154,51 @@ def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
     """Little of the motion explained, and why: noise, ignorance or a wrong model, which sizes let through as honestly stated."""
     if score.missing:
         return FitVerdict(
-            "caution",
+            "unjudged",
             "never changes",
-            f"the measured {channel} never changes: its errors are as stated, but how much motion is explained has no meaning; "
-            "test on a trial that moves",
+            f"the measured {channel} never changes: how much of its motion is explained has no meaning; test on a trial that moves",
         )
     if score.explained >= POOR:
         return None
-    result = f"{score.explained:.0%} of the variance of {channel} is explained"
+    result, left = explained_words(score.explained, channel), _noise_words(score, channel)
+    if held_back and score.coefficient_share > POOR and score.variance < BURST:
+        return FitVerdict(
+            "caution",
+            "coefficients uncertain",
+            f"{result}, which is what the uncertainty of the coefficients allows: they are not known well enough to predict it; "
+            "run the next trial that is proposed",
+        )
     if score.noise_share > POOR:
         return FitVerdict(
             "caution",
             "noise hides the motion",
-            f"{result}, the rest is as large as the noise of the fit: this trial tests little; use one that moves more, or "
-            "add a term if the sensor is better than that",
+            f"{result}: what the fit leaves over, {left}, is as large as the motion of this run, which therefore tests little; "
+            "use one that moves more, or add a term if the sensor is better than that",
         )
     if held_back:
         return FitVerdict(
             "caution",
             "predicted poorly",
-            f"{result}, though within the stated uncertainty: the coefficients are not known well enough to predict it; "
-            "run the next trial that is proposed",
+            f"{result}: the model misses most of what moved, and its errors lie inside the band only because of what the fit "
+            f"leaves over, {left}, not because the coefficients are uncertain; add a term, a delay or a model of the error",
         )
     return FitVerdict(
         "caution",
         "fitted poorly",
         f"{result}: the model misses most of what moved; add a term, a delay or an estimated initial state",
     )
+
+
+def _noise_words(score: Score, channel: str) -> str:
+    """Size of the noise of the fit, and over what time it remembers."""
+    factor, unit = shown_unit(channel)
+    slow = f" with a memory of {score.correlation_time:.2g} s" if score.correlation_time else ""
+    return f"{score.noise_sd * factor:.2g} {unit}{slow}"
+
+
+def _left(outside: Sequence[str]) -> str:
+    """Name where a run leaves the fitted range, ready to go before a remedy."""
+    return f"it leaves what was fitted ({'; '.join(outside)}): fit a run that goes as far, or else " if outside else ""
 
 
 def _colour(score: Score, channel: str, coloured: bool) -> FitVerdict | None:
@@ -176,4 +244,4 @@ def _shape(score: Score, channel: str) -> FitVerdict | None:
 
 
 def _praise(score: Score, channel: str) -> str:
-    return f"{score.explained:.0%} of the variance of {channel} is explained and {score.coverage:.0%} lies inside the 90 % band"
+    return f"{explained_words(score.explained, channel)} and {score.coverage:.0%} lies inside the 90 % band"

@@ -1,8 +1,8 @@
 """Scores of one channel of one predicted trial, normal prediction and stated noise given.
 
-How many independent samples they rest on: n' = n_eff / (1 + (n_eff - 1) m), where n_eff counts the residuals' autocorrelation
-and m, the share of the predicted variance that is uncertainty of the motion, is common to the whole trial (Kish, Survey
-Sampling, 1965, section 5.4).
+How many independent samples they rest on: n' = n_eff / (1 + (n_eff - 1) s), where n_eff counts the residuals' autocorrelation
+and s is the mean squared correlation of two samples that comes from the motion being uncertain as a whole (Kish, Survey Sampling,
+1965, section 5.4; squared, since a sum of squares of normal errors has the variance 2 sum_ij c_ij^2).
 
 Scores of a predicted distribution once the measurement is known:
 
@@ -13,8 +13,8 @@ That of a normal prediction has a closed form; Q is the Ljung-Box statistic wher
 Stoffer and Toloi (Statistics and Probability Letters 13, 1992) where some are.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -70,6 +70,9 @@ class Score:
         interval: median time between measured samples, s.
         white: p-value of the portmanteau test.
         noise_share: share of the measured variance that is noise of the size the fit found; 0 without a variance.
+        noise_sd: standard deviation of that noise, in the channel's SI unit.
+        correlation_time: of that noise, s; 0 where it is white.
+        coefficient_share: share of the predicted variance that comes from the coefficients being uncertain.
         missing: empty, or why some numbers do not exist.
     """
 
@@ -89,6 +92,9 @@ class Score:
     interval: float
     white: float
     noise_share: float
+    noise_sd: float
+    correlation_time: float
+    coefficient_share: float
     missing: str = ""
 
 
@@ -179,6 +185,8 @@ def score_channel(
     motion_sd: Float[np.ndarray, " n"],
     noise_sd: float,
     correlation_time: float | None = None,
+    coefficient_sd: Float[np.ndarray, " n"] | None = None,
+    shared: float | None = None,
 ) -> Score:
     """Score a normal prediction of one channel.
 
@@ -189,8 +197,12 @@ def score_channel(
         motion_sd: standard deviation of the prediction without noise.
         noise_sd: standard deviation of the noise.
         correlation_time: of the noise, s, where it is modelled as coloured; what should be white is then what is new in it.
+        coefficient_sd: part of `motion_sd` that comes from the coefficients being uncertain; all of it by default.
+        shared: mean squared correlation of two samples that comes from the motion being uncertain; by default that is one error of
+            the whole trial.
     """
     present = np.isfinite(measured)
+    coefficient_sd = (motion_sd if coefficient_sd is None else coefficient_sd)[present]
     time, measured, mean, motion_sd = (column[present] for column in (time, measured, mean, motion_sd))
     if not measured.size:
         return unscored(0, "nothing was measured")
@@ -201,9 +213,11 @@ def score_channel(
     independent = effective_samples(time, z)
     test = whiteness(time, z if correlation_time is None else _innovations(time, z, correlation_time))
     still = bool(np.isnan(explained))
+    if shared is None:
+        shared = float(np.mean((motion_sd / sd) ** 2)) ** 2
     return Score(
         samples=int(measured.size),
-        effective=independent / (1 + max(0.0, independent - 1) * float(np.mean((motion_sd / sd) ** 2))),
+        effective=independent / (1 + max(0.0, independent - 1) * shared),
         explained=0.0 if still else explained,
         nrmse=0.0 if still else nrmse_fit(measured, mean),
         rmse=float(np.sqrt(np.mean((measured - mean) ** 2))),
@@ -218,13 +232,17 @@ def score_channel(
         interval=test.interval,
         white=test.p_value,
         noise_share=0.0 if still else float(min(1.0, noise_sd**2 / measured.var())),
+        noise_sd=noise_sd,
+        correlation_time=correlation_time or 0.0,
+        coefficient_share=float(np.mean((coefficient_sd / sd) ** 2)),
         missing="the measurement never changes" if still else "",
     )
 
 
 def unscored(samples: int, why: str) -> Score:
     """Return a score without numbers."""
-    return Score(samples, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, why)
+    numbers: dict[str, Any] = {field.name: 0.0 for field in fields(Score)}
+    return Score(**{**numbers, "samples": samples, "pit": (), "missing": why})
 
 
 def _grid(time: np.ndarray) -> np.ndarray:

@@ -149,11 +149,12 @@ def criteria(
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.identifiability import known_after
+    from seatrial.campaign.inference.predict import held_back_lines, predict_held_back
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
-    estimates = flow.get("estimates")
-    said = []
+    estimates, trials = flow.get("estimates"), flow.get("trials")
+    said, held_back = [], []
     for item in estimates:
         answer.say(f"{item.structure.label}")
         for name in item.names:
@@ -161,11 +162,17 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
             answer.say(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
         for name, label, mean, sd, unit in item.own_values():
             answer.say(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
-        known = known_after(flow.get("candidates"), item, flow.get("trials"))
+        held_back.append(predict_held_back(flow.get("candidates"), item, trials))
+        for line in held_back_lines(held_back[-1]):
+            answer.say(f"  {line}")
+        known = known_after(flow.get("candidates"), item, trials)
         answer.say("\n".join(known.lines()))
         said += known.verdict
+    alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
+    evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
+    labels = [item.structure.label for item in estimates]
     return answer.finish(
-        [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms],
+        alarms + _unseen_alarms(labels, evidences, held_back),
         [text for text in estimates[0].cautions if text not in said],
     )
 
@@ -180,7 +187,25 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     for one in found:
         answer.say("\n".join(one.lines()))
     answer.say(MODE if by is By.MODE else REGRESSION)
-    return answer.finish([one.alarm for one in found if one.alarm], [one.caution for one in found if one.caution])
+    alarms = [one.alarm for one in found if one.alarm]
+    tested = [one for one in found if one.held_back is not None]
+    alarms += _unseen_alarms(
+        [one.structure.label for one in tested],
+        [one.log_evidence for one in tested],
+        [one.held_back for one in tested],
+    )
+    return answer.finish(alarms, [one.caution for one in found if one.caution])
+
+
+def _unseen_alarms(labels: list[str], evidences: list[Any], held_back: list[Any]) -> list[str]:
+    """What forbids to rely on the most probable structure on runs that it was not fitted to."""
+    from seatrial.campaign.inference.predict import held_back_alarms
+
+    if not labels:
+        return []
+    best = max(range(len(labels)), key=lambda index: evidences[index])
+    which = "" if len(labels) == 1 else ", the most probable"
+    return [f"{labels[best]}{which}, {text}" for text in held_back_alarms(*held_back[best])]
 
 
 def _seconds(text: str | None, option: str) -> float | None:

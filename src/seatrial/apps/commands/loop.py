@@ -75,12 +75,14 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         answer.say(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
+    for one in outcome.pooled:
+        answer.say(f"  held-back runs together: {one.level}; {one.reason}")
     for verdict in summary["verdicts"]:
         answer.say(verdict)
     for line in proposal.lines:
         answer.say(f"next: {line}")
     answer.say(f"report: {write_report(outcome)}")
-    told = [fit.reason for fit in outcome.fits]
+    told = [one.reason for one in (*outcome.fits, *outcome.pooled)]
     return answer.finish(
         summary["alarms"], [text for text in summary["cautions"] if not any(reason in text for reason in told)]
     )
@@ -89,7 +91,4 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
 def _said_of(fit: Any) -> str:
     """One channel of one trial: how it was predicted, the verdict, and what keeps it from passing."""
     use = "held-back run" if fit.held_back else "run"
-    share = (
-        "" if fit.missing or not fit.samples else f", {fit.explained:.0%} of the variance of {fit.channel} explained"
-    )
-    return f"{use} {fit.record}: {fit.level}{share}" + ("" if fit.level == "pass" else f"; {fit.reason}")
+    return "; ".join([f"{use} {fit.record}: {fit.level}, {fit.reason}", *fit.outside])

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import numpy as np
@@ -17,17 +17,23 @@ from seatrial.campaign.store.estimates import Estimate, Fit, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
-from seatrial.estimation.fit_verdict import LEVELS, FitVerdict, judge_fit, worst
-from seatrial.estimation.output_error import initial_name
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.fit_verdict import LEVELS, FitVerdict, explained_short, judge_fit, worst
+from seatrial.estimation.fitted_range import outside_fitted
+from seatrial.estimation.output_error import OutputError, initial_name
+from seatrial.estimation.pooled_coverage import Pooled, motion_products, pooled_verdict, run_residuals, shared_motion
 from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.sensors import correlation_name
-from seatrial.estimation.validation import score_channel
+from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.validation import DIVERGES, score_channel
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
 MOST_NAMED = 6
 """Trials that one sentence names."""
+CURVES = ("time", "measured", "mean", "motion_sd", "sd")
+"""What is kept of a prediction at each sample."""
 
 
 class Drawn(Protocol):
@@ -48,20 +54,30 @@ class Drawn(Protocol):
         ...
 
 
-def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> list[Fit]:
+class HeldBack(NamedTuple):
+    """How records that were not fitted are predicted: each channel of each, and each channel of all of them together."""
+
+    fits: tuple[Fit, ...]
+    pooled: tuple[Pooled, ...]
+
+
+def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldBack:
     """Predict the records that were not fitted; nothing is stored."""
-    return [
+    pieces = [_predict(campaign, drawn, record) for record in trials.predict]
+    fits = [
         fit
-        for record in trials.predict
-        for fit in _fits(campaign.channels, drawn, record, True, _predict(campaign, drawn, record))
+        for record, piece in zip(trials.predict, pieces, strict=True)
+        for fit in _fits(campaign.channels, drawn, record, piece, trials.fit)
     ]
+    return HeldBack(tuple(fits), _pooled(campaign.channels, pieces))
 
 
 def stored_predictions(
     campaign: Campaign, estimate: OfStructure, trials: HasKey
 ) -> StoredResult[tuple[list[Fit], xr.Dataset]]:
     """Return where the predictions are kept, and what they depend on."""
-    key = key_of("predictions", [field.name for field in fields(Fit)], estimate.key, trials.key)
+    names = [field.name for of in (Fit, Pooled) for field in fields(of)]
+    key = key_of("predictions", names, estimate.key, trials.key)
 
     def read(path: Path) -> tuple[list[Fit], xr.Dataset]:
         return list(read_predictions(path).fits), open_dataset(path)
@@ -79,18 +95,21 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
     def predict() -> xr.Dataset:
         records = [*trials.fit, *trials.predict]
         pieces = [_predict(campaign, estimate, record) for record in records]
-        columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0] if name != "noise"}
+        columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
         fits = [
             fit
             for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
-            for fit in _fits(campaign.channels, estimate, record, index >= len(trials.fit), piece)
+            for fit in _fits(
+                campaign.channels, estimate, record, piece, trials.fit if index >= len(trials.fit) else None
+            )
         ]
+        pooled = _pooled(campaign.channels, pieces[len(trials.fit) :])
         lengths = [record.time.size for record in records]
         return xr.Dataset(
             {
                 "time": ("sample", columns["time"], {"unit": "s"}),
                 "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
-                **{name: (("sample", "channel"), columns[name]) for name in ("measured", "mean", "motion_sd", "sd")},
+                **{name: (("sample", "channel"), columns[name]) for name in CURVES[1:]},
             },
             coords={"channel": list(campaign.channels)},
             attrs={
@@ -98,6 +117,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
                 "held_back": json.dumps([record.label for record in trials.predict]),
                 "structure": estimate.structure.label,
                 "fits": json.dumps([fit.__dict__ for fit in fits]),
+                "pooled": json.dumps([one.__dict__ for one in pooled]),
             },
         )
 
@@ -112,8 +132,42 @@ def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
     }
 
 
-def fit_complaints(fits: Sequence[Fit]) -> list[str]:
-    """What keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
+def pooled_of(predictions: xr.Dataset) -> tuple[Pooled, ...]:
+    """Return how each channel of all held-back records together is predicted, of `predict_all`."""
+    return tuple(Pooled(**item) for item in json.loads(predictions.attrs["pooled"]))
+
+
+def held_back_lines(held_back: HeldBack) -> list[str]:
+    """Say how what was not fitted is predicted, each channel of each record in one line, then each channel of all together."""
+    said = []
+    for fit in held_back.fits:
+        share = "" if fit.missing else f"{explained_short(fit.explained)}, "
+        scores = (
+            fit.missing
+            if not fit.samples or fit.missing == DIVERGES
+            else f"{share}{fit.coverage:.0%} inside the 90 % band"
+        )
+        said.append("; ".join([f"held-back run {fit.record}: {fit.channel:<8} {scores}", *fit.outside]))
+    return said + [f"held-back runs together: {one.level}; {one.reason}" for one in held_back.pooled]
+
+
+def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[str]:
+    """What forbids to rely on the model, for runs that it was not fitted to: all of them together first, then each that fails alone."""
+    together = [f"held-back runs: {one.reason}" for one in pooled if one.level == "fail"]
+    return together + _sentences([fit for fit in fits if _is_alarm(fit)])
+
+
+def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[str]:
+    """What else keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
+    together = [f"held-back runs: {one.reason}" for one in pooled if one.level in ("caution", "unjudged")]
+    return together + _sentences([fit for fit in fits if not _is_alarm(fit)])
+
+
+def _is_alarm(fit: Fit) -> bool:
+    return fit.held_back and fit.level == "fail"
+
+
+def _sentences(fits: Sequence[Fit]) -> list[str]:
     groups: dict[tuple[str, str, bool, str], list[Fit]] = {}
     for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
         if fit.level != "pass":
@@ -126,7 +180,7 @@ def fit_complaints(fits: Sequence[Fit]) -> list[str]:
     return said
 
 
-def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.ndarray]:
+def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]:
     """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
     model = shared_model(campaign, drawn.structure)
     table = drawn.draws()
@@ -151,25 +205,46 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, np.n
             prior = Normal(prior.mean, starts[parameter.name])
         own = jax.random.fold_in(key_of_values(key, len(table)), index)
         values[parameter.name] = prior.draw(own, (len(table),))
-    outputs = np.asarray(outputs_of_draws(likelihood)(values, data, key))[:, : record.time.size]
+    outputs = _outputs(likelihood, values, data, key, record)
+    free = outputs if isinstance(likelihood, OutputError) else _outputs(likelihood.output, values, data, key, record)
     noise = np.column_stack([noise_sd(sensor, values) for sensor in campaign.sensor_models])
     noise = np.sqrt((noise**2).mean(axis=0))
     motion = outputs.std(axis=0)
+    sd = np.hypot(motion, noise)
+    measured = np.column_stack([record.channel(channel) for channel in campaign.channels])
     return {
         "time": record.time,
-        "measured": np.column_stack([record.channel(channel) for channel in campaign.channels]),
+        "measured": measured,
         "mean": outputs.mean(axis=0),
         "motion_sd": motion,
-        "sd": np.hypot(motion, noise),
+        "sd": sd,
         "noise": noise,
+        "coefficient_sd": free.std(axis=0),
+        "products": motion_products(outputs, sd, measured),
     }
 
 
+def _outputs(
+    likelihood: OutputError | FilterError,
+    values: Mapping[str, np.ndarray],
+    data: TrialData,
+    key: jax.Array,
+    record: Record,
+) -> np.ndarray:
+    """Simulate under every draw; of filter error's `output` without the pushes of process noise. Shape (draws, n, m)."""
+    return np.asarray(outputs_of_draws(likelihood)(values, data, key))[:, : record.time.size]
+
+
 def _fits(
-    channels: Sequence[str], drawn: Drawn, record: Record, held_back: bool, piece: Mapping[str, np.ndarray]
+    channels: Sequence[str],
+    drawn: Drawn,
+    record: Record,
+    piece: Mapping[str, Any],
+    fitted: Sequence[Record] | None,
 ) -> list[Fit]:
-    """Every channel of one record, scored and judged."""
+    """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
     found = []
+    outside = () if fitted is None else outside_fitted(fitted, record)
     for column, channel in enumerate(channels):
         tau = correlation_name(channel)
         coloured = tau in drawn.names
@@ -178,7 +253,39 @@ def _fits(
             *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
             noise_sd=float(piece["noise"][column]),
             correlation_time=float(np.median(drawn.draws([tau]))) if coloured else None,
+            coefficient_sd=piece["coefficient_sd"][:, column],
+            shared=shared_motion([piece["products"][column]]),
         )
-        verdict = judge_fit(score, channel, held_back, coloured)
-        found.append(Fit(**vars(score), record=record.label, held_back=held_back, channel=channel, **verdict._asdict()))
+        verdict = judge_fit(score, channel, fitted is not None, coloured, outside)
+        found.append(
+            Fit(
+                **vars(score),
+                record=record.label,
+                held_back=fitted is not None,
+                channel=channel,
+                outside=outside,
+                **verdict._asdict(),
+            )
+        )
     return found
+
+
+def _pooled(channels: Sequence[str], pieces: Sequence[Mapping[str, Any]]) -> tuple[Pooled, ...]:
+    """Every channel of all held-back records together; none where nothing is held back."""
+    if not pieces:
+        return ()
+    return tuple(
+        pooled_verdict(
+            [
+                run_residuals(
+                    piece["time"],
+                    *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
+                    noise_sd=float(piece["noise"][column]),
+                )
+                for piece in pieces
+            ],
+            channel,
+            shared_motion([piece["products"][column] for piece in pieces]),
+        )
+        for column, channel in enumerate(channels)
+    )

@@ -15,8 +15,7 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import is_whole, random_key
-from seatrial.campaign.inference.predict import N_DRAWS, predict_held_back
-from seatrial.campaign.store.estimates import Fit
+from seatrial.campaign.inference.predict import N_DRAWS, HeldBack, held_back_lines, predict_held_back
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
@@ -59,7 +58,8 @@ class FirstAnswer:
         note: what belongs to all of them, in a few words.
         alarm: why there is no answer; empty if there is one.
         caution: what is wrong with it; empty if nothing is.
-        held_back: how it predicts what was not fitted, each channel of each record.
+        held_back: how it predicts what was not fitted; None where nothing is predicted.
+        log_evidence: of the structure, by Laplace; None where there is none.
     """
 
     structure: Structure
@@ -68,7 +68,8 @@ class FirstAnswer:
     note: str = ""
     alarm: str = ""
     caution: str = ""
-    held_back: tuple[Fit, ...] = ()
+    held_back: HeldBack | None = None
+    log_evidence: float | None = None
 
     def lines(self) -> list[str]:
         """A table of the answer."""
@@ -79,13 +80,8 @@ class FirstAnswer:
         for name, unit, pairs in self.rows:
             numbers = " ".join(f"{value:>12.5g} ± {sd:<8.3g}" for value, sd in pairs)
             said.append(f"  {name:<16} {numbers} {unit}")
-        return [*said, *map(_told, self.held_back)]
-
-
-def _told(fit: Fit) -> str:
-    """One held-back channel in one line."""
-    scores = fit.missing or f"{fit.explained:.1%} of the variance explained, {fit.coverage:.0%} inside the 90 % band"
-    return f"  held-back run {fit.record}: {fit.channel:<8} {scores}"
+        lines = held_back_lines(self.held_back) if self.held_back else []
+        return [*said, *(f"  {line}" for line in lines)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +150,9 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    return FirstAnswer(structure, rows, ("mode",), note, caution=caution, held_back=tuple(held_back))
+    return FirstAnswer(
+        structure, rows, ("mode",), note, caution=caution, held_back=held_back, log_evidence=float(mode.log_evidence)
+    )
 
 
 def _drawn(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:

@@ -15,6 +15,7 @@ from seatrial.core.dataset_file import open_dataset, stored, text_of
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
+from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.estimation.remedies import measured, percent
 from seatrial.estimation.validation import Score
 from seatrial.selection.structures import Structure
@@ -237,9 +238,10 @@ class Fit(Score):
         record: label.
         held_back: whether the record was not used in the fit.
         channel: measured channel.
-        level: pass, caution or fail.
+        level: pass, unjudged, caution or fail.
         about: what the verdict is about in a few words; empty for a pass.
         reason: one sentence: what was found, what it means and what to do.
+        outside: where a held-back record leaves the range of states and inputs that was fitted, in words.
     """
 
     record: str
@@ -248,6 +250,7 @@ class Fit(Score):
     level: FitLevel
     about: str
     reason: str
+    outside: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> FitVerdict:
@@ -350,6 +353,7 @@ class Predictions:
         held_back: those that were not fitted.
         channels: measured channels.
         fits: each channel of each record.
+        pooled: each channel of all held-back records together; empty without such records.
         structure: label of the structure that predicts.
     """
 
@@ -357,6 +361,7 @@ class Predictions:
     held_back: tuple[str, ...]
     channels: tuple[str, ...]
     fits: tuple[Fit, ...]
+    pooled: tuple[Pooled, ...]
     structure: str
 
 
@@ -417,8 +422,8 @@ def read_left_out(path: Path, made_by: str) -> tuple[LeftOut, ...]:
 def read_predictions(path: Path) -> Predictions:
     """Read how well each record is predicted; the curves are left on the disk."""
     with stored(path) as file:
-        records, held_back, fits, structure = (
-            text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "structure")
+        records, held_back, fits, pooled, structure = (
+            text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "pooled", "structure")
         )
         channels = tuple(text_of(name) for name in np.asarray(file["channel"]).tolist())
     return Predictions(
@@ -426,13 +431,14 @@ def read_predictions(path: Path) -> Predictions:
         tuple(json.loads(held_back)),
         channels,
         tuple(decode_fit(item) for item in json.loads(fits)),
+        tuple(Pooled(**item) for item in json.loads(pooled)),
         structure,
     )
 
 
 def decode_fit(item: dict[str, Any]) -> Fit:
     """Return how one channel is predicted from its JSON."""
-    return Fit(**{**item, "pit": tuple(item["pit"])})
+    return Fit(**{**item, "pit": tuple(item["pit"]), "outside": tuple(item["outside"])})
 
 
 def read_profiles(path: Path, made_by: str) -> dict[str, StoredProfile]:

@@ -10,6 +10,7 @@ import numpy as np
 from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
+from seatrial.estimation.pooled_coverage import Pooled
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,6 +129,7 @@ class Summary:
         alarms: why they are not to be used.
         known: what the data tell about each parameter.
         fits: how each channel of each record is predicted.
+        pooled: how each channel of all held-back records together is predicted.
         next_trial: what to run next.
         seatrial_version: that wrote it.
     """
@@ -142,6 +144,7 @@ class Summary:
     alarms: tuple[str, ...]
     known: Known
     fits: tuple[Fit, ...]
+    pooled: tuple[Pooled, ...]
     next_trial: NextTrial
     seatrial_version: str
 
@@ -353,6 +356,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             alarms=tuple(content["alarms"]),
             known=decode_known(content["known"]),
             fits=tuple(decode_fit(item) for item in content["fits"]),
+            pooled=tuple(Pooled(**item) for item in content["pooled"]),
             next_trial=NextTrial(**content["next_trial"]),
             seatrial_version=content["seatrial_version"],
         )

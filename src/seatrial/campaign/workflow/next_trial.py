@@ -13,6 +13,7 @@ import scipy
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.simulate import Chosen, add_trial, chosen_of
 from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.inference.predict import held_back_alarms
 from seatrial.campaign.store.structures import Contenders
 from seatrial.campaign.workflow.run import ENOUGH, Outcome, run_loop
 from seatrial.core.progress import SILENT, Reporter
@@ -118,6 +119,9 @@ def _wrong(outcome: Outcome) -> tuple[str, ...]:
         if not fit.held_back and fit.level == "fail"
     ]
     found += [effect.sentence for effect in outcome.left_out]
+    found += [
+        f"the model fails where it was not fitted: {text}" for text in held_back_alarms(outcome.fits, outcome.pooled)
+    ]
     if not found:
         return ()
     return (

@@ -11,7 +11,7 @@ from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.filter_trace import filter_complaints
-from seatrial.campaign.inference.predict import fit_complaints
+from seatrial.campaign.inference.predict import fit_complaints, held_back_alarms, pooled_of
 from seatrial.campaign.selection.select_structure import structure_rows
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
@@ -19,6 +19,7 @@ from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
+from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.manoeuvres.family import Family
 from seatrial.selection.verdict import Selection
 
@@ -42,6 +43,7 @@ class Outcome:
         filter: traces of the full structure.
         fits: how well each record is predicted.
         predictions: the curves.
+        pooled: how well each channel of all held-back records together is predicted.
         known: what the data tell about each parameter of the chosen structure.
         promised: what the best design would tell about those of the full one; None without such designs.
         first: designs from the priors; None where trials were imported that nothing was designed for.
@@ -61,6 +63,7 @@ class Outcome:
     filter: "xr.Dataset"
     fits: tuple[Fit, ...]
     predictions: "xr.Dataset"
+    pooled: tuple[Pooled, ...]
     known: Known
     promised: Known | None
     first: Designs | None
@@ -97,6 +100,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         estimates=tuple(found["estimates"]),
         fits=tuple(fits),
         predictions=predictions,
+        pooled=pooled_of(predictions),
         screened=screened,
         screening_cautions=tuple(cautions),
         summary={},
@@ -111,12 +115,12 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
-    alarms += selection.alarms
+    alarms += [*selection.alarms, *held_back_alarms(outcome.fits, outcome.pooled)]
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
     cautions += [effect.sentence for effect in outcome.left_out]
-    cautions += [*chosen.cautions, *fit_complaints(outcome.fits), *filter_complaints(outcome.filter)]
+    cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
     return {
         "name": campaign.name,
         "chosen": chosen.structure.label,
@@ -128,6 +132,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "alarms": alarms,
         "known": asdict(outcome.known),
         "fits": [fit.__dict__ for fit in outcome.fits],
+        "pooled": [one.__dict__ for one in outcome.pooled],
         "next_trial": next_trial(outcome.next),
     }
 

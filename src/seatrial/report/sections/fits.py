@@ -11,6 +11,7 @@ from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.estimation.fit_verdict import NARROW, POOR
+from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.report.drawing import Drawing, draw, labels_of, record_curves, truth_of, units_of
 from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.figures.traces import coefficient_trace
@@ -19,10 +20,11 @@ from seatrial.report.numbers import DASH, percent, short, unit_text, with_sd
 
 POINTS = 7000
 """Dots worth their bytes on the whole page."""
-LOOKS = {"pass": "finding", "caution": "caution", "fail": "alarm"}
+LOOKS = {"pass": "finding", "unjudged": "caution", "caution": "caution", "fail": "alarm"}
 """How each verdict looks among the findings of the page."""
 NOUNS = {
     "pass": ("trial passes", "trials pass"),
+    "unjudged": ("trial cannot be judged alone", "trials cannot be judged alone"),
     "caution": ("trial with a caution", "trials with a caution"),
     "fail": ("trial fails", "trials fail"),
 }
@@ -41,6 +43,7 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
         "nouns": NOUNS,
         "counts": {level: sum(verdict.level == level for verdict in verdicts.values()) for level in LOOKS},
         "has_held_back": bool(held_back),
+        "pooled": [_together(one) for one in outcome.pooled],
         "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensor_models),
         "structure": outcome.chosen.structure.label,
     }
@@ -100,7 +103,27 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
 
 
 def _verdict(fit: Fit) -> dict[str, Any]:
-    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.reason, {})}
+    said = fit.reason if any(words in fit.reason for words in fit.outside) else "; ".join([fit.reason, *fit.outside])
+    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(said, {})}
+
+
+def _together(one: Pooled) -> dict[str, Any]:
+    """Every held-back record of one channel, judged together."""
+    number = one.effective > 0
+    return {
+        "channel": one.channel,
+        "level": one.level,
+        "kind": LOOKS[one.level],
+        "reason": sentence_html(one.reason, {}),
+        "runs": one.runs,
+        "samples": one.samples,
+        "effective": f"{one.effective:.0f}",
+        "coverage": f"{percent(one.coverage)} ({percent(one.lower)} to {percent(one.upper)})" if number else DASH,
+        "p": _p_value(one.p_value) if number else DASH,
+        "explained": (percent(one.explained) if one.explained >= 0 else "worse than their means") if number else DASH,
+        "variance": short(one.variance, 2) if number else DASH,
+        "widen": f"{one.widen:.1f} ({one.widen_lower:.1f} to {one.widen_upper:.1f})" if number else DASH,
+    }
 
 
 def _row(fit: Fit) -> dict[str, Any]:
@@ -114,7 +137,7 @@ def _row(fit: Fit) -> dict[str, Any]:
         "channel": fit.channel,
         "level": fit.level,
         "kind": LOOKS[fit.level],
-        "explained": percent(fit.explained) if moves else DASH,
+        "explained": (percent(fit.explained) if fit.explained >= 0 else "worse than its mean") if moves else DASH,
         "nrmse": percent(fit.nrmse) if moves else DASH,
         "share": float(np.clip(fit.explained, 0, 1)),
         "poor": moves and fit.explained < POOR,

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.inference.predict import held_back_alarms
 from seatrial.campaign.store.stored_result import FILE_NAME, Store
 from seatrial.campaign.workflow.run import ENOUGH, Outcome
 from seatrial.core.display_units import shown_unit
@@ -58,7 +59,12 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
 
 def answer(outcome: Outcome) -> Markup:
     """Say in one sentence what was found, or that nothing may be used yet."""
-    alarms = outcome.summary["alarms"]
+    alarms, unseen = outcome.summary["alarms"], held_back_alarms(outcome.fits, outcome.pooled)
+    if unseen:
+        others = len(alarms) - len(unseen)
+        more = Markup(" {} failed too.").format(f"{others} health check{'s' * (others != 1)}") if others else Markup("")
+        first = sentence_html(unseen[0], labels_of(outcome))
+        return Markup("The model fails on runs that it was not fitted to. {}.{}").format(first, more)
     if alarms:
         checks = "health check" if len(alarms) == 1 else "health checks"
         return Markup("Do not use these numbers yet: {} {} failed, as said below.").format(len(alarms), checks)
@@ -87,7 +93,12 @@ def find(outcome: Outcome) -> list[Conclusion]:
     labels, summary = labels_of(outcome), outcome.summary
     chosen = outcome.chosen.structure.label
     alarms = sorted(
-        summary["alarms"], key=lambda text: (not text.startswith("the evidence"), f"{chosen}: " not in text)
+        summary["alarms"],
+        key=lambda text: (
+            not text.startswith("held-back"),
+            not text.startswith("the evidence"),
+            f"{chosen}: " not in text,
+        ),
     )
     verdicts = list(summary["verdicts"])
     if len(outcome.campaign.structures) == 1:
@@ -121,7 +132,7 @@ def glance(outcome: Outcome) -> list[dict[str, Any]]:
         {
             "name": "Held-back motion explained" if held_back else "Fitted motion explained",
             "href": "#fit",
-            "value": _span([fit.explained for fit in held_back or scored]),
+            "value": _explained([fit.explained for fit in held_back or scored]),
             "note": f"{_span([fit.coverage for fit in held_back or scored])} of samples inside the 90 % band"
             if scored
             else "nothing was measured that could be compared",
@@ -189,6 +200,16 @@ def _span(shares: list[float]) -> str:
         return DASH
     low, high = percent(min(shares)), percent(max(shares))
     return low if low == high else f"{low.removesuffix(' %')}{DASH}{high}"
+
+
+def _explained(shares: list[float]) -> str:
+    """Return the least and largest share explained; runs below nothing are counted, since a percentage of theirs misleads."""
+    worse = sum(share < 0 for share in shares)
+    if not worse:
+        return _span(shares)
+    if worse == len(shares):
+        return "worse than their own mean"
+    return f"{_span([share for share in shares if share >= 0])}; {worse} worse than {'their' if worse > 1 else 'its'} own mean"
 
 
 def _basis(outcome: Outcome) -> str:

@@ -128,11 +128,21 @@ async def _fits(context: AppContext, store: Store) -> None:
                 fit.record + (" (held back)" if fit.held_back else ""),
                 fit.channel,
                 Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
-                percent(fit.explained) if not fit.missing else "",
+                (percent(fit.explained) if fit.explained >= 0 else "worse than its mean") if not fit.missing else "",
                 percent(fit.coverage) if fit.samples else "",
-                fit.reason,
+                "; ".join([fit.reason, *fit.outside]),
             ]
             for fit in found.fits
+        ] + [
+            [
+                "held-back runs together",
+                one.channel,
+                Markup('<span class="verdict {}">{}</span>').format(one.level, one.level),
+                percent(one.explained) if one.explained >= 0 else "worse than their means",
+                percent(one.coverage) if one.effective else "",
+                one.reason,
+            ]
+            for one in found.pooled
         ]
         head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
         markup(table(head, rows, "How well each record is predicted"))

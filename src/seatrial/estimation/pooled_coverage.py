@@ -1,0 +1,330 @@
+"""Whether stated bands hold on all held-back runs of a channel taken together, where one run alone tells too little.
+
+Of N effective samples the share c lies inside a band of probability 0.9. With k = c N (no whole number) its range is that of
+Clopper and Pearson (Biometrika 26, 1934), and the probability of so few inside is the binomial one:
+
+    I^-1(k, N - k + 1; 0.025) .. I^-1(k + 1, N - k; 0.975),        P(X <= k) = I(N - k, k + 1; 0.1),
+
+I the regularised incomplete beta function. Of runs with n_i samples that are worth e_i the share of all samples has
+N = (sum n_i)^2 / sum n_i^2 / e_i (Kish, Survey Sampling, 1965), and errors of the motion that runs have in common make it
+N / (1 + (N - 1) s), s the mean squared correlation of two samples of it. Where the shares c_i of three runs or more scatter by
+more than that, N is what their scatter leaves, c (1 - c) / var(c): a run that is shifted as a whole is one error. The factor by
+which bands have to be widened is the 0.9 quantile of the absolute normalised residuals over that of a normal law.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from seatrial.estimation.fit_verdict import (
+    BURST,
+    FEWEST,
+    NARROWER,
+    ONE_SAMPLE,
+    POOR,
+    RARE,
+    TAME,
+    WIDE,
+    FitLevel,
+    FitVerdict,
+    explained_words,
+)
+from seatrial.estimation.validation import coverage, effective_samples
+
+BAND = 0.9
+"""Probability of the band that is tested."""
+TAIL = 0.025
+"""Probability on either side of a range."""
+MEND = "a term, a delay or a model of the error is missing"
+
+
+@dataclass(frozen=True, eq=False)
+class RunResiduals:
+    """What the pooled judgement needs of one channel of one run; n measured samples.
+
+    Attributes:
+        z: residuals over their predicted standard deviation, noise included, shape (n,); not finite where the prediction diverges.
+        independent: samples that they are worth by their autocorrelation.
+        motion_share: mean share of the predicted variance that is uncertainty of the motion.
+        squares: sum of squared errors, SI.
+        total: sum of squares of the measurements about their own mean, SI.
+        noise: sum of squares that the noise of the fit alone would leave, SI.
+    """
+
+    z: Float[np.ndarray, " n"]
+    independent: float
+    motion_share: float
+    squares: float
+    total: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """All held-back runs of one channel, judged together. Numbers are 0 where there is nothing to judge.
+
+    Attributes:
+        channel: measured channel.
+        runs: that have measurements of it.
+        samples: measured samples of all runs.
+        effective: independent ones that they are worth.
+        coverage: share of samples inside the 90 % band.
+        lower: lower end of the 95 % range of that share.
+        upper: upper end.
+        p_value: probability that bands as stated hold so few.
+        explained: share of the variance about the runs' own means that is explained; negative is worse than those means.
+        variance: mean square of the normalised residuals, 1 where errors are as large as stated.
+        widen: factor on the half-width of the bands with which 90 % of the samples would lie inside.
+        widen_lower: lower end of its 95 % range.
+        widen_upper: upper end.
+        level: pass, unjudged, caution or fail.
+        about: what the verdict is about in a few words; empty for a pass.
+        reason: one sentence: what was found, what it means and what to do.
+    """
+
+    channel: str
+    runs: int
+    samples: int
+    effective: float
+    coverage: float
+    lower: float
+    upper: float
+    p_value: float
+    explained: float
+    variance: float
+    widen: float
+    widen_lower: float
+    widen_upper: float
+    level: FitLevel
+    about: str
+    reason: str
+
+    @property
+    def verdict(self) -> FitVerdict:
+        """Level, subject and reason."""
+        return FitVerdict(self.level, self.about, self.reason)
+
+
+def run_residuals(
+    time: Float[np.ndarray, " n"],
+    measured: Float[np.ndarray, " n"],
+    mean: Float[np.ndarray, " n"],
+    motion_sd: Float[np.ndarray, " n"],
+    noise_sd: float,
+) -> RunResiduals:
+    """Return what the pooled judgement needs of one predicted run; arguments as `score_channel`.
+
+    Args:
+        time: s, strictly increasing.
+        measured: SI, NaN where nothing was measured.
+        mean: predicted, SI.
+        motion_sd: standard deviation of the prediction without noise, SI.
+        noise_sd: standard deviation of the noise, SI.
+    """
+    there = np.isfinite(measured)
+    time, measured, mean, motion_sd = (column[there] for column in (time, measured, mean, motion_sd))
+    sd = np.hypot(motion_sd, noise_sd)
+    error = measured - mean
+    if not np.isfinite(mean).all():
+        return RunResiduals(np.full(measured.size, np.inf), 0.0, 0.0, np.inf, 0.0, 0.0)
+    return RunResiduals(
+        z=error / sd,
+        independent=effective_samples(time, error / sd),
+        motion_share=float(np.mean((motion_sd / sd) ** 2)) if measured.size else 0.0,
+        squares=float(error @ error),
+        total=float(np.sum((measured - measured.mean()) ** 2)) if measured.size else 0.0,
+        noise=noise_sd**2 * measured.size,
+    )
+
+
+def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | None = None) -> Pooled:
+    """Judge the stated bands of one channel by all held-back runs together; a fail is an alarm.
+
+    Args:
+        runs: residuals of every held-back run, each predicted without having been fitted.
+        channel: name of the channel, for the words.
+        shared: mean squared correlation of two samples, of whichever runs, that comes from the motion being uncertain; by default
+            that motion is taken as one error that all runs share, which judges least.
+    """
+    runs = [run for run in runs if run.z.size]
+    z = np.concatenate([run.z for run in runs]) if runs else np.empty(0)
+    if not z.size or not np.isfinite(z).all():
+        return _without_numbers(channel, len(runs), z.size)
+    sizes = np.array([run.z.size for run in runs], float)
+    if shared is None:
+        shared = float(np.average([run.motion_share for run in runs], weights=sizes)) ** 2
+    worth = np.array([max(run.independent, min(1.0, run.z.size)) for run in runs])
+    independent = float(sizes.sum() ** 2 / np.sum(sizes**2 / worth))
+    n = min(independent / (1 + max(0.0, independent - 1) * shared), _worth_by_scatter(runs, sizes))
+    total = sum(run.total for run in runs)
+    inside = coverage(z, BAND)
+    lower, upper = share_range(inside, n)
+    numbers = {
+        "channel": channel,
+        "runs": len(runs),
+        "samples": z.size,
+        "effective": n,
+        "coverage": inside,
+        "lower": lower,
+        "upper": upper,
+        "p_value": probability_of_so_few(inside, n),
+        "explained": 1.0 - sum(run.squares for run in runs) / total if total > 0 else 0.0,
+        "variance": float(np.mean(z**2)),
+        **dict(zip(("widen", "widen_lower", "widen_upper"), band_factor(z, n), strict=True)),
+    }
+    found = Pooled(**numbers, level="pass", about="", reason="")
+    noisy = sum(run.noise for run in runs) > POOR * total
+    uncertain = float(np.average([run.motion_share for run in runs], weights=sizes)) > POOR
+    return Pooled(**numbers, **_judge(found, excused=noisy or uncertain)._asdict())
+
+
+class MotionProducts(NamedTuple):
+    """Sums over the measured samples of one channel of one run, from which the correlation of its uncertain motion follows.
+
+    Attributes:
+        products: of every pair of draws, the sum of the products of their departures from the mean motion, in predicted standard
+            deviations, shape (draws, draws).
+        samples: measured ones.
+    """
+
+    products: Float[np.ndarray, "draws draws"]
+    samples: int
+
+
+def motion_products(
+    motions: Float[np.ndarray, "draws n m"], sd: Float[np.ndarray, "n m"], measured: Float[np.ndarray, "n m"]
+) -> list[MotionProducts]:
+    """Return for every channel what `shared_motion` needs of one run.
+
+    Args:
+        motions: outputs under each draw of the posterior, without noise, SI.
+        sd: predicted standard deviation, noise included, SI.
+        measured: SI, NaN where nothing was measured.
+    """
+    found = []
+    with np.errstate(invalid="ignore"):
+        departures = (motions - motions.mean(axis=0)) / sd
+    for of_channel, there in zip(np.moveaxis(departures, 2, 0), np.isfinite(measured).T, strict=True):
+        own = of_channel[:, there]
+        found.append(MotionProducts(own @ own.T, int(there.sum())))
+    return found
+
+
+def shared_motion(runs: Sequence[MotionProducts]) -> float:
+    """Return the mean squared correlation of two samples, of whichever of the runs, that comes from the motion being uncertain.
+
+    Of draws X it is |X X'|^2 / (draws samples)^2 summed over the runs, the same draws of the coefficients in each.
+    """
+    samples = sum(run.samples for run in runs)
+    products = sum(run.products for run in runs)
+    if not samples or not np.isfinite(products).all():
+        return 1.0
+    return float(min(1.0, np.sum(products**2) / (len(products) * samples) ** 2))
+
+
+def share_range(share: float, n: float) -> tuple[float, float]:
+    """Return the 95 % range of a probability of which this share was found among n samples; n need not be whole."""
+    k = share * n
+    lower = float(scipy.special.betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
+    upper = float(scipy.special.betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
+    return lower, upper
+
+
+def probability_of_so_few(share: float, n: float) -> float:
+    """Return the probability that n samples, each inside a 90 % band with probability 0.9, are inside by this share or less."""
+    return float(scipy.special.betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
+
+
+def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, float]:
+    """Return the factor by which 90 % bands have to be widened to hold 90 % of the samples, and its 95 % range.
+
+    The ends are the quantiles of |z| at the ends of the range of a share of 0.9 among n samples.
+
+    Args:
+        z: normalised residuals of all runs.
+        n: independent samples that they are worth.
+    """
+    found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / scipy.stats.norm.ppf(0.5 + 0.5 * BAND)
+    factor, lower, upper = map(float, found)
+    return factor, lower, upper
+
+
+def _worth_by_scatter(runs: Sequence[RunResiduals], sizes: Float[np.ndarray, " runs"]) -> float:
+    """Return the samples that the scatter of the runs' shares inside the band leaves; infinite where there are too few runs to tell."""
+    shares, weights = np.array([coverage(run.z, BAND) for run in runs]), sizes / sizes.sum()
+    mean = float(weights @ shares)
+    among = float(weights @ (shares - mean) ** 2)
+    if len(runs) < 3 or among == 0:
+        return np.inf
+    spread = float(weights @ weights)
+    return max(1.0, mean * (1 - mean) * (1 - spread) / (among * spread))
+
+
+def _judge(pooled: Pooled, excused: bool) -> FitVerdict:
+    """Say what the numbers mean; `excused` where poor explanation is what noise or uncertain coefficients make of it."""
+    n, inside = max(pooled.effective, 1.0), _inside(pooled)
+    if n < FEWEST and pooled.variance < ONE_SAMPLE:
+        return FitVerdict(
+            "unjudged",
+            "too little to judge",
+            f"{inside}: too few to say whether the bands hold ({FEWEST:.0f} are needed); hold back more or longer runs",
+        )
+    large = pooled.variance > BURST and scipy.stats.chi2.sf(n * pooled.variance, n) < RARE
+    if (pooled.upper < BAND and pooled.coverage < NARROWER) or large or pooled.variance >= ONE_SAMPLE:
+        return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled)}")
+    if pooled.explained < 0:
+        said = f"{inside}, but {explained_words(pooled.explained, pooled.channel)}"
+        if not excused:
+            return FitVerdict("fail", "motion not predicted", f"{said}: the model does not predict this motion; {MEND}")
+        return FitVerdict(
+            "caution",
+            "little motion predicted",
+            f"{said}: the bands are as wide as all motion of these runs, which therefore do not show that the model predicts; "
+            "hold back runs that move more",
+        )
+    if pooled.lower > BAND and pooled.coverage > WIDE and pooled.variance < TAME:
+        return FitVerdict(
+            "caution",
+            "bands too wide",
+            f"{inside}: bands {_factor(pooled)} as wide would do; these runs are quieter than the noise that was fitted",
+        )
+    return FitVerdict("pass", "", f"{inside}, which agrees with 90 %")
+
+
+def _inside(pooled: Pooled) -> str:
+    runs = f"{pooled.runs} held-back run{'s' * (pooled.runs != 1)}"
+    return (
+        f"{pooled.coverage:.0%} of {pooled.channel} in {runs} lies inside the 90 % band ({pooled.lower:.0%} to {pooled.upper:.0%} "
+        f"by {pooled.effective:.0f} effective samples)"
+    )
+
+
+def _remedy(pooled: Pooled) -> str:
+    return (
+        f"the stated bands do not hold (p = {pooled.p_value:.1g}); widen the bands {_factor(pooled)}, and do not rely on the standard "
+        f"deviations of the coefficients either; {MEND}"
+    )
+
+
+def _factor(pooled: Pooled) -> str:
+    return f"{pooled.widen:.1f} times ({pooled.widen_lower:.1f} to {pooled.widen_upper:.1f})"
+
+
+def _without_numbers(channel: str, runs: int, samples: int) -> Pooled:
+    if samples:
+        verdict = FitVerdict(
+            "fail",
+            "diverges",
+            f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did; check units and signs",
+        )
+    else:
+        verdict = FitVerdict(
+            "unjudged",
+            "too little to judge",
+            f"nothing was measured of {channel} in held-back runs: it cannot be judged",
+        )
+    return Pooled(channel, runs, samples, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **verdict._asdict())

@@ -1,0 +1,48 @@
+"""What leaves the fitted range is named with how far; noise, outliers and headings are not."""
+
+import numpy as np
+import pytest
+
+from seatrial.core.record import Channel, Provenance, make_record
+from seatrial.estimation.fitted_range import outside_fitted
+
+TIME = np.arange(500) * 0.1
+CHANNELS = (
+    Channel("delta_r", "rad", "control"),
+    Channel("u", "m/s", "measurement"),
+    Channel("psi", "rad", "measurement"),
+)
+
+
+def record(rudder_deg, speed, label="1", heading=1.0):
+    wave = np.sin(0.5 * TIME)
+    columns = {"delta_r": np.radians(rudder_deg) * wave, "u": 0.6 + (speed - 0.6) * wave, "psi": heading * wave}
+    return make_record(TIME, columns, CHANNELS, Provenance("own", ""), label)
+
+
+def test_a_run_that_goes_further_is_named_with_how_far_the_furthest_first():
+    said = outside_fitted([record(10, 1.2), record(5, 0.9, "2")], record(35, 1.9, "3", heading=9.0))
+    assert said[0] in {
+        "delta_r up to 35 deg where the fit saw 10",
+        "delta_r down to -35 deg where the fit saw -10",
+    }
+    assert "u up to 1.9 m/s where the fit saw 1.2" in said
+    assert len(said) == 4
+
+
+def test_the_same_range_is_not_left():
+    assert outside_fitted([record(10, 1.2)], record(10.5, 1.22)) == ()
+
+
+def test_an_outlier_or_a_gap_leaves_nothing():
+    other = record(10, 1.2)
+    other.measurement[7, 0] = 40.0
+    other.measurement[30:40, 0] = np.nan
+    assert outside_fitted([record(10, 1.2)], other) == ()
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3])
+def test_an_input_that_never_moved_in_the_fit(value):
+    still = record(0, 1.2)
+    still.control[:] = value
+    assert any(words.startswith("delta_r up to") for words in outside_fitted([still], record(30, 1.2)))

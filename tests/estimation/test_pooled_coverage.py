@@ -1,0 +1,133 @@
+"""Bands judged by all held-back runs together: ranges against exact binomials, verdicts against noise of known size."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from seatrial.estimation.pooled_coverage import (
+    band_factor,
+    pooled_verdict,
+    probability_of_so_few,
+    run_residuals,
+    share_range,
+)
+
+TIME = np.arange(400) * 0.1
+
+
+def slow(tau, seed, scale=1.0):
+    """An Ornstein-Uhlenbeck process of correlation time tau, s."""
+    rng, rho, e = np.random.default_rng(seed), np.exp(-0.1 / tau), [np.random.default_rng(seed + 999).normal()]
+    for _ in range(TIME.size - 1):
+        e.append(rho * e[-1] + np.sqrt(1 - rho**2) * rng.normal())
+    return scale * np.array(e)
+
+
+def run(errors, *, motion=None, motion_sd=0.0, noise=1.0):
+    motion = 5 * np.sin(0.3 * TIME[: errors.size]) if motion is None else motion
+    return run_residuals(TIME[: errors.size], motion + errors, motion, np.full(errors.size, motion_sd), noise)
+
+
+def white_runs(scale, count=6, seed=0, **options):
+    random = np.random.default_rng(seed)
+    return [run(scale * random.normal(size=TIME.size), **options) for _ in range(count)]
+
+
+def slow_runs(scale, count, tau=4.0):
+    return [run(slow(tau, seed, scale)) for seed in range(count)]
+
+
+@pytest.mark.parametrize(("k", "n"), [(18, 29), (29, 29), (0, 12), (9, 10)])
+def test_range_and_probability_are_those_of_whole_numbers(k, n):
+    exact = stats.binomtest(k, n).proportion_ci(0.95, "exact")
+    assert share_range(k / n, n) == pytest.approx((exact.low, exact.high))
+    assert probability_of_so_few(k / n, n) == pytest.approx(stats.binom(n, 0.9).cdf(k))
+
+
+def test_factor_holds_nine_tenths_of_the_samples_and_its_range_the_truth():
+    """Errors 1.8 times those stated: of 200 sets of 60 samples at least 90 % of ranges hold 1.8, three errors below 95 %."""
+    random, held = np.random.default_rng(3), 0
+    for _ in range(200):
+        z = 1.8 * random.normal(size=60)
+        factor, lower, upper = band_factor(z, 60)
+        assert np.mean(np.abs(z) <= factor * stats.norm.ppf(0.95)) == pytest.approx(0.9, abs=1 / 60)
+        held += lower <= 1.8 <= upper
+    assert held >= 180
+
+
+def test_right_bands_pass_and_narrow_ones_fail_with_the_factor_that_mends_them():
+    right = pooled_verdict(white_runs(1.0), "u")
+    assert (right.level, right.runs, right.samples) == ("pass", 6, 2400)
+    assert right.lower < 0.9 < right.upper
+    wrong = pooled_verdict(white_runs(1.8), "u")
+    assert (wrong.level, wrong.about) == ("fail", "bands do not hold")
+    assert wrong.widen_lower < 1.8 < wrong.widen_upper
+    assert "widen the bands 1.8 times (1.7 to 1.9)" in wrong.reason
+    wide = pooled_verdict(white_runs(0.5), "u")
+    assert (wide.level, wide.about) == ("caution", "bands too wide")
+
+
+def test_runs_that_tell_nothing_alone_tell_something_together():
+    alone, together = pooled_verdict(slow_runs(2.0, 1), "u"), pooled_verdict(slow_runs(2.0, 12), "u")
+    assert alone.effective < 10
+    assert alone.level == "unjudged"
+    assert "too few to say" in alone.reason
+    assert together.effective > 10
+    assert together.level == "fail"
+
+
+def test_false_alarms_of_slow_residuals_are_rare():
+    """Of 100 right sets of eight runs at most 8 fail, three errors above the 2.5 % of the test."""
+    found = [
+        pooled_verdict([run(slow(2.0, 100 * trial + seed)) for seed in range(8)], "u").level for trial in range(100)
+    ]
+    assert found.count("fail") <= 8
+    assert found.count("unjudged") <= 5
+
+
+def test_an_error_of_the_motion_that_runs_share_counts_once():
+    """The same input twice: coefficients that are off move both runs alike; of half the variance 1 / 0.25 samples are left."""
+    random = np.random.default_rng(5)
+    runs = [run(random.normal(size=400) + 1.0, motion_sd=1.0) for _ in range(2)]
+    found = pooled_verdict(runs, "u")
+    assert found.effective == pytest.approx(4, abs=0.1)
+    assert found.level == "unjudged"
+    assert pooled_verdict(runs, "u", shared=0.0).effective > 100
+
+
+def test_wrong_units_fail_however_few_the_samples():
+    motion = 0.1 * np.sin(0.3 * TIME)
+    for factor in (57.3, 60.0, 1000.0):
+        wrong = run_residuals(TIME, factor * motion, motion, np.full(TIME.size, 0.001), 0.005)
+        assert pooled_verdict([wrong], "r").level == "fail"
+        short = run_residuals(TIME[7:10], factor * motion[7:10], motion[7:10], np.full(3, 0.001), 0.005)
+        assert pooled_verdict([short], "r").level == "fail"
+
+
+def test_a_run_of_three_samples_is_not_judged():
+    found = pooled_verdict([run(np.array([0.1, -0.2, 0.3]))], "u")
+    assert found.level == "unjudged"
+    assert found.effective <= 3
+
+
+@pytest.mark.parametrize(
+    ("noise", "level", "about"), [(0.75, "caution", "little motion predicted"), (0.5, "fail", "bands do not hold")]
+)
+def test_a_run_s_own_mean_that_predicts_better_is_never_passed(noise, level, about):
+    motion, random = np.sin(0.3 * TIME), np.random.default_rng(6)
+    runs = [
+        run_residuals(TIME, motion + 0.3 * random.normal(size=400), -0.05 * motion, np.zeros(400), noise)
+        for _ in range(4)
+    ]
+    found = pooled_verdict(runs, "u")
+    assert found.explained < 0
+    assert (found.level, found.about) == (level, about)
+
+
+def test_what_was_not_measured_or_diverges():
+    nothing = run_residuals(TIME, np.full(400, np.nan), np.zeros(400), np.zeros(400), 1.0)
+    assert pooled_verdict([nothing], "u").level == "unjudged"
+    assert pooled_verdict([], "u").level == "unjudged"
+    away = run_residuals(TIME, np.zeros(400), np.where(TIME > 9, np.inf, 0.0), np.zeros(400), 1.0)
+    found = pooled_verdict([away, *white_runs(1.0, 2)], "u")
+    assert (found.level, found.about) == ("fail", "diverges")
