@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from seatrial.core.state_space import StateSpace
-from seatrial.filters.belief import Belief, Update, condition, mask_missing
+from seatrial.filters.belief import Belief, Update, condition, mask_missing, process_covariance
 from seatrial.filters.forms import CovarianceTriangle, Form
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, to_triangle
 
@@ -34,7 +34,7 @@ class SkeletonFilter:
             return jnp.concatenate([jnp.stack(moved), state[space.n_dynamic :]])
 
         slope = jax.jacfwd(move)(mean)
-        noise = jnp.diag(jnp.pad(space.process_sd, (0, mean.size - space.process_sd.shape[0])) ** 2)
+        noise = process_covariance(space, belief.mean, control, step)
         return Belief(tuple(move(mean)), to_triangle(slope @ _full(belief) @ slope.T + noise)), 0
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:

@@ -36,6 +36,16 @@ distribution = "log-uniform"
 lower = 1e-4
 upper = 0.1
 
+[prior.disturbance_X]
+distribution = "log-uniform"
+lower = 0.01
+upper = 10.0
+
+[prior.disturbance_time_X]
+distribution = "log-uniform"
+lower = 0.05
+upper = 20.0
+
 [prior.spread_X_uabsu]
 distribution = "uniform"
 lower = 0.0
@@ -61,6 +71,16 @@ ASKED = {
         'likelihood = "filter-error"',
         ["sigma_u", "bias_u[a]", "bias_u[b]", "process_u"],
     ),
+    "disturbance": (
+        "",
+        'likelihood = "filter-error"  # with a disturbance',
+        ["sigma_u", "process_u", "disturbance_X", "disturbance_time_X"],
+    ),
+    "disturbance alone, coefficients that vary": (
+        "",
+        'varying = ["X_uabsu"]\nlikelihood = "filter-error"  # a disturbance alone',
+        ["spread_X_uabsu", "sigma_u", "disturbance_X", "disturbance_time_X", "dev_X_uabsu[a]", "dev_X_uabsu[b]"],
+    ),
 }
 
 
@@ -74,7 +94,9 @@ def campaign(folder, sensor, estimation):
             "lag_u": "lag" in sensor,
             "bias_u": "bias" in sensor,
             "current": "current" in estimation,
-            "process_u": "filter-error" in estimation,
+            "process_u": "filter-error" in estimation and "alone" not in estimation,
+            "disturbance_X": "disturbance" in estimation,
+            "disturbance_time_X": "disturbance" in estimation and "no time" not in estimation,
             "spread_X_uabsu": "varying" in estimation,
         }
         if used.get(name):
@@ -109,6 +131,8 @@ def test_parameters_asked_for(tmp_path, name):
 MISTAKES = {
     "a current and a bias": ('bias = "shared"', 'current = "shared"', "look alike"),
     "filter error with a lag": ("lag = true", 'likelihood = "filter-error"', "a lag"),
+    "a disturbance without filter error": ("", "# a disturbance", 'set estimation.likelihood = "filter-error"'),
+    "a disturbance without its time": ("", 'likelihood = "filter-error"  # disturbance, no time', "disturbance_time_X"),
     "varying what is no coefficient": ("", 'varying = ["X_w"]', "estimation.varying"),
 }
 
@@ -129,6 +153,17 @@ def test_what_is_refused(tmp_path, name):
 def test_a_missing_prior_is_named(tmp_path):
     with pytest.raises(InputError, match=r"prior\.lag_u"):
         load_campaign(write_small(tmp_path, (SENSOR, f"{SENSOR}\nlag = true")))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("disturbance_Y", "the axis Y, which does not move"), ("disturbance_time_Q", '"Q"')]
+)
+def test_a_disturbance_on_no_axis_that_moves(tmp_path, name, said):
+    folder = campaign(tmp_path, "", 'likelihood = "filter-error"')
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text().replace("[prior.process_u]", f"[prior.{name}]"))
+    with pytest.raises(InputError, match=said):
+        load_campaign(folder)
 
 
 def test_a_spread_below_zero_is_refused(tmp_path):

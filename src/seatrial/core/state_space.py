@@ -12,12 +12,13 @@ from seatrial.core.pytrees import compiled_tree
 State = tuple[Any, ...]
 Transition = Callable[[State, tuple[Any, ...], Any], State]
 Observe = Callable[[State, tuple[Any, ...]], tuple[Any, ...]]
+Shocks = Callable[[State, tuple[Any, ...], Any], tuple[State, ...]]
 
 
-@compiled_tree("states", "outputs", "n_dynamic", "transition", "observe")
+@compiled_tree("states", "outputs", "n_dynamic", "transition", "observe", "shocks")
 @dataclass(frozen=True)
 class StateSpace:
-    """x_{k+1} = transition(x_k, c_k, h_k) + w, y_k = observe(x_k, c_k) + v, with independent Gaussian w and v.
+    """x_{k+1} = transition(x_k, c_k, h_k) + w + G e, y_k = observe(x_k, c_k) + v, with independent Gaussian w, e and v.
 
     The first `n_dynamic` states move; the others are parameters, which the transition leaves alone, and filters may
     rely on it. Functions take and return tuples of scalars. A pytree: arrays may be batched, names and functions are static.
@@ -31,6 +32,8 @@ class StateSpace:
         n_dynamic: number of states that move.
         transition: `(state, control, step) -> ` the dynamic states one step later.
         observe: `(state, control) -> ` the outputs.
+        shocks: `(state, control, step) -> ` columns of G over the dynamic states, one for each standard normal e, which moves several
+            states at once; None for none.
     """
 
     initial: Gaussian
@@ -41,3 +44,4 @@ class StateSpace:
     n_dynamic: int
     transition: Transition
     observe: Observe
+    shocks: Shocks | None = None

@@ -1,9 +1,10 @@
 """Filter-error likelihood: what moves the vehicle and is not in the model is process noise, integrated out by a filter.
 
-    log p(y) = sum_k log N(y_k; h(x_k|k-1), S_k),  du = f(u) dt + q dw
+    log p(y) = sum_k log N(y_k; h(x_k|k-1), S_k),  du = f(u, d) dt + q dw
 
-The marginal likelihood of the innovations (Schweppe, IEEE Trans. Automatic Control 11, 1965). Where process noise is real,
-output error is too sure of itself; where there is none, the two agree.
+Noise q of a state, and disturbances d, forces with a memory (`seatrial.estimation.disturbance`), which are states of the filter too. The
+marginal likelihood of the innovations (Schweppe, IEEE Trans. Automatic Control 11, 1965). Where what it adds is real, output error is too
+sure of itself; where there is none of it, the two agree.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,40 +14,40 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
+from seatrial.estimation.disturbance import OverStep, disturbance_name, disturbance_time_name, over_step
 from seatrial.estimation.output_error import OutputError, output_error
 from seatrial.estimation.sensors import Sensor, noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.filters.belief import Filter
-from seatrial.filters.extended import ExtendedKalmanFilter
+from seatrial.filters.extended import extended_filter
 from seatrial.filters.run import filter_within
 from seatrial.numerics.integrate import rk4_step
-from seatrial.vehicles.model import VehicleModel
-
-EKF = ExtendedKalmanFilter()
-"""Exact for the mean and covariance of a linear step, and cheapest."""
+from seatrial.vehicles.model import VehicleModel, outside_force
 
 
 @dataclass(frozen=True)
 class FilterError:
     """A filter over each trial; hashable, so that compiled code is shared.
 
-    Process noise is a parameter of each state, `process_u`: the standard deviation that it gains in one second.
+    Process noise is a parameter of a state, `process_u`: the standard deviation that it gains in one second; a state without one has none.
 
     Attributes:
         output: the deterministic part: vehicle, sensors of white noise, and what differs between trials.
         initial_sd: standard deviation of each state at the first sample, before its measurement.
         method: filter.
+        disturbed: axes on which there is a disturbance.
     """
 
     output: OutputError
     initial_sd: tuple[float, ...]
-    method: Filter = EKF
+    method: Filter
+    disturbed: tuple[str, ...] = ()
 
     @property
     def model(self) -> VehicleModel:
@@ -63,6 +64,11 @@ class FilterError:
         """Trial labels."""
         return self.output.labels
 
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """Names that vary between trials."""
+        return self.output.varying
+
     def __call__(self, values: dict[str, Any], data: TrialData) -> Any:
         """Return the log-likelihood of all trials; -inf where the filter diverges."""
 
@@ -74,34 +80,71 @@ class FilterError:
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
-        control = self.output.simulator.late(values, trial.control, trial.step)
+        control = jnp.stack(self.output.simulator.late(values, trial.control, trial.step), -1)
         measured = jnp.stack([jnp.where(c.present > 0, c.measured, jnp.nan) for c in trial.channels], -1)
         # A sample of padding measures nothing, takes no time, and so adds nothing.
         result = filter_within(
-            self.method, self._space(values, start), jnp.stack(control, -1), measured, trial.step, jnp.sqrt(trial.step)
+            self.method, self.space(values, start), control, measured, trial.step, jnp.sqrt(trial.step)
         )
         return jnp.where(result.failures > 0, -jnp.inf, result.log_likelihood)
 
-    def _space(self, values: Mapping[str, Any], start: Array) -> StateSpace:
-        """Return the vehicle as a state space under these parameters; only its states are estimated by the filter."""
-        model, simulator = self.model, self.output.simulator
+    def space(self, values: Mapping[str, Any], start: Float[Array, " n_states"]) -> StateSpace:
+        """Return the vehicle as a state space under these parameters: its states, then the disturbances, are estimated by the filter.
+
+        Process noise is that of one second, in which it grows as the root of time.
+
+        Args:
+            values: parameters by name, SI, those of one trial without its label.
+            start: mean of the vehicle's state at the first sample, SI.
+        """
+        model, simulator, n = self.model, self.output.simulator, len(self.model.states)
         none = (None,) * len(simulator.sensors)
+        spreads = [jnp.asarray(values[disturbance_name(axis)], float) for axis in self.disturbed]
+        times = [values[disturbance_time_name(axis)] for axis in self.disturbed]
+
+        def under(forces: Sequence[Any]) -> dict[str, Any]:
+            return {**values, **dict(zip(map(outside_force, self.disturbed), forces, strict=True))}
+
+        def move(state: tuple, control: tuple, step: Any, forces: Sequence[Any]) -> tuple:
+            params = under(forces)
+            return rk4_step(lambda x: model.derivative(params, x, control), state[:n], step)
+
+        def over(step: Any) -> list[OverStep]:
+            return [over_step(sd, time, step) for sd, time in zip(spreads, times, strict=True)]
 
         def transition(state: tuple, control: tuple, step: Any) -> tuple:
-            return rk4_step(lambda x: model.derivative(values, x, control), state, step)
+            parts = list(zip(state[n:], over(step), strict=True))
+            moved = move(state, control, step, [part.mean * d for d, part in parts])
+            return (*moved, *(part.memory * d for d, part in parts))
 
         def observe(state: tuple, control: tuple) -> tuple:
-            return tuple(y for y, _ in simulator.show(values, state, control, none, none))
+            return tuple(y for y, _ in simulator.show(under(state[n:]), state[:n], control, none, none))
 
+        def shocks(state: tuple, control: tuple, step: Any) -> tuple[tuple, ...]:
+            parts, columns = over(step), []
+            mean = tuple(part.mean * d for d, part in zip(state[n:], parts, strict=True))
+            for i, part in enumerate(parts):
+                along = tuple(jnp.ones(()) if i == j else jnp.zeros(()) for j in range(len(parts)))
+                _, by_force = jax.jvp(lambda *forces: move(state, control, step, forces), mean, along)
+                behind = tuple(part.gained if i == j else 0.0 for j in range(len(parts)))
+                columns.append((*(x * part.with_gained * part.gained for x in by_force), *behind))
+                columns.append((*(x * part.apart for x in by_force), *(0.0 for _ in parts)))
+            return tuple(columns)
+
+        process = [jnp.asarray(values.get(process_name(state), 0.0), float) for state in model.states]
         return StateSpace(
-            Gaussian(start, jnp.diag(jnp.asarray(self.initial_sd))),
-            jnp.stack([jnp.asarray(values[process_name(state)], float) for state in model.states]),
+            Gaussian(
+                jnp.concatenate([start, jnp.zeros(len(spreads))]),
+                jnp.diag(jnp.stack([*map(jnp.asarray, self.initial_sd), *spreads])),
+            ),
+            jnp.stack([*process, *(jnp.zeros(()) for _ in spreads)]),
             jnp.stack([jnp.asarray(values[noise_name(sensor.channel)], float) for sensor in simulator.sensors]),
-            model.states,
+            (*model.states, *map(disturbance_name, self.disturbed)),
             self.channels,
-            len(model.states),
+            n + len(spreads),
             transition,
             observe,
+            shocks if spreads else None,
         )
 
 
@@ -117,7 +160,8 @@ def filter_error(
     initial: Sequence[Sequence[float]],
     initial_sd: Sequence[float],
     *,
-    method: Filter = EKF,
+    method: Filter | None = None,
+    disturbed: Sequence[str] = (),
     delay: bool = False,
     current: bool = False,
     own: Sequence[str] = (),
@@ -132,7 +176,8 @@ def filter_error(
         sensors: measured channels, with white noise and no lag: what is slow belongs to the process.
         initial: mean of the state at the first sample of each trial.
         initial_sd: its standard deviation, positive.
-        method: filter.
+        method: filter; None for the extended Kalman filter, exact for a linear step and cheapest.
+        disturbed: axes on which there is a disturbance.
         delay: see `output_error`.
         current: see `output_error`.
         own: see `output_error`.
@@ -140,7 +185,8 @@ def filter_error(
         starts_over_ground: see `output_error`.
 
     Raises:
-        InputError: as `output_error`; a sensor with a lag or with other than white noise; an initial spread that is not positive.
+        InputError: as `output_error`; a sensor with a lag or with other than white noise; an initial spread that is not positive; a
+            disturbance on an axis that does not move.
     """
     options = {"delay": delay, "current": current, "own": own, "varying": varying}
     output, data = output_error(model, records, sensors, initial, **options, starts_over_ground=starts_over_ground)
@@ -159,4 +205,13 @@ def filter_error(
             expected="positive numbers, one for each state",
             remedy="give the noise of the sensor that shows the state",
         )
-    return FilterError(output, tuple(map(float, initial_sd)), method), data
+    if still := [axis for axis in disturbed if axis not in model.pushed]:
+        raise InputError(
+            "filter error, disturbances",
+            found=f"one on the axis {still[0]}",
+            expected="axes that move: "
+            + (", ".join(model.pushed) or "none of this vehicle takes a force from outside"),
+            remedy="leave it out, or let the vehicle move along it",
+        )
+    chosen = extended_filter(len(model.states) + len(disturbed)) if method is None else method
+    return FilterError(output, tuple(map(float, initial_sd)), chosen, tuple(disturbed)), data

@@ -3,7 +3,9 @@
 X_u, T_nabsn, …          a coefficient of the vehicle            sigma_u          the noise of a sensor, always needed
 tau_u, dof_u             where its noise is coloured, heavy      bias_u, lag_u    where the sensor has them
 delay                    between command and action, s           current          of the water along the course, m/s
-process_u                process noise of a state, all of them or none: a filter then integrates it out
+process_u                process noise of a state, of all or of none: a filter then integrates it out
+disturbance_X            a force that no term makes, its standard deviation, and disturbance_time_X, its correlation time, s: a filter
+                         integrates it out too, and process noise is then of any states or none
 spread_X_u               X_u differs between trials, by so much  u_0              the initial state of each trial, all states or none
 """
 
@@ -18,6 +20,7 @@ from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
+from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error, process_name
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.output_error import (
@@ -56,8 +59,8 @@ def make_posterior(
         model: vehicle; its coefficients are unknown, all others are part of it.
         records: trials, each with a label of its own.
         priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
-            sensor; `delay`, `current`, `process_u`, `spread_X_u` and `u_0`. What each trial has of its own may have a prior of its
-            own, as `u_0[trial]`.
+            sensor; `delay`, `current`, `process_u`, `disturbance_X` with `disturbance_time_X`, `spread_X_u` and `u_0`. What each
+            trial has of its own may have a prior of its own, as `u_0[trial]`.
         sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
         start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
         start_sd: where a filter is used, how well each state is known at the start, SI; where not given, as well as its sensor's noise is
@@ -214,9 +217,10 @@ def likelihood_of(
         InputError: as `output_error` and `filter_error`.
     """
     options |= {"delay": DELAY in values, "current": CURRENT in values}
-    if any(process_name(state) in values for state in model.states):
+    disturbed = disturbed_axes(values, model)
+    if disturbed or any(process_name(state) in values for state in model.states):
         spread = [float(values.get(noise_name(state), UNSEEN_SD)) for state in model.states]
-        return filter_error(model, records, sensors, starts, spread, **options)
+        return filter_error(model, records, sensors, starts, spread, disturbed=disturbed, **options)
     return output_error(model, records, sensors, starts, free_initial=free_initial, **options)
 
 
@@ -243,14 +247,30 @@ def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection
     if CURRENT in stated:
         found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}"))
     found += [_of_sensor(sensor, name) for sensor in sensors for name in sensor.parameters]
+    disturbed = disturbed_axes(stated, model)
+    for axis in disturbed:
+        unit = model.unit_of(CoefficientName.parse(f"{axis}_0"))
+        found.append(_Unknown(disturbance_name(axis), unit, rf"s_{{d,{axis}}}"))
+        found.append(_Unknown(disturbance_time_name(axis), "s", rf"\tau_{{d,{axis}}}"))
+    noisy = noisy_states(stated, model)
+    found += [_Unknown(process_name(state), signal_unit(state), rf"q_{{{_label(state)}}}") for state in noisy]
     # A filter takes initial states as uncertain anyway.
-    if any(process_name(state) in stated for state in model.states):
-        found += [
-            _Unknown(process_name(state), signal_unit(state), rf"q_{{{_label(state)}}}") for state in model.states
-        ]
-    elif any(f"{state}_0" in stated for state in model.states):
+    if disturbed or noisy:
+        return found
+    if any(f"{state}_0" in stated for state in model.states):
         found += [_Unknown(f"{state}_0", signal_unit(state), f"{_label(state)}_0", True) for state in model.states]
     return found
+
+
+def noisy_states(stated: Collection[str], model: VehicleModel) -> tuple[str, ...]:
+    """Return the states whose process noise is asked for by some names: all or none of them, but those that are named beside a disturbance.
+
+    Args:
+        stated: names of what has a prior or a value.
+        model: vehicle.
+    """
+    named = tuple(state for state in model.states if process_name(state) in stated)
+    return named if disturbed_axes(stated, model) or not named else model.states
 
 
 def _of_sensor(sensor: Sensor, name: str) -> _Unknown:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.programs import program
-from seatrial.estimation.filter_error import FilterError, process_name
+from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import ChannelData, TrialData
@@ -89,11 +89,25 @@ def draw_unit_noise(
 def _noisy_motion(
     likelihood: FilterError, values: Mapping[str, Any], trial: TrialData, start: Array, key: jax.Array
 ) -> Float[Array, "n m"]:
-    """Outputs along a motion with process noise, from a start that is drawn too."""
-    model, simulator = likelihood.model, likelihood.output.simulator
-    n, d = trial.step.shape[0], len(model.states)
+    """Outputs along a motion with process noise and disturbances, of the filter's own state space, from a start that is drawn too."""
+    space = likelihood.space(values, start)
+    control = likelihood.output.simulator.late(values, trial.control, trial.step)
+    n, d = trial.step.shape[0], len(space.states)
     first, pushes = jax.random.normal(key, (d,)), jax.random.normal(jax.random.fold_in(key, 1), (n, d))
-    scale = jnp.stack([jnp.asarray(values[process_name(state)], float) for state in model.states])
-    pushes = pushes * scale * jnp.sqrt(trial.step)[:, None]
-    start = start + first * jnp.asarray(likelihood.initial_sd)
-    return simulator.outputs(values, start, trial.control, trial.step, tuple(pushes.T))
+    begin = tuple(space.initial.mean + space.initial.chol_cov @ first)
+    shaken = space.shocks
+    draws = jax.random.normal(jax.random.fold_in(key, 2), (n, 0 if shaken is None else 2 * len(likelihood.disturbed)))
+
+    def advance(state: tuple, sample: tuple) -> tuple[tuple, Array]:
+        held, step, push, draw = sample
+        shown = jnp.stack([jnp.asarray(y, float) for y in space.observe(state, held)])
+        moved = space.transition(state, held, step)
+        columns = () if shaken is None else shaken(state, held, step)
+        moved = tuple(
+            x + sd * jnp.sqrt(step) * e + sum(column[i] * draw[j] for j, column in enumerate(columns))
+            for i, (x, sd, e) in enumerate(zip(moved, space.process_sd, push, strict=True))
+        )
+        return moved, shown
+
+    _, shown = jax.lax.scan(advance, begin, (control, trial.step, pushes, draws))
+    return shown

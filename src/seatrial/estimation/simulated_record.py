@@ -14,9 +14,16 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES, QUATERNION, RATES, signal_unit
+from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.posterior import as_key
-from seatrial.estimation.record_posterior import check_model, likelihood_of, start_of, stated_sensors
+from seatrial.estimation.record_posterior import (
+    check_model,
+    likelihood_of,
+    noisy_states,
+    start_of,
+    stated_sensors,
+)
 from seatrial.estimation.replicate import replicate
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name
 from seatrial.estimation.simulation import CURRENT, DELAY
@@ -40,7 +47,7 @@ def simulate(
     Args:
         model: vehicle.
         values: true value of every coefficient and of what the sensors need (`sigma_u`, and `bias_u` and the like where a sensor has
-            them), SI; also `delay`, `current` and `process_u` where they are to be.
+            them), SI; also `delay`, `current`, `process_u`, and `disturbance_X` with `disturbance_time_X` where they are to be.
         schedule: controls over time, SI.
         sensors: measured channels; a name alone is a sensor of white noise.
         start: state at the first sample, signal name to SI value; velocities are needed, angles and positions begin at 0.
@@ -138,8 +145,9 @@ def _checked_values(model: VehicleModel, sensors: Sequence[Sensor], values: Mapp
     """Return the values of everything that is simulated."""
     given = check_numbers(values, "values", remedy='write for example {"X_u": -3.0, "sigma_u": 0.02}')
     of_sensors = [name for sensor in sensors for name in sensor.parameters]
-    filtered = [process_name(state) for state in model.states]
-    pushed = filtered if any(name in given for name in filtered) else []
+    pushed = [process_name(state) for state in noisy_states(given, model)]
+    times = [disturbance_time_name(axis) for axis in disturbed_axes(given, model)]
+    pushed += [*map(disturbance_name, disturbed_axes(given, model)), *times]
     needed = [*(term.text for term in model.coefficients), *of_sensors, *pushed]
     if missing := [name for name in needed if name not in given]:
         raise InputError(
@@ -150,7 +158,7 @@ def _checked_values(model: VehicleModel, sensors: Sequence[Sensor], values: Mapp
         )
     used = {name: given[name] for name in (*needed, DELAY, CURRENT) if name in given}
     _check_others(model, {name: value for name, value in given.items() if name not in used}, [*needed, DELAY, CURRENT])
-    scales = [correlation_name(one.channel) for one in sensors] + [dof_name(one.channel) for one in sensors]
+    scales = [*times, *(name(one.channel) for one in sensors for name in (correlation_name, dof_name))]
     for name in (*of_sensors, *pushed, DELAY):
         if name in used and not name.startswith(bias_name("")):
             above, least = (0.0, -inf) if name in scales else (-inf, 0.0)

@@ -91,10 +91,9 @@ class Simulator:
         start: Float[Array, " n_states"],
         control: tuple[Float[Array, " n"], ...],
         step: Float[Array, " n"],
-        push: tuple[Float[Array, " n"], ...] | None = None,
     ) -> Float[Array, "n m"]:
         """Outputs at every sample, SI; arguments as `follow`."""
-        return jnp.stack(self.follow(values, start, control, step, push=push).kept, -1)
+        return jnp.stack(self.follow(values, start, control, step).kept, -1)
 
     def follow(
         self,
@@ -105,7 +104,6 @@ class Simulator:
         watch: Watch = lambda memory, shown, _: (memory, shown),
         memory: Any = (),
         data: Any = None,
-        push: tuple[Float[Array, " n"], ...] | None = None,
     ) -> Followed:
         """Simulate a trial and watch what the sensors show; traced, but for the delay of a feedback, which has to be a number.
 
@@ -117,7 +115,6 @@ class Simulator:
             watch: sees what is shown at each sample.
             memory: what it remembers before the first.
             data: arrays, or a tree of them, of which it is given each sample's own.
-            push: what is added to each state at the end of each step: process noise.
         """
 
         def look(state: tuple, carry: tuple, held: tuple, sample: tuple) -> tuple[tuple, tuple]:
@@ -141,7 +138,7 @@ class Simulator:
         acting = tuple(first[self.model.controls.index(name)] for name in self.lagging)
         begin = (*(start[i] for i in range(start.shape[0])), *acting)
         (end, (_, _, memory)), (kept, command) = time_loop(
-            self._move(values), begin, drive, step, look, (memories, past, memory), (lags, clock, data), push
+            self._move(values), begin, drive, step, look, (memories, past, memory), (lags, clock, data)
         )
         return Followed(end[: len(self.model.states)], memory, kept, command)
 

@@ -83,6 +83,29 @@ def mask_missing(space: StateSpace, measurement: Vector, predicted: Sequence[Sca
     )
 
 
+def process_columns(space: StateSpace, state: Vector, control: Vector, step: Scalar) -> list[Vector]:
+    """Return columns whose outer products add up to the covariance of the process noise over a step; structural zeros are kept.
+
+    Args:
+        space: of n states.
+        state: about which the noise acts.
+        control: held over the step.
+        step: s.
+    """
+    n, shocks = len(state), () if space.shocks is None else space.shocks(state, control, step)
+    own = [tuple(space.process_sd[i] if i == j else 0.0 for j in range(n)) for i in range(n)]
+    return [*own, *((*shock, *[0.0] * (n - len(shock))) for shock in shocks)]
+
+
+def process_covariance(space: StateSpace, state: Vector, control: Vector, step: Scalar) -> Any:
+    """Return the covariance of the process noise over a step as an array, shape (n, n); arguments as `process_columns`."""
+    covariance = jnp.diag(space.process_sd**2)
+    for shock in () if space.shocks is None else space.shocks(state, control, step):
+        column = jnp.zeros(len(state)).at[: len(shock)].set(jnp.stack([jnp.asarray(x, float) for x in shock]))
+        covariance = covariance + jnp.outer(column, column)
+    return covariance
+
+
 def gate(weight: Scalar, value: Scalar) -> Scalar:
     """Return the product with a channel's weight that keeps structural zeros."""
     return value if is_zero(value) else weight * value

@@ -73,6 +73,30 @@ class FactorTriangle(CovarianceTriangle):
         return tuple(jnp.sqrt(sum(x * x for x in row)) for row in belief.spread)
 
 
+class CovarianceArray:
+    """The mean, shape (n,), and the covariance, shape (n, n), as arrays."""
+
+    def begin(self, initial: Gaussian) -> Belief:
+        """See `Form.begin`."""
+        return Belief(initial.mean, initial.chol_cov @ initial.chol_cov.T)
+
+    def end(self, belief: Belief) -> Gaussian:
+        """See `Form.end`."""
+        return Gaussian(belief.mean, jnp.linalg.cholesky(belief.spread))
+
+    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.means`."""
+        return tuple(belief.mean)
+
+    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+        """See `Form.sds`."""
+        return tuple(jnp.sqrt(jnp.diag(belief.spread)))
+
+    def positive(self, belief: Belief) -> Scalar:
+        """See `Form.positive`."""
+        return _positive(jnp.diag(belief.spread))
+
+
 class FactorArray:
     """The mean, shape (n,), and the Cholesky factor of the covariance, shape (n, n), as arrays."""
 

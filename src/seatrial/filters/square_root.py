@@ -23,7 +23,17 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
 from seatrial.core.state_space import StateSpace
-from seatrial.filters.belief import LOG_2PI, Belief, Filter, Update, gate, mask_missing, whiten
+from seatrial.filters.belief import (
+    LOG_2PI,
+    Belief,
+    Filter,
+    Update,
+    gate,
+    mask_missing,
+    process_columns,
+    process_covariance,
+    whiten,
+)
 from seatrial.filters.forms import FactorArray, FactorTriangle, Form
 from seatrial.filters.unscented import at_points, weighted_mean
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
@@ -66,7 +76,7 @@ class SquareRootUnscentedKalmanFilter:
         moved = weighted_mean(self.rule, n, images)
         steady = belief.spread[len(moved) :]
         pairs, others, centre = self._rows([_minus(image, moved) for image in images], steady)
-        spread, failed = _factor([*pairs, *others, *_diagonal(tuple(space.process_sd))], centre)
+        spread, failed = _factor([*pairs, *others, *process_columns(space, belief.mean, control, step)], centre)
         if not is_zero(failed):
             spread = tuple(tuple(jnp.where(failed, jnp.nan, entry) for entry in row) for row in spread)
         return Belief((*moved, *belief.mean[len(moved) :]), spread), clipped
@@ -156,7 +166,8 @@ class LargeUnscentedKalmanFilter:
         moved = space.transition(tuple(points.T), control, step)
         images = jnp.concatenate([_columns(moved, len(points)), points[:, len(moved) :]], axis=1)
         mean, away = self._about_mean(images)
-        return Belief(mean, jnp.linalg.cholesky(self._squares(away) + jnp.diag(space.process_sd**2))), 0
+        spread = self._squares(away) + process_covariance(space, belief.mean, control, step)
+        return Belief(mean, jnp.linalg.cholesky(spread)), 0
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
         """See `Filter.update`."""

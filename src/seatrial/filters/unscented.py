@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 from seatrial.core.batching import map_in_step
 from seatrial.core.state_space import StateSpace
-from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing
+from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing, process_columns
 from seatrial.filters.forms import CovarianceTriangle, Form
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, times, total
@@ -35,8 +35,9 @@ class UnscentedKalmanFilter:
         deviations = [_minus(image, mean) for image in images]
         weights = self._weights(len(belief.mean))
         covariance = _moment(weights, deviations, deviations)
+        noise = list(zip(*process_columns(space, belief.mean, control, step), strict=True))
         spread = tuple(
-            tuple(plus(p, space.process_sd[i] ** 2) if i == j else p for j, p in enumerate(row[: i + 1]))
+            tuple(plus(p, dot(noise[i], noise[j])) for j, p in enumerate(row[: i + 1]))
             for i, row in enumerate(covariance)
         )
         return Belief(mean, spread), 0

@@ -76,7 +76,6 @@ def time_loop(
     look: Look,
     memory: Any = (),
     extra: Any = None,
-    push: tuple | None = None,
 ) -> tuple[tuple[State, Any], Any]:
     """Follow a motion from sample to sample and look at it at each; traced, may be batched and differentiated.
 
@@ -88,7 +87,6 @@ def time_loop(
         look: sees the state and the control at each sample, before it moves.
         memory: what law and look remember at the first sample.
         extra: arrays, or a tree of them, of which law and look are given each sample's own.
-        push: what is added to each state at the end of each step; None for nothing.
 
     Returns:
         The state after the last step and the memory, and what was kept, stacked over the samples.
@@ -96,16 +94,14 @@ def time_loop(
     law = control if callable(control) else None
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, Any]:
-        (state, memory), (held, h, now, pushed) = carry, sample
+        (state, memory), (held, h, now) = carry, sample
         if law is not None:
             held, memory = law(state, memory, now)
         moved = move(state, held, h)
         memory, kept = look(state, memory, held, now)
-        if pushed is not None:
-            moved = tuple(x + by for x, by in zip(moved, pushed, strict=True))
         return (moved, memory), kept
 
-    return jax.lax.scan(advance, (start, memory), (None if law else control, step, extra, push))
+    return jax.lax.scan(advance, (start, memory), (None if law else control, step, extra))
 
 
 def held_mean(

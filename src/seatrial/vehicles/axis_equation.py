@@ -14,7 +14,7 @@ from jaxtyping import Float
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.term_checks import check_each_once, check_trim
-from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.model import Params, VehicleModel, outside_force
 
 RATE_OF = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
 """The velocity whose rate each axis governs."""
@@ -182,7 +182,7 @@ def axes_vehicle(name: str, equations: Sequence[AxisEquation], per_unit_inertia:
         signals = {**dict(zip(rates, state, strict=True)), **dict(zip(given, control, strict=True))}
         moved = []
         for equation in equations:
-            force = 0.0
+            force = params.get(outside_force(equation.axis), 0.0)
             for term, value in (*((term, params[term.text]) for term in equation.terms), *equation.known):
                 force = force + equation.share(term) * value * term.regressor(signals, equation.trim)
             moved.append(force / equation.inertia)
@@ -199,4 +199,5 @@ def axes_vehicle(name: str, equations: Sequence[AxisEquation], per_unit_inertia:
         )
     )
     free = tuple(term for equation in equations for term in equation.terms)
-    return VehicleModel(name, rates, given, free, constants, per_unit_inertia, derivative)
+    pushed = tuple(equation.axis for equation in equations)
+    return VehicleModel(name, rates, given, free, constants, per_unit_inertia, derivative, pushed=pushed)

@@ -29,6 +29,8 @@ class VehicleModel:
             their kilogram.
         derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
         views: what a sensor may measure besides states and rates, such as Euler angles of a quaternion, by channel.
+        pushed: axes on which `derivative` adds a force from outside, where `params` has one under its `outside_force`, in the unit of
+            a constant force on that axis.
     """
 
     name: str = field(compare=False)
@@ -39,6 +41,7 @@ class VehicleModel:
     per_unit_mass: bool
     derivative: Derivative = field(compare=False, repr=False)
     views: Mapping[str, View] = field(default_factory=dict, compare=False, repr=False)
+    pushed: tuple[str, ...] = ()
 
     def unit_of(self, coefficient: CoefficientName) -> str:
         """Return the SI unit of a coefficient in this model."""
@@ -68,3 +71,12 @@ class VehicleModel:
         if channel in self.views:
             return self.views[channel](params, state, control)
         return self.derivative(params, state, control)[self.states.index(channel.removesuffix("dot"))]
+
+
+def outside_force(axis: str) -> str:
+    """Return the name among the parameters of a force or moment that no coefficient makes.
+
+    Args:
+        axis: X, Y, Z, K, M or N.
+    """
+    return f"outside_{axis}"

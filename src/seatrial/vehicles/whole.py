@@ -25,7 +25,7 @@ from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.attitude import Attitude, Kind, attitude_states, position_angles, position_rates
 from seatrial.vehicles.coriolis import Product, entry_products, matrix_products, summed
 from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, rigid_mass_matrix
-from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.model import Params, VehicleModel, outside_force
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole_checks import check_whole
 
@@ -297,7 +297,8 @@ def assemble(
         weight = (*(times(net, part) for part in vertical), *cross(righting, vertical))
         values = {**fixed, **params}
         acting = forces(values, known, velocity)
-        rates = solve(values, [total((weight[i], acting[i])) if i in moving else 0.0 for i in range(6)])
+        outside = [params.get(outside_force(axis), 0.0) for axis in AXES]
+        rates = solve(values, [total((weight[i], acting[i], outside[i])) if i in moving else 0.0 for i in range(6)])
         water = {name: known[f"current_{name}"] for name in freedom.positions if f"current_{name}" in known}
         return (
             *rates,
@@ -333,6 +334,7 @@ def assemble(
         hull.mass is None,
         derivative,
         {name: shown(name) for name in views},
+        tuple(AXES[i] for i in moving),
     )
 
 

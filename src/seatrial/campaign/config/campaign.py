@@ -217,7 +217,7 @@ class Campaign:
             InputError: a prior that is missing.
         """
         found = []
-        for one in nuisances(self.estimation, self.sensor_models, self.noise, model, self.has_delay):
+        for one in nuisances(self.estimation, self.sensor_models, self.noise, model, self.priors):
             prior = self.priors.get(one.name, one.default)
             if prior is None:
                 raise one.no_prior(self.where(f"prior.{one.name}"))

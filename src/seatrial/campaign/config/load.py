@@ -10,7 +10,7 @@ from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed,
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
-from seatrial.campaign.config.nuisance_parameters import nuisances
+from seatrial.campaign.config.nuisance_parameters import check_disturbances, nuisances
 from seatrial.campaign.config.priors import read_priors
 from seatrial.campaign.config.schema import (
     CampaignFile,
@@ -100,9 +100,8 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     sensors, estimation = _sensors(file.sensors, keys, model), _estimation(file.estimation, keys, units, model)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
-    unknown = nuisances(
-        estimation, sensor_models(sensors, estimation.residuals), noise, model, has_delay="delay" in tables
-    )
+    check_disturbances(tables, estimation.likelihood, model, keys.where)
+    unknown = nuisances(estimation, sensor_models(sensors, estimation.residuals), noise, model, tables)
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, tuple(unknown), rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)

@@ -1,12 +1,13 @@
-"""What is estimated beside the coefficients: delay, current, what sensors add, process noise, and how trials differ."""
+"""What is estimated beside the coefficients: delay, current, what sensors add, disturbances, process noise, and how trials differ."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior import Parameter
@@ -71,7 +72,7 @@ def nuisances(
     sensors: Sequence[Sensor],
     noise: Mapping[str, float],
     model: VehicleModel,
-    has_delay: bool,
+    stated: Collection[str],
 ) -> Iterator[Nuisance]:
     """Yield every unknown beside coefficients and initial states, those of which each trial has its own once.
 
@@ -80,13 +81,13 @@ def nuisances(
         sensors: of the measured channels.
         noise: nominal, of each channel, SI.
         model: vehicle.
-        has_delay: whether the delay between command and action is unknown.
+        stated: names that have a prior in the file, among which a delay and disturbances may be.
     """
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     for name in varying(estimation, model):
         label, because = CoefficientName.parse(name).label, f'estimation.varying has "{name}"'
         yield Nuisance(spread_name(name), units[name], rf"s_{{{label}}}", None, because, _SIZE)
-    if has_delay:
+    if "delay" in stated:
         yield Nuisance("delay", "s", r"t_{\mathrm{delay}}")
     if estimation.current != "none":
         because = f'estimation.current = "{estimation.current}"'
@@ -94,10 +95,49 @@ def nuisances(
     for sensor in sensors:
         yield from _of_sensor(sensor, noise[sensor.channel])
     if estimation.likelihood == "filter-error":
+        disturbed = disturbed_axes(stated, model)
+        for axis in disturbed:
+            yield from _of_disturbance(axis, model)
         for state in model.states:
+            if disturbed and process_name(state) not in stated:
+                continue
             # Its own unit: what a state gains in one second.
             name, label, because = process_name(state), _label(state), 'estimation.likelihood = "filter-error"'
             yield Nuisance(name, signal_unit(state), rf"q_{{{label}}}", None, because, _SCALE)
+
+
+def check_disturbances(
+    stated: Collection[str], likelihood: str, model: VehicleModel, where: Callable[[str], str]
+) -> None:
+    """Check that disturbances that have a prior lie on axes that move, and that the likelihood knows them.
+
+    Args:
+        stated: names that have a prior in the file.
+        likelihood: of the campaign.
+        model: vehicle of all terms.
+        where: names a key of the file.
+
+    Raises:
+        InputError: the first disturbance that cannot be.
+    """
+    for name in stated:
+        if not name.startswith(disturbance_name("")):
+            continue
+        axis = name.removeprefix(disturbance_time_name("")).removeprefix(disturbance_name(""))
+        if axis not in model.pushed:
+            raise InputError(
+                where(f"prior.{name}"),
+                found=f"a disturbance on the axis {axis}, which does not move" if axis in tuple(AXES) else f'"{axis}"',
+                expected="an axis that moves: " + (", ".join(model.pushed) or "none of this vehicle"),
+                remedy="leave it out, or let the vehicle move along it",
+            )
+        if likelihood != "filter-error":
+            raise InputError(
+                where(f"prior.{name}"),
+                found=f'a disturbance with estimation.likelihood = "{likelihood}"',
+                expected="a likelihood that integrates it out",
+                remedy='set estimation.likelihood = "filter-error" and residuals = "white"',
+            )
 
 
 def varying(estimation: EstimationSettings, model: VehicleModel) -> tuple[str, ...]:
@@ -116,6 +156,16 @@ def deviations(names: tuple[str, ...], labels: tuple[str, ...]) -> list[Paramete
         )
         for name in names
         for label in labels
+    ]
+
+
+def _of_disturbance(axis: str, model: VehicleModel) -> list[Nuisance]:
+    size, time = disturbance_name(axis), disturbance_time_name(axis)
+    unit = model.unit_of(CoefficientName.parse(f"{axis}_0"))
+    both = f"a disturbance on {axis} has a standard deviation, {size}, and a correlation time, {time}"
+    return [
+        Nuisance(size, unit, rf"s_{{d,{axis}}}", None, both, _SCALE),
+        Nuisance(time, "s", rf"\tau_{{d,{axis}}}", None, both, _TIME),
     ]
 
 

@@ -289,9 +289,11 @@ class FilterTable(Table):
 class EstimationTable(Table):
     """`[estimation]`: likelihood, initial state, residuals, a current along the course, what varies between trials, size of the chains.
 
-    `filter-error` adds process noise, with a prior of each state's (`[prior.process_u]`, what it gains in one second). Residuals
-    are `white`, `coloured` (with `[prior.tau_u]`) or `heavy`-tailed. Coefficients under `varying` differ from trial to trial about
-    a common value, by a spread with a prior of its own (`[prior.spread_X_u]`).
+    `filter-error` adds process noise, with a prior of each state's (`[prior.process_u]`, what it gains in one second), or a force with
+    a memory on any axis (`[prior.disturbance_X]`, its standard deviation in the unit of X_0, and `[prior.disturbance_time_X]`, its
+    correlation time), beside which process noise of any state may be left out. Residuals are `white`, `coloured` (with
+    `[prior.tau_u]`) or `heavy`-tailed. Coefficients under `varying` differ from trial to trial about a common value, by a spread with
+    a prior of its own (`[prior.spread_X_u]`).
     """
 
     likelihood: Literal["output-error", "filter-error"] = "output-error"

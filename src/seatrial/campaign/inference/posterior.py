@@ -15,6 +15,7 @@ from seatrial.core.errors import InputError, located
 from seatrial.core.random_keys import seeded_key
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
+from seatrial.estimation.disturbance import disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.output_error import OutputError, initial_name, output_error
@@ -151,6 +152,7 @@ def build_likelihood(
     with located(str(campaign.path)):
         if table.likelihood == "filter-error":
             spread = [first_sd(campaign.noise, state) for state in model.states]
+            options["disturbed"] = disturbed_axes(campaign.priors, model)
             return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
         return output_error(
             model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign.estimation), **options
