@@ -22,7 +22,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.core.signals import OVER_GROUND, RATES
 from seatrial.estimation.cubic_lag import fit_cubic
@@ -128,6 +128,7 @@ class Baseline:
 
         Raises:
             InputError: it cannot be fitted, for the reason that `why_not` gives.
+            NumericalError: what was fitted cannot be used, which only `seatrial.estimation.acceleration_baseline` may find.
         """
         reason = self.why_not(records, channels, controls)
         if reason:
@@ -155,15 +156,18 @@ def fit_baselines(
         baselines: those that are tried; all of `BASELINES` if None.
 
     Returns:
-        those that were fitted, and by name why others were not.
+        those that were fitted, and by name why others were not, or could not be used.
     """
     fitted, refused = [], {}
     for baseline in BASELINES.values() if baselines is None else baselines:
         reason = baseline.why_not(records, channels, controls)
         if reason:
             refused[baseline.name] = reason
-        else:
+            continue
+        try:
             fitted.append(baseline.fit_checked(records, channels, controls))
+        except NumericalError as error:
+            refused[baseline.name] = str(error)
     return fitted, refused
 
 
