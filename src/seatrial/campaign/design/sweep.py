@@ -14,6 +14,7 @@ from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
+from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
@@ -267,7 +268,7 @@ def is_designed(campaign: Campaign) -> bool:
 
 
 def design_next(campaign: Campaign, estimate: Estimate, reporter: Reporter = SILENT) -> Designs:
-    """Sweep the grid for a structure from what its posterior says after the trials so far; a current result is read."""
+    """Sweep the grid for a structure from what its posterior says of coefficients and noise so far; a current result is read."""
 
     def sweep() -> xr.Dataset:
         structure = estimate.structure
@@ -275,7 +276,7 @@ def design_next(campaign: Campaign, estimate: Estimate, reporter: Reporter = SIL
         belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
         basis = f"the posterior of {structure.label}"
         order = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
-        return _sweep(campaign, structure, belief, draws[order], basis, reporter)
+        return _sweep(with_found_noise(campaign, estimate), structure, belief, draws[order], basis, reporter)
 
     return stored_next(campaign, estimate).read_or_make(sweep)
 

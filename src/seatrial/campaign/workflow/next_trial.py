@@ -12,6 +12,7 @@ import scipy
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.simulate import Chosen, add_trial, chosen_of
+from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.inference.predict import held_back_alarms
 from seatrial.campaign.store.structures import Contenders
@@ -139,7 +140,9 @@ def _run(outcome: Outcome, sweep: Sweep, at: tuple[int, int], standing: tuple[st
         for name, sd in after.items()
         if name in known
     )
-    return Proposal(chosen, (*standing, f"run a {words}", f"{promise}; expected: {shrink}"))
+    lines = (*standing, f"run a {words}", f"{promise}; expected: {shrink}")
+    noise = noise_words(outcome.campaign, outcome.chosen)
+    return Proposal(chosen, (*lines, noise) if noise else lines)
 
 
 # Trial after trial on a simulated vehicle, each decided on what those before have taught, until the goal is met.

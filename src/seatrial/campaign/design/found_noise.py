@@ -1,0 +1,58 @@
+"""The noise that promises of the next trial count on: what the fit left over, and not what the sensors promise.
+
+Slow residuals of standard deviation s and correlation time tau, sampled every dt, blur a motion of period P as white noise of
+
+    s^2 (1 + r) / (1 - r) / (1 + (2 pi tau / P)^2),   r = exp(-dt / tau),
+
+their spectrum at that period over that of white noise; s^2 at least.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.core.display_units import shown_unit
+from seatrial.estimation.prediction import noise_sd
+from seatrial.estimation.sensors import correlation_name, noise_name
+
+TOLD = 1.3
+"""Ratio of the two standard deviations from which on a reader is told."""
+
+
+def with_found_noise(campaign: Campaign, estimate: Estimate) -> Campaign:
+    """Return the campaign with the noise of its sensors as an estimate found it."""
+    noise = found_noise(campaign, estimate)
+    sensors = {name: replace(sensor, noise=noise[name]) for name, sensor in campaign.sensors.items()}
+    return replace(campaign, sensors=sensors)
+
+
+def found_noise(campaign: Campaign, estimate: Estimate) -> dict[str, float]:
+    """Return for each channel the standard deviation of the white noise that blurs a designed trial as the fit's residuals would, SI."""
+    found, slowest = {}, float(campaign.design.grid()[1].max())
+    for sensor in campaign.sensor_models:
+        name, settings = sensor.channel, campaign.sensors[sensor.channel]
+        if noise_name(name) not in estimate.names:
+            found[name] = settings.noise
+            continue
+        values = {one: estimate.draws([one])[:, 0] for one in estimate.names if one.endswith(f"_{name}")}
+        sd = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
+        tau = correlation_name(name)
+        blur = 1.0
+        if tau in values:
+            time = float(np.median(values[tau]))
+            memory = np.exp(-max(campaign.family.sample_time, 1.0 / settings.rate) / time)
+            blur = max(1.0, (1 + memory) / (1 - memory) / (1 + (2 * np.pi * time / slowest) ** 2))
+        found[name] = sd * float(np.sqrt(blur))
+    return found
+
+
+def noise_words(campaign: Campaign, estimate: Estimate) -> str:
+    """Say what noise a promise counts on where that is not what [sensors] says; empty where it is."""
+    said = []
+    for name, sd in found_noise(campaign, estimate).items():
+        nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
+        if not nominal / TOLD < sd < nominal * TOLD:
+            said.append(f"{sd * factor:.2g} {unit} in each sample of {name} ([sensors] says {nominal * factor:.2g})")
+    return f"counting on errors as the fit left them: {', '.join(said)}" if said else ""
