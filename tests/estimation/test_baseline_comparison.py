@@ -1,0 +1,95 @@
+"""Whether a baseline is said to be better: where it is, where it is not, where chance makes it seem so, and where one diverges."""
+
+import numpy as np
+import pytest
+import scipy
+
+from seatrial.estimation.baseline_comparison import Predicted, Run, compare
+
+TIME = np.arange(400) * 0.1
+MOTION = np.sin(0.5 * TIME)
+
+
+def runs_of(count=4, seed=0, noise=0.1):
+    rng = np.random.default_rng(seed)
+    return [Run(TIME, MOTION + noise * rng.normal(size=TIME.size)) for _ in range(count)]
+
+
+def off(by, sd=0.1, count=4):
+    return [Predicted(MOTION + by, np.full(TIME.size, sd)) for _ in range(count)]
+
+
+def test_scores_are_those_of_all_samples_together():
+    runs = runs_of(2)
+    runs[0].measured[:100] = np.nan
+    found = compare("u", runs, off(0.0, count=2), {"the mean": off(0.3, 0.2, count=2)})
+    y = np.concatenate([run.measured[np.isfinite(run.measured)] for run in runs])
+    mean = np.concatenate([MOTION[100:], MOTION])
+    about = np.concatenate([np.full(300, np.nanmean(runs[0].measured)), np.full(400, runs[1].measured.mean())])
+    assert found.ours.explained == pytest.approx(1 - np.sum((y - mean) ** 2) / np.sum((y - about) ** 2))
+    assert found.ours.log_score == pytest.approx(scipy.stats.norm.logpdf(y, mean, 0.1).mean())
+    grid = np.linspace(-6, 6, 40001)
+    cdf = scipy.stats.norm.cdf(grid, mean[7] + 0.3, 0.2)
+    by_quadrature = np.trapezoid((cdf - (grid >= y[7])) ** 2, grid)
+    one = [Run(TIME[:1], y[7:8])]
+    alone = compare(
+        "u", one, [Predicted(mean[7:8], np.array([0.2]))], {"the mean": [Predicted(mean[7:8] + 0.3, np.array([0.2]))]}
+    )
+    assert alone.baselines[0].crps == pytest.approx(by_quadrature, abs=1e-3)
+
+
+def test_a_model_that_is_best_passes():
+    found = compare("u", runs_of(), off(0.0), {"a lag": off(0.2), "the mean": off(1.0)})
+    assert found.level == "pass"
+    assert found.p_value < 1e-3
+    assert [one.words for one in found.baselines] == ["a lag", "the mean"]
+    assert "better than every baseline; the best of them is a lag" in found.sentence
+    close = compare("u", runs_of(1), off(0.0, count=1), {"a lag": off(0.003, count=1)})
+    assert (close.level, close.p_value > 0.05) == ("pass", True)
+    assert "better than every baseline, though by no more than chance can do" in close.sentence
+
+
+def test_a_model_that_is_clearly_worse_fails():
+    found = compare("u", runs_of(), off(0.4), {"a lag": off(0.0), "the mean": off(1.0)})
+    assert found.level == "fail"
+    assert found.p_value < 1e-4
+    assert found.sentence.startswith("a lag predicts u of the held-back runs better than the model (9")
+    assert found.sentence.endswith("prefer it, or mend the model")
+
+
+def test_bands_alone_may_be_why():
+    found = compare("u", runs_of(), off(0.0, 1.0), {"a lag": off(0.05, 0.1)})
+    assert found.level == "fail"
+    assert "bands are too narrow or too wide" in found.sentence
+
+
+def test_a_little_worse_is_a_caution():
+    found = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)})
+    assert found.level == "caution"
+    assert "the model does not beat it" in found.sentence
+
+
+def test_chance_alone_rarely_fails():
+    """Two predictions of the same size whose slow errors are independent: at most 5 % of 200 fail, and four errors of that share."""
+    memory, rng = np.exp(-0.1 / 2.0), np.random.default_rng(3)
+
+    def slow(count):
+        white = rng.normal(size=(count, TIME.size + 200)) * np.sqrt(1 - memory**2)
+        return 0.3 * scipy.signal.lfilter([1.0], [1.0, -memory], white)[:, 200:]
+
+    failed = 0
+    for seed in range(200):
+        ours, theirs = ([Predicted(MOTION + e, np.full(TIME.size, 0.3)) for e in slow(3)] for _ in range(2))
+        failed += compare("u", runs_of(3, seed), ours, {"a lag": theirs}).level == "fail"
+    assert failed <= 200 * (0.05 + 4 * np.sqrt(0.05 * 0.95 / 200))
+
+
+def test_what_diverges_loses():
+    gone = [Predicted(np.where(TIME > 30, np.inf, MOTION), np.full(TIME.size, 0.1)) for _ in range(4)]
+    found = compare("u", runs_of(), gone, {"a lag": off(0.0)})
+    assert (found.level, found.p_value) == ("fail", 0.0)
+    assert "diverges on the held-back runs, where a lag explains 9" in found.sentence
+    assert "diverges" in found.lines()[0]
+    assert compare("u", runs_of(), off(0.0), {"a lag": gone}).level == "pass"
+    both = compare("u", runs_of(), gone, {"a lag": gone})
+    assert (both.level, both.sentence[-14:]) == ("fail", "mend the model")
