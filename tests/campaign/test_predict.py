@@ -7,7 +7,15 @@ from seatrial.campaign.store.estimates import Fit
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.validation import Score
 
-NUMBERS = {"nrmse": 0.5, "rmse": 0.1, "crps": 0.06, "log_score": 1.0, "coverage_50": 0.5, "pit": (0.1,) * 10, "pit_distance": 0.01}
+NUMBERS = {
+    "nrmse": 0.5,
+    "rmse": 0.1,
+    "crps": 0.06,
+    "log_score": 1.0,
+    "coverage_50": 0.5,
+    "pit": (0.1,) * 10,
+    "pit_distance": 0.01,
+}
 
 
 def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, explained=0.9, correlation=0.0, white=0.5):

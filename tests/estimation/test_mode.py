@@ -99,3 +99,26 @@ def test_golden_posterior(model, means, sds):
     assert np.abs((mode.values[: len(means)] / unit - means) / sds).max() < 0.1
     assert mode.sd[: len(means)] / unit == pytest.approx(sds, rel=0.03)
     assert mode.log_evidence == pytest.approx(GOLDEN_LOG_EVIDENCE[model], abs=0.05)
+
+
+def rippled(values, data):
+    """Return a density with a peak every 0.02 s along the delay; what is left of `a` given the delay is normal."""
+    delay, a = values["delay"], values["a"]
+    ripple = 4.0 * jnp.cos(2 * jnp.pi * (delay - 0.303) / 0.02)
+    return ripple - 0.5 * ((delay - 0.3) / 0.02) ** 2 - 0.5 * ((a - 5 * delay) / 0.01) ** 2
+
+
+def test_delay_is_known_as_well_as_its_profile_over_all_peaks():
+    """Against quadrature: of delay over its prior, of `a` in closed form."""
+    target = posterior({"delay": Uniform(0.0, 1.0), "a": Uniform(-10.0, 10.0)}, rippled)
+    mode = find_mode(target, KEY)
+    delay = np.linspace(0.0, 1.0, 200_001)
+    density = np.exp(4.0 * np.cos(2 * np.pi * (delay - 0.303) / 0.02) - 0.5 * ((delay - 0.3) / 0.02) ** 2)
+    area = np.trapezoid(density, delay)
+    best = delay[density.argmax()]
+    spread = np.sqrt(np.trapezoid(density * (delay - best) ** 2, delay) / area)
+    assert mode.by_name["delay"] == pytest.approx(best, abs=1e-4)
+    assert mode.sd[0] == pytest.approx(spread, rel=0.05)
+    assert mode.sd[1] == pytest.approx(np.hypot(0.01, 5 * spread), rel=0.05)
+    assert mode.log_evidence == pytest.approx(np.log(area * 0.01 * np.sqrt(2 * np.pi) / 20.0), abs=0.05)
+    assert np.allclose(mode.precision @ mode.cov, np.eye(2), atol=1e-6)

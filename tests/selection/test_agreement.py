@@ -214,3 +214,38 @@ def test_methods_differ_from_three_errors_and_a_tenth_of_a_nat_on(difference, er
     assert words in found.status
     assert bool(words) == bool(found.status)
     assert found.diagnostics["checks"] == ("finds" not in found.status)
+
+
+def test_a_repeat_that_fails_is_told_and_costs_nothing_else():
+    """With one repeat left there is no error of it, so that the value is importance sampling's, unconfirmed."""
+    one, _ = numbered(0.0, 0.1)
+    lost = EvidenceRun(1, None, np.empty((0, 1)), "stopped at temperature 1e-30")
+    gathering = Gathering(2)
+    gathering.begin()
+    for found in (one, Weighed(Evidence(0.7, 0.01, "importance"), None, ()), lost):
+        assert gathering.add(found) is None or found is one
+    evidence = gathering.evidence()
+    assert evidence.log_value == 0.7
+    assert "smc failed: stopped at temperature 1e-30" in evidence.status
+    assert "no healthy independent method" in evidence.status
+
+
+def test_repeats_that_cannot_leave_the_prior_are_told(monkeypatch):
+    def stopped(*_):
+        raise NumericalError("stopped at temperature 1e-30")
+
+    target, exact = one_peak()
+    monkeypatch.setattr(agreement, "sample_warm", stopped)
+    found = agreed_evidence(target, KEYS, SMALL)
+    assert abs(found.log_value - exact) < 4 * found.std_error
+    assert "smc failed: stopped at temperature 1e-30" in found.status
+
+
+def test_alone_importance_sampling_gives_the_value():
+    target, exact = one_peak()
+    gathering = Gathering(0)
+    (piece,) = gathering.begin()
+    assert gathering.add(do(target, piece, KEYS, SMALL)) is None
+    found = gathering.evidence()
+    assert abs(found.log_value - exact) < 4 * found.std_error
+    assert found.status == ""

@@ -18,6 +18,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.estimation.information import expand_everywhere
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
+from seatrial.estimation.simulation import DELAY
 from seatrial.sampling.target import AT_ONCE, evaluate
 
 if TYPE_CHECKING:
@@ -25,6 +26,12 @@ if TYPE_CHECKING:
 
 FLAT = 1e-2
 """Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider than its prior."""
+FARTHEST, NEAR = 3.0, 12.0
+"""How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
+DOUBLINGS, NOTHING = 3, 1e-4
+"""Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
+FOLLOWED, ROUNDS = 3, 3
+"""Peaks along the delay that are followed each time, and times."""
 
 
 class Mode(NamedTuple):
@@ -32,7 +39,7 @@ class Mode(NamedTuple):
 
     Attributes:
         z: mode, shape (d,).
-        precision: negative Hessian of the log posterior density, shape (d, d).
+        precision: negative Hessian of the log posterior density, shape (d, d); along a delay, what its profile is worth.
         cov: its inverse, shape (d, d).
         log_density: unnormalised log posterior density at the mode.
         log_evidence: Laplace approximation of the log evidence.
@@ -89,6 +96,10 @@ class Mode(NamedTuple):
 def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512, tries: int = 3) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
+    Commands are held or joined by straight lines between their samples, so that the density has a peak about every one of them along a
+    delay. The delay is therefore looked through over its prior before the highest peak is taken, and its standard deviation is that of
+    the profile over all of them.
+
     Args:
         posterior: density to maximise.
         key: random key of the prior draws, or a seed.
@@ -127,7 +138,8 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512,
     z, log_density = max(results, key=lambda pair: pair[1])
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
-    return _about(posterior, z, log_density)
+    mode = _about(posterior, z, log_density)
+    return _along_delay(posterior, mode) if DELAY in posterior.present_names else mode
 
 
 def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
@@ -168,6 +180,67 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
         flat,
         posterior.names,
         tuple(parameter.unit for parameter in posterior.parameters),
+    )
+
+
+def _along_delay(posterior: Posterior, mode: Mode) -> Mode:
+    """Return the highest peak along the delay, its spread along it that of all peaks."""
+    at = posterior.names.index(DELAY)
+    for _ in range(ROUNDS):
+        better = _higher_peak(posterior, mode, at)
+        if better is None:
+            break
+        mode = better
+    return _with_profile(posterior, mode, at)
+
+
+def _ridge(mode: Mode, at: int, to: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n d"]:
+    """Return positions with one component as stated and the others as the normal approximation expects them then."""
+    return mode.z + (to - mode.z[at])[:, None] * (mode.cov[:, at] / mode.cov[at, at])
+
+
+def _higher_peak(posterior: Posterior, mode: Mode, at: int) -> Mode | None:
+    """Follow the highest peaks along one component, near the mode and over the whole prior; None where none is higher."""
+    reach = NEAR * np.sqrt(mode.cov[at, at])
+    near = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
+    points = _ridge(mode, at, np.sort(np.concatenate([near, np.linspace(-FARTHEST, FARTHEST, AT_ONCE)])))
+    heights = evaluate(posterior, points)
+    middle = heights[1:-1]
+    peaks = 1 + np.flatnonzero((middle > heights[:-2]) & (middle >= heights[2:]))
+    best, ends = mode, [mode.z]
+    for peak in peaks[np.argsort(-heights[peaks])][:FOLLOWED]:
+        if not any(rises(posterior, points[peak], end) for end in ends):
+            z, log_density = _climb(posterior, points[peak])
+            ends.append(z)
+            if log_density > best.log_density + 1e-6:
+                best = _about(posterior, z, log_density)
+    return None if best is mode else best
+
+
+def _profile(posterior: Posterior, mode: Mode, at: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return places along one component to where nothing is left of the density, and the density there over that at the mode."""
+    for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1):
+        to = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
+        weight = np.exp(evaluate(posterior, _ridge(mode, at, to)) - mode.log_density)
+        if weight[0] + weight[-1] < NOTHING:
+            break
+    return to, weight
+
+
+def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
+    """Return the normal approximation whose variance along one component, and log evidence, are those of its profile."""
+    sd = np.sqrt(mode.cov[at, at])
+    to, weight = _profile(posterior, mode, at)
+    area = float(np.trapezoid(weight, to))
+    spread = float(np.trapezoid(weight * (to - mode.z[at]) ** 2, to)) / area
+    along = mode.cov[:, at] / mode.cov[at, at]
+    cov = mode.cov + (spread - sd**2) * np.outer(along, along)
+    slope = mode.sd / np.sqrt(np.diag(mode.cov))
+    return mode._replace(
+        cov=cov,
+        precision=np.linalg.inv(cov),
+        log_evidence=mode.log_evidence + float(np.log(area / (np.sqrt(2 * np.pi) * sd))),
+        sd=slope * np.sqrt(np.diag(cov)),
     )
 
 

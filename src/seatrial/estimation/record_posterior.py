@@ -30,12 +30,11 @@ from seatrial.estimation.output_error import (
 from seatrial.estimation.posterior import Parameter, Posterior, check_priors
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation import CURRENT, DELAY
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 
-DELAY = "delay"
 _A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
 UNSEEN_SD = 1.0
 """Standard deviation of a state at the start where no sensor shows it, in its own unit."""

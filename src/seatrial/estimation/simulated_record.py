@@ -16,10 +16,10 @@ from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_re
 from seatrial.core.signals import ANGLES, QUATERNION, RATES, signal_unit
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.posterior import as_key
-from seatrial.estimation.record_posterior import DELAY, check_model, likelihood_of, start_of, stated_sensors
+from seatrial.estimation.record_posterior import check_model, likelihood_of, start_of, stated_sensors
 from seatrial.estimation.replicate import replicate
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation import CURRENT, DELAY
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel
 

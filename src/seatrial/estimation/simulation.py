@@ -20,6 +20,8 @@ from seatrial.numerics.integrate import Law, Move, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
+DELAY = "delay"
+"""Parameter name of the time between a command and its action, s."""
 CURRENT = "current"
 """Parameter name of a constant current along the vehicle's course, m/s, positive from astern."""
 

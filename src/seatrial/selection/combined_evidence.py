@@ -150,11 +150,12 @@ class Piece(NamedTuple):
 
 
 class EvidenceRun(NamedTuple):
-    """One repeat; of the first also its particles after they were cooled, shape (n, d), none where they could not be."""
+    """One repeat, or why it failed; of the first also its particles after they were cooled, shape (n, d), none where they could not be."""
 
     repeat: int
-    smc: SMCResult
+    smc: SMCResult | None
     cold: Float[np.ndarray, "n d"]
+    failure: str = ""
 
 
 class Weighed(NamedTuple):
@@ -216,7 +217,10 @@ def do(
     if piece.repeat is None:
         return _weigh(posterior, piece, keys.importance, settings.draws)
     key = jax.random.fold_in(keys.smc, piece.repeat)
-    smc = sample_warm(posterior, key, settings.smc, progress)
+    try:
+        smc = sample_warm(posterior, key, settings.smc, progress)
+    except NumericalError as error:
+        return EvidenceRun(piece.repeat, None, np.empty((0, posterior.dim)), str(error))
     cold = smc.particles[:0]
     if piece.repeat == 0:
         with suppress(NumericalError):
@@ -228,7 +232,7 @@ class Gathering:
     """What has been found for one evidence, and what is still to be done for it.
 
     Attributes:
-        asked: repeats of tempered SMC asked for.
+        asked: repeats of tempered SMC asked for; with 0 importance sampling is done alone, for a value that decides nothing.
         runs: repeats that are there, by number; what is known before `begin` is not done again.
         weighed: importance sampling, if it is there.
     """
@@ -262,15 +266,22 @@ class Gathering:
         """Return the evidence once all is there."""
         if self.weighed is None:
             raise RuntimeError("importance sampling has not been done yet")
-        first = {} if self.weighed.evidence is None else {"importance": self.weighed.evidence}
+        evidences = {} if self.weighed.evidence is None else {"importance": self.weighed.evidence}
         failed = {} if self.weighed.failure is None else {"importance": self.weighed.failure}
-        smc = combine_runs([run.smc for run in self._in_order()])
-        return judge(first | {"smc": smc}, failed, self.weighed.alarms)
+        there = self._in_order()
+        healthy = [run.smc for run in there if run.smc is not None]
+        if len(healthy) > 1:
+            evidences["smc"] = combine_runs(healthy)
+        elif there:
+            failed["smc"] = next(run.failure for run in there if run.failure)
+        if not evidences:
+            raise NumericalError("; ".join(failed.values()))
+        return judge(evidences, failed, self.weighed.alarms, alone=not self.asked)
 
     def _following(self) -> Piece | None:
         """Importance sampling once the first repeat is there; one more repeat once all so far are, if they check too bluntly."""
-        if self.weighed is None and None not in self._begun and 0 in self.runs:
-            return self._begin(Piece(None, self.runs[0]))
+        if self.weighed is None and None not in self._begun and (0 in self.runs or not self.asked):
+            return self._begin(Piece(None, self.runs.get(0)))
         there = self._in_order()
         if not self.asked <= len(there) < self.most or len(there) in self._begun or _sharp(there):
             return None
@@ -288,13 +299,16 @@ class Gathering:
         return there
 
 
-def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = ()) -> Evidence:
+def judge(
+    evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequence[str] = (), alone: bool = False
+) -> Evidence:
     """Choose the first healthy evidence, or the first if none is, and say what speaks against it.
 
     Args:
         evidences: by method, the preferred first.
         failed: why other methods gave none.
         alarms: what else is known against the result.
+        alone: whether no other method was asked.
     """
     value = next((name for name, one in evidences.items() if not one.status), next(iter(evidences)))
     chosen, said, checks, table = evidences[value], list(alarms), 0, {}
@@ -324,24 +338,25 @@ def judge(evidences: dict[str, Evidence], failed: dict[str, str], alarms: Sequen
     said += [f"{name} failed: {why}" for name, why in failed.items()]
     if value != next(iter(evidences)) or failed:
         said.append(f"the value is that of {chosen.method}")
-    if not checks:
+    if not checks and not alone:
         said.append("no healthy independent method confirms the value")
     diagnostics = chosen.diagnostics | {"methods": table, "checks": checks}
     return Evidence(chosen.log_value, chosen.std_error, chosen.method, diagnostics, "; ".join(said))
 
 
 def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> Weighed:
-    """Importance sampling about the mode and what particles of the first repeat met besides."""
-    if piece.first is None:
-        raise ValueError("importance sampling needs the particles of the first repeat")
-    sets, known, evidence, failure = (piece.first.cold, piece.first.smc.particles), [], None, None
+    """Importance sampling about the mode and what particles of the first repeat, if there are any, met besides."""
+    first = piece.first.smc if piece.first else None
+    sets = () if piece.first is None or first is None else (piece.first.cold, first.particles)
+    known, evidence, failure = [], None, None
     try:
         mode = find_mode(posterior, jax.random.split(key, 3)[0])
         known = [mode, *further_modes(posterior, mode, sets)]
         evidence = importance_evidence(posterior, key, mode, ImportanceSettings(draws), known[1:])
     except NumericalError as error:
         failure = str(error)
-    return Weighed(evidence, failure, tuple(_higher(posterior, *sets, [mode.log_density for mode in known])))
+    alarms = _higher(posterior, *sets, [mode.log_density for mode in known]) if sets else ()
+    return Weighed(evidence, failure, tuple(alarms))
 
 
 def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:
@@ -359,4 +374,5 @@ def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Seq
 
 
 def _sharp(runs: Sequence[EvidenceRun]) -> bool:
-    return combine_runs([run.smc for run in runs]).std_error <= BLUNT
+    healthy = [run.smc for run in runs if run.smc is not None]
+    return len(healthy) < len(runs) or combine_runs(healthy).std_error <= BLUNT

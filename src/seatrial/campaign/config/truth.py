@@ -10,11 +10,8 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation import CURRENT, DELAY
 from seatrial.vehicles.model import VehicleModel
-
-DELAY = "delay"
-"""Name of the delay between command and action, s."""
 
 
 def actuator_lag(control: str) -> str:

@@ -22,7 +22,7 @@ from seatrial.estimation.omitted_effects import Omitted, score_effects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import noise_name
-from seatrial.estimation.simulation import delay_control
+from seatrial.estimation.simulation import DELAY, delay_control
 from seatrial.estimation.validation import effective_samples, whiteness
 from seatrial.selection.structures import Structure
 
@@ -34,7 +34,6 @@ MATTERS = 1.0
 """Shift of a coefficient, in standard deviations, from which a missing effect is told."""
 LIKELY = 0.01
 """P-value of a test of whiteness from which residuals are taken for white."""
-DELAY = "delay"
 
 
 def stored_left_out(campaign: Campaign, estimate: OfStructure) -> StoredResult[tuple[LeftOut, ...]]:

@@ -67,6 +67,8 @@ def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
 def agreement_words(evidence: Evidence) -> str:
     """Which methods gave this evidence, and which of them agree."""
     table = evidence.diagnostics["methods"]
+    if len(table) == 1 and not evidence.status:
+        return f"by {CALLED[next(iter(table))]} alone, since there is no other structure to compare with"
     value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
@@ -84,7 +86,8 @@ def agreement_words(evidence: Evidence) -> str:
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
-    return key_of("evidence by agreement", estimate_key(campaign, structure, trials), campaign.selection)
+    name = "evidence by agreement" if len(campaign.structures) > 1 else "evidence by importance sampling"
+    return key_of(name, estimate_key(campaign, structure, trials), campaign.selection)
 
 
 def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[StoredSelection]:
@@ -147,7 +150,7 @@ class _Kept:
 
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
         self.campaign, self.structure = campaign, structure
-        self.gathering = Gathering(campaign.selection.repeats)
+        self.gathering = Gathering(campaign.selection.repeats if len(campaign.structures) > 1 else 0)
         self.shares = np.zeros(self.gathering.most)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
         self.checkpoint_key = key_of("repeat", key, widest(campaign.structures).terms)
@@ -160,10 +163,12 @@ class _Kept:
 
     def keep(self, found: EvidenceRun | Weighed) -> Piece | None:
         """Add what was found, a repeat also on disk, and return what can be done now."""
-        if isinstance(found, EvidenceRun):
+        if isinstance(found, EvidenceRun) and found.smc is not None:
             arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
             save_checkpoint(self._checkpoint(found.repeat), self.checkpoint_key, arrays)
             self.show(found.repeat, 1.0)
+        elif not self.gathering.asked:
+            self.progress(1, 1)
         return self.gathering.add(found)
 
     def show(self, repeat: int, share: float) -> None:
