@@ -117,7 +117,9 @@ class _Spread:
         lead = leads(stretches, record.time.size)
         longest = int(max(end - begin for begin, end in stretches))
         sd = self._sd(longest, whole=len(stretches) == 1)
-        return Predicted(self.means(record, stretches), np.where(lead[:, None] > 0, sd[np.minimum(lead, len(sd) - 1)], np.nan))
+        return Predicted(
+            self.means(record, stretches), np.where(lead[:, None] > 0, sd[np.minimum(lead, len(sd) - 1)], np.nan)
+        )
 
     def _sd(self, longest: int, whole: bool) -> np.ndarray:
         """Standard deviation by lead: one for all of a whole run, else the root mean square over all stretches, shape (leads, m)."""

@@ -27,7 +27,9 @@ def fit_baseline(baseline: Baseline, problem: Problem) -> Fitted:
         found = np.full((record.time.size, len(problem.channels)), np.nan)
         for begin, end in stretches:
             first = int(np.searchsorted(record.time, record.time[begin] - HISTORY))
-            found[begin + 1 : end + 1, columns] = fitted.predict(_part(record, first, end), begin - first)[begin - first + 1 :]
+            found[begin + 1 : end + 1, columns] = fitted.predict(_part(record, first, end), begin - first)[
+                begin - first + 1 :
+            ]
         return found
 
     return with_spread(problem, means, fitted.parameters)
@@ -35,7 +37,9 @@ def fit_baseline(baseline: Baseline, problem: Problem) -> Fitted:
 
 def _part(record: Record, first: int, end: int) -> Record:
     there = slice(first, end + 1)
-    return replace(record, time=record.time[there], control=record.control[there], measurement=record.measurement[there])
+    return replace(
+        record, time=record.time[there], control=record.control[there], measurement=record.measurement[there]
+    )
 
 
 METHODS = {
@@ -59,6 +63,9 @@ def choose(names: Sequence[str] | None) -> tuple[Method, ...]:
     for name in names or ():
         if name not in METHODS:
             raise InputError(
-                f'method "{name}"', found="no such method", expected="one of " + ", ".join(METHODS), remedy=nearest(name, METHODS)
+                f'method "{name}"',
+                found="no such method",
+                expected="one of " + ", ".join(METHODS),
+                remedy=nearest(name, METHODS),
             )
     return tuple(METHODS[name] for name in METHODS if names is None or name in names)

@@ -1,18 +1,19 @@
 """Our own entry: the campaign of the set, estimated by the posterior mode, and predicted with draws about it.
 
-Of several candidate structures the one of the largest evidence by Laplace is taken. A stretch is simulated from the state as it is
-measured at its start, with the drawn parameters. What the sensors add to the motion is white noise, or, where the residuals of the fit are
-coloured, a process that begins at zero there, for the state was just measured, and forgets that with its correlation time:
+Of several candidate structures the one of the largest evidence by Laplace is taken. Predictions are those of the fitted model given the
+measurements so far. Where residuals are coloured the run is simulated from its start, and what is left at the start of a stretch is
+forgotten with the correlation time tau of the residuals: for each draw
 
-    sd^2 = sd of the motion^2 + sigma^2 (1 - exp(-2 t / tau))
+    y(t) = f(t) + rho (y(0) - f(0)) + sigma sqrt(1 - rho^2) e,   rho = exp(-t / tau)
+
+Otherwise each stretch is simulated from the state as it is measured at its start, with white noise and, where there is any, process noise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from seatrial.benchmark.method import Fitted, Predicted, Problem
@@ -20,7 +21,13 @@ from seatrial.benchmark.tasks import Stretch
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import first_measured, level_start
-from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, initial_state, random_key
+from seatrial.campaign.inference.posterior import (
+    build_likelihood,
+    build_parameters,
+    first_sd,
+    initial_state,
+    random_key,
+)
 from seatrial.campaign.inference.quick_estimates import NormalPosterior, draw_about_mode
 from seatrial.core.batching import bucket_length
 from seatrial.core.errors import NumericalError
@@ -59,13 +66,17 @@ def fit_ours(problem: Problem) -> Fitted:
         except NumericalError as error:
             failures.append(error)
             continue
-        modes.append((mode.log_evidence, draw_about_mode(campaign.seed, structure, posterior, mode), mode.only(posterior.places)))
+        modes.append(
+            (mode.log_evidence, draw_about_mode(campaign.seed, structure, posterior, mode), mode.only(posterior.places))
+        )
     tell(len(campaign.structures), len(campaign.structures))
     if not modes:
         raise failures[0]
     _, drawn, mode = max(modes, key=lambda one: one[0])
     about = dict(zip(drawn.names, map(float, mode.values), strict=True))
-    several = f"{drawn.structure.label} of {len(campaign.structures)} structures: " if len(campaign.structures) > 1 else ""
+    several = (
+        f"{drawn.structure.label} of {len(campaign.structures)} structures: " if len(campaign.structures) > 1 else ""
+    )
     return Ours(campaign, drawn, about, several + " ".join(drawn.structure.terms))
 
 
@@ -87,18 +98,49 @@ class Ours:
 
     def predict(self, record: Record, stretches: Sequence[Stretch]) -> Predicted:
         """See `Fitted`."""
+        coloured = any(sensor.noise == "coloured" for sensor in self.campaign.sensor_models)
+        simulated = [(stretches[0][0], record.time.size - 1)] if coloured else stretches
         draws = self.drawn.draws()
-        count = RUN_DRAWS if len(stretches) == 1 else STRETCH_DRAWS
+        count = RUN_DRAWS if len(simulated) == 1 else STRETCH_DRAWS
         known = dict(zip(self.drawn.names, draws[:: max(1, len(draws) // count)][:count].T, strict=True))
         campaign, model = self.campaign, self.campaign.model(self.drawn.structure)
-        likelihood, _ = build_likelihood(campaign, model, [replace(_piece(record, stretches[0]), label=ANY)])
-        values, starts = self._values(record, stretches, known)
+        likelihood, _ = build_likelihood(campaign, model, [replace(_piece(record, simulated[0]), label=ANY)])
+        values, starts = self._values(record, simulated, known)
         control = _late_controls(record, model.controls, values.get("delay"), len(next(iter(known.values()))))
-        mean, motion = _simulated(
-            likelihood, {**values, "delay": np.zeros_like(values["delay"])} if "delay" in values else values,
-            starts, control, record, stretches, random_key(campaign.seed, f"benchmark {record.label}"),
-        )
-        return Predicted(mean, np.hypot(motion, self._noise(record, stretches, values)))
+        key = random_key(campaign.seed, f"benchmark {record.label}")
+        undelayed = {**values, "delay": np.zeros_like(values["delay"])} if "delay" in values else values
+        shown = _simulated(likelihood, undelayed, starts, control, record, simulated, key)
+        if coloured:
+            return self._remembered(record, stretches, values, next(shown))
+        mean = np.full((record.time.size, len(self.campaign.channels)), np.nan)
+        motion = mean.copy()
+        for (begin, end), outputs in zip(stretches, shown, strict=True):
+            mean[begin + 1 : end + 1], motion[begin + 1 : end + 1] = outputs[:, 1:].mean(0), outputs[:, 1:].std(0)
+        noise = [np.sqrt(np.mean(noise_sd(sensor, values) ** 2)) for sensor in self.campaign.sensor_models]
+        return Predicted(mean, np.hypot(motion, noise))
+
+    def _remembered(
+        self, record: Record, stretches: Sequence[Stretch], values: Mapping[str, np.ndarray], outputs: np.ndarray
+    ) -> Predicted:
+        """What the simulation, shape (draws, n, m), leaves at the start of each stretch is kept in mind, and forgotten from there on."""
+        first = stretches[0][0]
+        measured = np.column_stack([record.channel(channel) for channel in self.campaign.channels])
+        noise = np.column_stack([noise_sd(sensor, values) for sensor in self.campaign.sensor_models])
+        times = [values.get(correlation_name(sensor.channel)) for sensor in self.campaign.sensor_models]
+        mean = np.full(measured.shape, np.nan)
+        sd = mean.copy()
+        for begin, end in stretches:
+            since = record.time[begin + 1 : end + 1] - record.time[begin]
+            kept = np.stack(
+                [np.zeros((len(noise), since.size)) if tau is None else np.exp(-since / tau[:, None]) for tau in times],
+                -1,
+            )
+            left = measured[begin] - outputs[:, begin - first]
+            centre = outputs[:, begin + 1 - first : end + 1 - first] + kept * left[:, None]
+            mean[begin + 1 : end + 1] = centre.mean(0)
+            variance = np.mean(noise[:, None] ** 2 * (1 - kept**2), 0)
+            sd[begin + 1 : end + 1] = np.sqrt(centre.var(0) + variance)
+        return Predicted(mean, sd)
 
     def _values(
         self, record: Record, stretches: Sequence[Stretch], known: Mapping[str, np.ndarray]
@@ -131,25 +173,14 @@ class Ours:
             return initial_state(campaign, model, piece)
         return level_start(model, {**campaign.hull.trim, **first_measured(piece)})
 
-    def _noise(self, record: Record, stretches: Sequence[Stretch], values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Standard deviation of what the sensors add to the motion, by the time since the start of each stretch, shape (n, m)."""
-        since = np.full(record.time.size, np.nan)
-        for begin, end in stretches:
-            since[begin + 1 : end + 1] = record.time[begin + 1 : end + 1] - record.time[begin]
-        columns = []
-        for sensor in self.campaign.sensor_models:
-            variance = np.mean(noise_sd(sensor, values) ** 2)
-            tau = correlation_name(sensor.channel)
-            grown = 1.0 if tau not in values or len(stretches) == 1 else -np.expm1(-2.0 * since / np.median(values[tau]))
-            columns.append(np.sqrt(variance * grown) * np.ones_like(since))
-        return np.column_stack(columns)
-
 
 def _piece(record: Record, stretch: Stretch) -> Record:
     """Samples of a record from the start of a stretch to its end; three at least, for a record has no fewer."""
     begin, end = stretch
     there = slice(begin, max(end + 1, begin + 3))
-    return replace(record, time=record.time[there], control=record.control[there], measurement=record.measurement[there])
+    return replace(
+        record, time=record.time[there], control=record.control[there], measurement=record.measurement[there]
+    )
 
 
 def _late_controls(record: Record, controls: Sequence[str], delay: np.ndarray | None, draws: int) -> np.ndarray:
@@ -169,54 +200,42 @@ def _simulated(
     record: Record,
     stretches: Sequence[Stretch],
     key: jax.Array,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation over the draws of what the sensors show without noise, shapes (n, m)."""
-    n, draws = record.time.size, control.shape[1]
-    mean = np.full((n, len(likelihood.channels)), np.nan)
-    motion = mean.copy()
+) -> Iterator[np.ndarray]:
+    """Yield what the sensors show without noise along each stretch, its start included, shape (draws, samples, m)."""
+    draws, count = control.shape[1], len(stretches)
     length = bucket_length(max(end - begin for begin, end in stretches) + 1)
-    at_once = max(1, min(len(stretches), LANES // draws))
+    at_once = max(1, min(count, LANES // draws))
     run = _program_of(likelihood)
-    for first in range(0, len(stretches), at_once):
-        some = list(stretches[first : first + at_once])
-        some += some[-1:] * (at_once - len(some))
-        rows = np.array([np.minimum(begin + np.arange(length), end) for begin, end in some])
-        inside = np.array([begin + np.arange(length) < end for begin, end in some])
+    for first in range(0, count, at_once):
+        places = np.minimum(first + np.arange(at_once), count - 1)
+        begins, ends = np.array([stretches[place] for place in places]).T
+        rows = begins[:, None] + np.arange(length)
+        inside, rows = rows < ends[:, None], np.minimum(rows, ends[:, None])
         own = {
-            name: column[np.minimum(first + np.arange(at_once), len(stretches) - 1)] if column.ndim == 2 else
-            np.broadcast_to(column, (at_once, draws))
+            name: column[places] if column.ndim == 2 else np.broadcast_to(column, (at_once, draws))
             for name, column in values.items()
         }
-        data = TrialData(
-            tuple(one[:, rows].transpose(1, 0, 2) for one in control),
-            (),
-            np.where(inside, record.step[rows], 0.0),
-            starts[np.minimum(first + np.arange(at_once), len(stretches) - 1)],
-        )
-        shown, spread = run(own, data, jax.random.fold_in(key, first))
-        for index, (begin, end) in enumerate(some):
-            mean[begin + 1 : end + 1] = np.asarray(shown)[index, 1 : end - begin + 1]
-            motion[begin + 1 : end + 1] = np.asarray(spread)[index, 1 : end - begin + 1]
-    return mean, motion
+        controls = tuple(one[:, rows].transpose(1, 0, 2) for one in control)
+        data = TrialData(controls, (), np.where(inside, record.step[rows], 0.0), starts[places])
+        shown = np.asarray(run(own, data, jax.random.fold_in(key, first)))
+        for index in range(min(at_once, count - first)):
+            yield shown[index, :, : ends[index] - begins[index] + 1]
 
 
 @lru_cache(maxsize=16)
 def _program_of(likelihood: OutputError | FilterError):
-    """Return the compiled function of values (stretches, draws), data of the stretches, and a key: moments over draws, (stretches, n, m)."""
+    """Return the compiled function of values (stretches, draws), data of the stretches and a key: outputs (stretches, draws, n, m)."""
+
+    def of_draw(values: Mapping[str, jax.Array], control: tuple, step: jax.Array, start: jax.Array, key: jax.Array):
+        one = TrialData(tuple(column[None] for column in control), (), step[None], start[None])
+        return motions(likelihood, values, one, key)[0]
+
+    def of_stretch(values: Mapping[str, jax.Array], data: TrialData, keys: jax.Array):
+        return jax.vmap(of_draw, (0, 0, None, None, 0))(values, data.control, data.step, data.initial, keys)
 
     @program
-    def of_stretches(values: Mapping[str, jax.Array], data: TrialData, key: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def of_stretches(values: Mapping[str, jax.Array], data: TrialData, key: jax.Array) -> jax.Array:
         draws = jax.tree.leaves(values)[0].shape[1]
-        keys = jax.random.split(key, (data.step.shape[0], draws))
-
-        def of_draw(values: Mapping[str, jax.Array], control: tuple, step: jax.Array, start: jax.Array, key: jax.Array):
-            one = TrialData(tuple(column[None] for column in control), (), step[None], start[None])
-            return motions(likelihood, values, one, key)[0]
-
-        def of_stretch(values: Mapping[str, jax.Array], data: TrialData, keys: jax.Array):
-            return jax.vmap(of_draw, (0, 0, None, None, 0))(values, data.control, data.step, data.initial, keys)
-
-        shown = jax.vmap(of_stretch)(values, data, keys)
-        return jnp.mean(shown, 1), jnp.std(shown, 1)
+        return jax.vmap(of_stretch)(values, data, jax.random.split(key, (data.step.shape[0], draws)))
 
     return of_stretches

@@ -84,7 +84,10 @@ class _Scales:
 
     def __init__(self, problem: Problem):
         self.channels, self.controls = problem.channels, problem.controls
-        y, u = (np.concatenate([_columns(record, names) for record in problem.records]) for names in (self.channels, self.controls))
+        y, u = (
+            np.concatenate([_columns(record, names) for record in problem.records])
+            for names in (self.channels, self.controls)
+        )
         self.y_mean, self.u_mean = y.mean(0), u.mean(0)
         self.y_sd, self.u_sd = (np.where(one.std(0) > 0, one.std(0), 1.0) for one in (y, u))
 

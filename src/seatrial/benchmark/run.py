@@ -80,8 +80,12 @@ class Result:
 
     def _beaten(self, ours: Entry, task: str, column: int, channel: str) -> list[str]:
         own = ours.pooled[task][column].crps
-        others = {one.method: one.pooled[task][column].crps for one in self.entries if not one.is_ours and not one.failed}
-        better = {name: crps for name, crps in others.items() if crps is not None and (own is None or crps < own * (1 - TIE))}
+        others = {
+            one.method: one.pooled[task][column].crps for one in self.entries if not one.is_ours and not one.failed
+        }
+        better = {
+            name: crps for name, crps in others.items() if crps is not None and (own is None or crps < own * (1 - TIE))
+        }
         if not better:
             return []
         names = ", ".join(f"{name} ({crps:.3g})" for name, crps in sorted(better.items(), key=lambda one: one[1]))
@@ -164,7 +168,14 @@ def _entry(problem: Problem, method: Method, horizon: float) -> Entry:
                 pieces = stretches(task, record, problem.channels, horizon)
                 predicted = fitted.predict(record, pieces)
                 scores += [
-                    score_run(record.label, channel, record.time, record.channel(channel), predicted.mean[:, j], predicted.sd[:, j])
+                    score_run(
+                        record.label,
+                        channel,
+                        record.time,
+                        record.channel(channel),
+                        predicted.mean[:, j],
+                        predicted.sd[:, j],
+                    )
                     for j, channel in enumerate(problem.channels)
                 ]
                 done += 1
@@ -174,10 +185,14 @@ def _entry(problem: Problem, method: Method, horizon: float) -> Entry:
         failed = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
         tell(total + 1, total + 1)
     ended = time.perf_counter()
-    pooled = {} if failed else {
-        task: tuple(pool([one for one in scores if one.channel == channel]) for channel in problem.channels)
-        for task, scores in runs.items()
-    }
+    pooled = (
+        {}
+        if failed
+        else {
+            task: tuple(pool([one for one in scores if one.channel == channel]) for channel in problem.channels)
+            for task, scores in runs.items()
+        }
+    )
     return Entry(
         method.name,
         method.words,

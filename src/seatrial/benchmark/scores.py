@@ -152,7 +152,10 @@ def pool(scores: Sequence[RunScore]) -> PooledScore:
         samples,
         effective,
         1.0 - errors / total if total > 0 else None,
-        *(mean(name) for name in ("crps", "log_score", "coverage_50", "coverage_90")),
+        mean("crps"),
+        mean("log_score"),
+        mean("coverage_50"),
+        mean("coverage_90"),
         binomial_range(effective, BAND),
     )
 

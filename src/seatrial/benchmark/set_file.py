@@ -83,9 +83,9 @@ class SetFile(CampaignFile):
 
     set: SetTable
     source: SourceTable
-    files: dict[str, Sha256] = {}
+    files: dict[str, Sha256] = Field(default_factory=dict)
     made: MadeTable | None = None
-    known: dict[str, float] = {}
+    known: dict[str, float] = Field(default_factory=dict)
 
 
 OWN_TABLES = ("set", "source", "files", "made", "known")
@@ -288,7 +288,11 @@ def _check_plain(path: str, where: str) -> None:
 def _written(path: str, found: BenchmarkSet, places: Mapping[str, Path], data: Path) -> str:
     """Return a path of `[import]` as the campaign names it; the files of all runs are compressed, or none of them."""
     runs = (*found.fit, *found.held_back)
-    lie = {places[one].name.endswith(".gz") and not one.endswith(".gz") for run in runs if (one := path.replace("{run}", run)) in places}
+    lie = {
+        places[one].name.endswith(".gz") and not one.endswith(".gz")
+        for run in runs
+        if (one := path.replace("{run}", run)) in places
+    }
     if len(lie) > 1:
         raise InputError(
             str(data / path),

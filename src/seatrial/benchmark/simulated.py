@@ -49,12 +49,14 @@ def make_records(found: BenchmarkSet, folder: Path) -> None:
                 f"{found.path}, made.runs.{run}",
                 found="nothing",
                 expected="how each run of [import] is made",
-                remedy=f'add [made.runs.{run}] with duration, thrust and rudder',
+                remedy=f"add [made.runs.{run}] with duration, thrust and rudder",
             )
     for index, (run, table) in enumerate(found.made.runs.items()):
         where = f"{found.path}, made.runs.{run}"
         duration = quantity(table.duration, "s", f"{where}.duration")
-        largest = np.array([quantity(table.thrust, "N", f"{where}.thrust"), quantity(table.rudder, "rad", f"{where}.rudder")])
+        largest = np.array(
+            [quantity(table.thrust, "N", f"{where}.thrust"), quantity(table.rudder, "rad", f"{where}.rudder")]
+        )
         if not 10 * SAMPLE < duration <= 3600.0 or not (largest > 0).all():
             raise InputError(
                 where,
@@ -64,7 +66,10 @@ def make_records(found: BenchmarkSet, folder: Path) -> None:
             )
         random = np.random.default_rng([found.made.seed, index])
         columns = simulate(duration, largest, random)
-        lines = [",".join(COLUMNS), *(",".join(f"{value:.6g}" for value in row) for row in zip(*columns.values(), strict=True))]
+        lines = [
+            ",".join(COLUMNS),
+            *(",".join(f"{value:.6g}" for value in row) for row in zip(*columns.values(), strict=True)),
+        ]
         text = "\n".join(lines) + "\n"
         path = folder / f"{run}.csv"
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
@@ -89,7 +94,10 @@ def simulate(duration: float, largest: np.ndarray, random: np.random.Generator) 
         states[k] = state[:3]
         asked = command[k] / (MASS, 1.0)
         for j in range(INNER):
-            pushes = [WAVES * np.sqrt(2 / 9) * np.sin(frequency * t + phase).sum(0) for t in begin + h * (j + np.array([0, 0.5, 1]))]
+            pushes = [
+                WAVES * np.sqrt(2 / 9) * np.sin(frequency * t + phase).sum(0)
+                for t in begin + h * (j + np.array([0, 0.5, 1]))
+            ]
             one = _rates(state, asked, pushes[0])
             two = _rates(state + 0.5 * h * one, asked, pushes[1])
             three = _rates(state + 0.5 * h * two, asked, pushes[1])

@@ -6,6 +6,7 @@ the measurements up to `begin`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -58,13 +59,10 @@ def stretches(task: Task, record: Record, channels: Sequence[str], horizon: floa
     if task == STEP:
         chosen = range(0, rows.size - 1, -(-(rows.size - 1) // MOST_STEPS))
         return [(int(rows[k]), int(rows[k + 1])) for k in chosen]
-    begins, found = np.arange(record.time[rows[0]], record.time[rows[-1]], horizon), []
+    begins = np.arange(float(record.time[rows[0]]), float(record.time[rows[-1]]), horizon)
     places = dict.fromkeys(rows[np.searchsorted(record.time[rows], begins - 1e-9 * horizon)].tolist())
     starts = [*places, last]
-    for begin, end in zip(starts[:-1], starts[1:], strict=True):
-        if end > begin:
-            found.append((begin, end))
-    return found
+    return [(begin, end) for begin, end in pairwise(starts) if end > begin]
 
 
 def leads(piece: Sequence[Stretch], size: int) -> np.ndarray:
