@@ -42,6 +42,7 @@ COMMANDS = {
     "next": Command("loop:next_trial", "the next trial"),
     "report": Command("loop:report", "the page of results"),
     "run": Command("loop:run", "the whole loop, with the report"),
+    "benchmark": Command("benchmark:benchmark"),
     "shell": Command("shell:shell"),
     "serve": Command("serve:serve"),
     "export": Command("export:export", "the estimated vehicle, out to a simulator"),

@@ -85,7 +85,7 @@ class FirstAnswer:
 
 
 @dataclass(frozen=True, eq=False)
-class _NormalPosterior:
+class NormalPosterior:
     """Draws of the normal approximation about a mode, bounded as the priors are."""
 
     structure: Structure
@@ -137,7 +137,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
         progress(1, 1)
-    drawn, mode = _drawn(campaign.seed, structure, posterior, mode), mode.only(posterior.places)
+    drawn, mode = draw_about_mode(campaign.seed, structure, posterior, mode), mode.only(posterior.places)
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
@@ -155,12 +155,13 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
     )
 
 
-def _drawn(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> _NormalPosterior:
+def draw_about_mode(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> NormalPosterior:
+    """Draw from the normal approximation about the mode of a structure's posterior; both as they were found, before `Mode.only`."""
     key = random_key(seed, f"about the mode {structure.terms}")
     random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
     z = random.multivariate_normal(mode.z, mode.cov, N_DRAWS, method="eigh")
     values = values_of(posterior, z)[:, posterior.places]
-    return _NormalPosterior(structure, posterior.present_names, values)
+    return NormalPosterior(structure, posterior.present_names, values)
 
 
 def _regression(campaign: Campaign, structure: Structure, trials: Trials, window: float | None) -> FirstAnswer:

@@ -1,0 +1,71 @@
+"""All methods of the benchmark, by name. To add one, write a function that fits it (`seatrial.benchmark.method`) and add a line here."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from seatrial.benchmark.method import Fitted, Method, Problem, with_spread
+from seatrial.benchmark.ours import fit_ours
+from seatrial.benchmark.peers import fit_n4sid, fit_sindy
+from seatrial.benchmark.tasks import Stretch
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.record import Record
+from seatrial.estimation.baselines import BASELINES, Baseline
+
+HISTORY = 30.0
+"""Time before a stretch whose controls a baseline is given, s: delays reach back."""
+
+
+def fit_baseline(baseline: Baseline, problem: Problem) -> Fitted:
+    """Fit a baseline of `seatrial.estimation.baselines`; errors as `Baseline.fit`."""
+    fitted = baseline.fit(problem.records, problem.channels, problem.controls)
+    columns = [problem.channels.index(channel) for channel in fitted.channels]
+
+    def means(record: Record, stretches: Sequence[Stretch]) -> np.ndarray:
+        found = np.full((record.time.size, len(problem.channels)), np.nan)
+        for begin, end in stretches:
+            first = int(np.searchsorted(record.time, record.time[begin] - HISTORY))
+            found[begin + 1 : end + 1, columns] = fitted.predict(_part(record, first, end), begin - first)[
+                begin - first + 1 :
+            ]
+        return found
+
+    return with_spread(problem, means, fitted.parameters)
+
+
+def _part(record: Record, first: int, end: int) -> Record:
+    there = slice(first, end + 1)
+    return replace(
+        record, time=record.time[there], control=record.control[there], measurement=record.measurement[there]
+    )
+
+
+METHODS = {
+    one.name: one
+    for one in (
+        Method("ours", "the campaign of the set, by the posterior mode", True, fit_ours),
+        *(Method(name, one.words, False, partial(fit_baseline, one)) for name, one in BASELINES.items()),
+        Method("sindy", "sparse regression of the accelerations, by PySINDy", False, fit_sindy),
+        Method("n4sid", "a linear subspace model, by nfoursid", False, fit_n4sid),
+    )
+}
+"""Methods by name, in the order of the table."""
+
+
+def choose(names: Sequence[str] | None) -> tuple[Method, ...]:
+    """Return methods by their names, all if None.
+
+    Raises:
+        InputError: no such method.
+    """
+    for name in names or ():
+        if name not in METHODS:
+            raise InputError(
+                f'method "{name}"',
+                found="no such method",
+                expected="one of " + ", ".join(METHODS),
+                remedy=nearest(name, METHODS),
+            )
+    return tuple(METHODS[name] for name in METHODS if names is None or name in names)
