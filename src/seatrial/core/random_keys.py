@@ -1,4 +1,4 @@
-"""Random keys worked out on the host: the bits of `jax.random.key` and `jax.random.fold_in`, without a program compiled for either.
+"""Random keys worked out on the host: the bits of `jax.random.key`, `fold_in` and `split`, without programs compiled for them.
 
 The generator is Threefry-2x32 with 20 rounds: Salmon, Moraes, Dror and Shaw, Parallel random numbers: as easy as 1, 2, 3, SC11, 2011.
 """
@@ -22,6 +22,29 @@ def seeded_key(seed: int, *numbers: int) -> jax.Array:
     for number in numbers:
         key = _threefry(key, (0, number & WORD))
     return jax.random.wrap_key_data(np.array(key, np.uint32), impl="threefry2x32")
+
+
+def fold_in(key: jax.Array, number: int) -> jax.Array:
+    """Return `jax.random.fold_in(key, number)`.
+
+    Args:
+        key: one key, not traced.
+        number: from 0 to 2^32 - 1.
+    """
+    if not jax.dtypes.issubdtype(key.dtype, jax.dtypes.prng_key) or str(jax.random.key_impl(key)) != "threefry2x32":
+        return jax.random.fold_in(key, number)
+    left, right = map(int, np.asarray(jax.random.key_data(key)))
+    return jax.random.wrap_key_data(np.array(_threefry((left, right), (0, number)), np.uint32), impl="threefry2x32")
+
+
+def split(key: jax.Array, count: int = 2) -> tuple[jax.Array, ...]:
+    """Return `jax.random.split(key, count)`, where JAX splits keys so that they may be split on several devices, as it does by default.
+
+    Args:
+        key: one key, not traced.
+        count: keys.
+    """
+    return tuple(fold_in(key, number) for number in range(count))
 
 
 def _threefry(key: tuple[int, int], words: tuple[int, int]) -> tuple[int, int]:

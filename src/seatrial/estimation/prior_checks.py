@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping
 from math import isfinite, sqrt
 
-import jax
 import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
 from seatrial.core.errors import InputError
+from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.identifiability import identifiability_of_fit
 from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.mode import Mode
@@ -109,7 +109,7 @@ def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
 
 def _lost_region(posterior: Posterior) -> list[str]:
     """Return where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
-    z = np.asarray(posterior.sample_prior(jax.random.key(0), AT_ONCE))
+    z = np.asarray(posterior.sample_prior(seeded_key(0), AT_ONCE))
     lost = ~np.isfinite(evaluate(posterior, z))
     if not SOME < lost.mean() < 1.0:
         return []

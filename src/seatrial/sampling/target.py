@@ -63,7 +63,7 @@ def evaluate(target: Target, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "
     n = z.shape[0]
     size = max(AT_ONCE, lanes_at_once(partial(_evaluate, target), z, cpu=LANES))
     blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
-    values = np.concatenate([np.asarray(_evaluate(target, jnp.asarray(z[block]))) for block in blocks])[:n]
+    values = np.concatenate([np.asarray(_evaluate(target, z[block])) for block in blocks])[:n]
     return np.where(np.isnan(values), -np.inf, values)
 
 

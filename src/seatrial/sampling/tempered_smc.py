@@ -19,6 +19,7 @@ from seatrial.core.batching import lanes_at_once
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.progress import Progress, no_progress
+from seatrial.core.random_keys import fold_in, split
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
 
@@ -100,8 +101,8 @@ class SMCResult(NamedTuple):
 
 def prior_particles(target: Target, key: Array, n: int) -> Start:
     """Return draws from the prior, those whose likelihood is zero replaced by others."""
-    draw_key, pick_key = jax.random.split(key)
-    blocks = [target.sample_prior(jax.random.fold_in(draw_key, i), AT_ONCE) for i in range(-(-n // AT_ONCE))]
+    draw_key, pick_key = split(key)
+    blocks = [target.sample_prior(fold_in(draw_key, i), AT_ONCE) for i in range(-(-n // AT_ONCE))]
     drawn = np.concatenate([np.asarray(block) for block in blocks])[:n]
     alive = np.flatnonzero(np.isfinite(evaluate(target, drawn)))
     if alive.size == 0:
@@ -123,7 +124,7 @@ def sample_tempered_smc(
     Raises:
         NumericalError: the temperature stopped advancing, because almost no particle has a finite likelihood.
     """
-    start_key, key = jax.random.split(key)
+    start_key, key = split(key)
     particles = settings.particles_for(target.dim)
     start = start or prior_particles(target, start_key, particles)
     alive = start.alive
@@ -137,7 +138,7 @@ def sample_tempered_smc(
     log_scale = np.zeros(())
     for iteration in range(max_steps):
         before = float(cloud.temperature)
-        step_key = jax.random.fold_in(key, iteration)
+        step_key = fold_in(key, iteration)
         cloud, log_scale, increment, accepted = _step(settings, target, cloud, log_scale, step_key)
         temperature = float(cloud.temperature)
         log_evidence += float(increment)
@@ -145,7 +146,7 @@ def sample_tempered_smc(
         acceptance.append(float(accepted))
         progress(round(1000 * (1 + np.log10(max(temperature, 1e-9)) / 9)), 1000)
         if temperature >= 1.0:
-            resampled = _resample(cloud, jax.random.fold_in(key, max_steps))
+            resampled = _resample(cloud, fold_in(key, max_steps))
             lost = len(temperatures) * (1.0 / settings.target_ess - 1.0) + (1.0 / alive - 1.0)
             return SMCResult(
                 log_evidence,

@@ -23,6 +23,7 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import Progress, no_progress
 from seatrial.core.pytrees import compiled_tree
+from seatrial.core.random_keys import fold_in, split
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.sampling.target import Target, evaluate
@@ -77,7 +78,7 @@ class Cooled:
 
 def sample_warm(target: Target, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress) -> SMCResult:
     """Run tempered SMC as it is, by the program that `sample_cold` goes on with; errors as `sample_tempered_smc`."""
-    start_key, key = jax.random.split(key)
+    start_key, key = split(key)
     start = prior_particles(target, start_key, settings.particles_for(target.dim))
     return sample_tempered_smc(Cooled(target, np.ones(())), key, settings, progress, start=start)
 
@@ -198,7 +199,7 @@ def agreed_evidence(
     """
     check_posterior(posterior)
     check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
-    keys = keys if isinstance(keys, Keys) else Keys(*jax.random.split(as_key(keys)))
+    keys = keys if isinstance(keys, Keys) else Keys(*split(as_key(keys)))
     gathering = Gathering(settings.repeats)
     waiting = gathering.begin()
     done = 0
@@ -216,7 +217,7 @@ def do(
     """Do one piece of an evidence."""
     if piece.repeat is None:
         return _weigh(posterior, piece, keys.importance, settings.draws)
-    key = jax.random.fold_in(keys.smc, piece.repeat)
+    key = fold_in(keys.smc, piece.repeat)
     try:
         smc = sample_warm(posterior, key, settings.smc, progress)
     except NumericalError as error:
@@ -224,7 +225,7 @@ def do(
     cold = smc.particles[:0]
     if piece.repeat == 0:
         with suppress(NumericalError):
-            cold = sample_cold(posterior, smc, jax.random.fold_in(key, 1), settings.smc)
+            cold = sample_cold(posterior, smc, fold_in(key, 1), settings.smc)
     return EvidenceRun(piece.repeat, smc, cold)
 
 
@@ -350,7 +351,7 @@ def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> We
     sets = () if piece.first is None or first is None else (piece.first.cold, first.particles)
     known, evidence, failure = [], None, None
     try:
-        mode = find_mode(posterior, jax.random.split(key, 3)[0])
+        mode = find_mode(posterior, split(key, 3)[0])
         known = [mode, *further_modes(posterior, mode, sets)]
         evidence = importance_evidence(posterior, key, mode, ImportanceSettings(draws), known[1:])
     except NumericalError as error:

@@ -18,6 +18,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import gammaln, logsumexp
 
 from seatrial.core.errors import NumericalError
+from seatrial.core.random_keys import fold_in, split
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior import Posterior
@@ -99,13 +100,13 @@ def importance_sample(
     Raises:
         NumericalError: no mode, or no draw of finite density.
     """
-    mode_key, pilot_key, key = jax.random.split(key, 3)
+    mode_key, pilot_key, key = split(key, 3)
     target, there = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
     modes = [there, *(uncoupled_mode(target, one) for one in further)]
     proposals = [laplace_proposal(one)._replace(share=1.0 / len(modes)) for one in modes]
     done = 0
     for done in range(settings.refits + 1):
-        weights = weigh(target, proposals, jax.random.fold_in(pilot_key, done), settings.pilot)
+        weights = weigh(target, proposals, fold_in(pilot_key, done), settings.pilot)
         shared = done > 0 or len(modes) == 1  # what each of several modes holds is known from the first refit on
         if done == settings.refits or (shared and weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
             break

@@ -20,6 +20,7 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, l
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.random_keys import fold_in
 from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
@@ -140,8 +141,8 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
     draw_key = random_key(campaign.seed, f"chains {structure.terms}")
     if item.run is None:
-        starts = spread_starts(target, there, settings.chains, jax.random.fold_in(draw_key, 2**31))
-        run = sampler.start_chains(target, starts, jnp.asarray(there.cov))
+        starts = spread_starts(target, there, settings.chains, fold_in(draw_key, 2**31))
+        run = sampler.start_chains(target, starts, there.cov)
     else:
         run = run_from_arrays(sampler.State, item.run)
     total = settings.warmup + settings.draws
