@@ -1,5 +1,7 @@
 """Bands judged by all held-back runs together: ranges against exact binomials, verdicts against noise of known size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -131,3 +133,14 @@ def test_what_was_not_measured_or_diverges():
     away = run_residuals(TIME, np.zeros(400), np.where(TIME > 9, np.inf, 0.0), np.zeros(400), 1.0)
     found = pooled_verdict([away, *white_runs(1.0, 2)], "u")
     assert (found.level, found.about) == ("fail", "diverges")
+
+
+def test_one_run_that_is_beyond_chance_among_as_many_fails_all():
+    """Two thirds of all samples inside would be chance for so few effective ones, were it not for the run that holds nearly none."""
+    good, bad = white_runs(1.0, 1)[0], white_runs(6.0, 1)[0]
+    few = [replace(good, independent=12.0), replace(bad, independent=6.0)]
+    found = pooled_verdict(few, "u")
+    assert found.upper > 0.6
+    assert found.p_value < 0.00135
+    assert found.level == "fail"
+    assert f"{found.least:.0%} to {found.most:.0%} by run" in found.reason

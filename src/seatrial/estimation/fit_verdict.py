@@ -179,8 +179,8 @@ def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
         return FitVerdict(
             "caution",
             "predicted poorly",
-            f"{result}: the model misses most of what moved, and its errors lie inside the band only because of what the fit "
-            f"leaves over, {left}, not because the coefficients are uncertain; add a term, a delay or a model of the error",
+            f"{result}: the model misses most of what moved; its band is as wide as it is because of what the fit leaves over, "
+            f"{left}, and not because the coefficients are uncertain; add a term, a delay or a model of the error",
         )
     return FitVerdict(
         "caution",

@@ -13,14 +13,15 @@ which bands have to be widened is the 0.9 quantile of the absolute normalised re
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Float
 
 from seatrial.estimation.fit_verdict import (
+    BROKEN,
     BURST,
     FEWEST,
     NARROWER,
@@ -75,7 +76,9 @@ class Pooled:
         coverage: share of samples inside the 90 % band.
         lower: lower end of the 95 % range of that share.
         upper: upper end.
-        p_value: probability that bands as stated hold so few.
+        least: share inside the band in the run with the fewest.
+        most: share in the run with the most.
+        p_value: probability that bands as stated hold so few, of all runs or of the worst of them.
         explained: share of the variance about the runs' own means that is explained; negative is worse than those means.
         variance: mean square of the normalised residuals, 1 where errors are as large as stated.
         widen: factor on the half-width of the bands with which 90 % of the samples would lie inside.
@@ -93,6 +96,8 @@ class Pooled:
     coverage: float
     lower: float
     upper: float
+    least: float
+    most: float
     p_value: float
     explained: float
     variance: float
@@ -163,6 +168,8 @@ def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | N
     total = sum(run.total for run in runs)
     inside = coverage(z, BAND)
     lower, upper = share_range(inside, n)
+    shares = [coverage(run.z, BAND) for run in runs]
+    alone = [probability_of_so_few(share, one) for share, one in zip(shares, worth, strict=True)]
     numbers = {
         "channel": channel,
         "runs": len(runs),
@@ -171,7 +178,9 @@ def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | N
         "coverage": inside,
         "lower": lower,
         "upper": upper,
-        "p_value": probability_of_so_few(inside, n),
+        "least": min(shares),
+        "most": max(shares),
+        "p_value": min(probability_of_so_few(inside, n), len(runs) * min(alone)),
         "explained": 1.0 - sum(run.squares for run in runs) / total if total > 0 else 0.0,
         "variance": float(np.mean(z**2)),
         **dict(zip(("widen", "widen_lower", "widen_upper"), band_factor(z, n), strict=True)),
@@ -274,7 +283,8 @@ def _judge(pooled: Pooled, excused: bool) -> FitVerdict:
             f"{inside}: too few to say whether the bands hold ({FEWEST:.0f} are needed); hold back more or longer runs",
         )
     large = pooled.variance > BURST and scipy.stats.chi2.sf(n * pooled.variance, n) < RARE
-    if (pooled.upper < BAND and pooled.coverage < NARROWER) or large or pooled.variance >= ONE_SAMPLE:
+    short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
+    if short or large or pooled.variance >= ONE_SAMPLE:
         return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled)}")
     if pooled.explained < 0:
         said = f"{inside}, but {explained_words(pooled.explained, pooled.channel)}"
@@ -292,14 +302,15 @@ def _judge(pooled: Pooled, excused: bool) -> FitVerdict:
             "bands too wide",
             f"{inside}: bands {_factor(pooled)} as wide would do; these runs are quieter than the noise that was fitted",
         )
-    return FitVerdict("pass", "", f"{inside}, which agrees with 90 %")
+    return FitVerdict("pass", "", f"{inside}, which does not contradict 90 %")
 
 
 def _inside(pooled: Pooled) -> str:
     runs = f"{pooled.runs} held-back run{'s' * (pooled.runs != 1)}"
+    apart = f"; {pooled.least:.0%} to {pooled.most:.0%} by run" if pooled.runs > 1 else ""
     return (
         f"{pooled.coverage:.0%} of {pooled.channel} in {runs} lies inside the 90 % band ({pooled.lower:.0%} to {pooled.upper:.0%} "
-        f"by {pooled.effective:.0f} effective samples)"
+        f"by {pooled.effective:.0f} effective samples{apart})"
     )
 
 
@@ -314,17 +325,16 @@ def _factor(pooled: Pooled) -> str:
     return f"{pooled.widen:.1f} times ({pooled.widen_lower:.1f} to {pooled.widen_upper:.1f})"
 
 
+def unjudged(channel: str, runs: int, reason: str) -> Pooled:
+    """Return that so many runs of a channel cannot be judged, and why."""
+    numbers: dict[str, Any] = {field.name: 0.0 for field in fields(Pooled)}
+    verdict = FitVerdict("unjudged", "cannot be judged", reason)
+    return Pooled(**{**numbers, "channel": channel, "runs": runs, "samples": 0, **verdict._asdict()})
+
+
 def _without_numbers(channel: str, runs: int, samples: int) -> Pooled:
-    if samples:
-        verdict = FitVerdict(
-            "fail",
-            "diverges",
-            f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did; check units and signs",
-        )
-    else:
-        verdict = FitVerdict(
-            "unjudged",
-            "too little to judge",
-            f"nothing was measured of {channel} in held-back runs: it cannot be judged",
-        )
-    return Pooled(channel, runs, samples, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **verdict._asdict())
+    none = unjudged(channel, runs, f"nothing was measured of {channel} in held-back runs: it cannot be judged")
+    if not samples:
+        return none
+    reason = f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did; check units and signs"
+    return replace(none, samples=samples, level="fail", about="diverges", reason=reason)

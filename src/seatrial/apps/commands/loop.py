@@ -91,4 +91,4 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
 def _said_of(fit: Any) -> str:
     """One channel of one trial: how it was predicted, the verdict, and what keeps it from passing."""
     use = "held-back run" if fit.held_back else "run"
-    return "; ".join([f"{use} {fit.record}: {fit.level}, {fit.reason}", *fit.outside])
+    return f"{use} {fit.record}: {fit.level}, {fit.words}"

@@ -18,20 +18,30 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.fit_verdict import LEVELS, FitVerdict, explained_short, judge_fit, worst
+from seatrial.estimation.fit_verdict import LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
 from seatrial.estimation.fitted_range import outside_fitted
 from seatrial.estimation.output_error import OutputError, initial_name
-from seatrial.estimation.pooled_coverage import Pooled, motion_products, pooled_verdict, run_residuals, shared_motion
+from seatrial.estimation.pooled_coverage import (
+    Pooled,
+    motion_products,
+    pooled_verdict,
+    run_residuals,
+    shared_motion,
+    unjudged,
+)
 from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.sensors import correlation_name
+from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
-from seatrial.estimation.validation import DIVERGES, score_channel
+from seatrial.estimation.validation import DIVERGES, Score, score_channel
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
 MOST_NAMED = 6
 """Trials that one sentence names."""
+LEAVES = "leaves its course by itself"
+"""What the verdict is about where a vehicle that is well predicted for a while cannot be for a whole run."""
 CURVES = ("time", "measured", "mean", "motion_sd", "sd")
 """What is kept of a prediction at each sample."""
 
@@ -67,9 +77,9 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldB
     fits = [
         fit
         for record, piece in zip(trials.predict, pieces, strict=True)
-        for fit in _fits(campaign.channels, drawn, record, piece, trials.fit)
+        for fit in _fits(campaign, drawn, record, piece, trials.fit)
     ]
-    return HeldBack(tuple(fits), _pooled(campaign.channels, pieces))
+    return HeldBack(tuple(fits), _pooled(campaign.channels, pieces, fits))
 
 
 def stored_predictions(
@@ -99,11 +109,9 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         fits = [
             fit
             for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
-            for fit in _fits(
-                campaign.channels, estimate, record, piece, trials.fit if index >= len(trials.fit) else None
-            )
+            for fit in _fits(campaign, estimate, record, piece, trials.fit if index >= len(trials.fit) else None)
         ]
-        pooled = _pooled(campaign.channels, pieces[len(trials.fit) :])
+        pooled = _pooled(campaign.channels, pieces[len(trials.fit) :], fits)
         lengths = [record.time.size for record in records]
         return xr.Dataset(
             {
@@ -147,7 +155,8 @@ def held_back_lines(held_back: HeldBack) -> list[str]:
             if not fit.samples or fit.missing == DIVERGES
             else f"{share}{fit.coverage:.0%} inside the 90 % band"
         )
-        said.append("; ".join([f"held-back run {fit.record}: {fit.channel:<8} {scores}", *fit.outside]))
+        notes = [*fit.outside, *([fit.ahead] if fit.ahead else [])]
+        said.append("; ".join([f"held-back run {fit.record}: {fit.channel:<8} {fit.level}; {scores}", *notes]))
     return said + [f"held-back runs together: {one.level}; {one.reason}" for one in held_back.pooled]
 
 
@@ -221,6 +230,8 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]
         "noise": noise,
         "coefficient_sd": free.std(axis=0),
         "products": motion_products(outputs, sd, measured),
+        "output": likelihood if isinstance(likelihood, OutputError) else likelihood.output,
+        "values": {name: float(np.mean(column)) for name, column in values.items()},
     }
 
 
@@ -236,56 +247,81 @@ def _outputs(
 
 
 def _fits(
-    channels: Sequence[str],
+    campaign: Campaign,
     drawn: Drawn,
     record: Record,
     piece: Mapping[str, Any],
     fitted: Sequence[Record] | None,
 ) -> list[Fit]:
     """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
-    found = []
+    held_back = fitted is not None
     outside = () if fitted is None else outside_fitted(fitted, record)
-    for column, channel in enumerate(channels):
-        tau = correlation_name(channel)
-        coloured = tau in drawn.names
-        score = score_channel(
-            piece["time"],
-            *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
-            noise_sd=float(piece["noise"][column]),
-            correlation_time=float(np.median(drawn.draws([tau]))) if coloured else None,
-            coefficient_sd=piece["coefficient_sd"][:, column],
-            shared=shared_motion([piece["products"][column]]),
-        )
-        verdict = judge_fit(score, channel, fitted is not None, coloured, outside)
-        found.append(
-            Fit(
-                **vars(score),
-                record=record.label,
-                held_back=fitted is not None,
-                channel=channel,
-                outside=outside,
-                **verdict._asdict(),
-            )
-        )
+    scores = {channel: _score(drawn, piece, column, channel) for column, channel in enumerate(campaign.channels)}
+    lost = [channel for channel, score in scores.items() if _is_lost(score)] if held_back else []
+    ahead = _ahead(piece, record) if lost else {}
+    found = []
+    for channel, score in scores.items():
+        near = ahead.get(channel) if channel in lost else None
+        words = "" if near is None else near.words(channel, _remedies(campaign, near.horizon))
+        if near is not None and near.leaves:
+            verdict = FitVerdict("caution", LEAVES, words)
+        else:
+            verdict = judge_fit(score, channel, held_back, score.correlation_time > 0, outside)
+        of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
+        found.append(Fit(**vars(score), **of, **verdict._asdict()))
     return found
 
 
-def _pooled(channels: Sequence[str], pieces: Sequence[Mapping[str, Any]]) -> tuple[Pooled, ...]:
-    """Every channel of all held-back records together; none where nothing is held back."""
-    if not pieces:
-        return ()
-    return tuple(
-        pooled_verdict(
-            [
-                run_residuals(
-                    piece["time"],
-                    *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
-                    noise_sd=float(piece["noise"][column]),
-                )
-                for piece in pieces
-            ],
-            channel,
-            shared_motion([piece["products"][column] for piece in pieces]),
-        )
-        for column, channel in enumerate(channels)
+def _score(drawn: Drawn, piece: Mapping[str, Any], column: int, channel: str) -> Score:
+    tau = correlation_name(channel)
+    return score_channel(
+        piece["time"],
+        *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
+        noise_sd=float(piece["noise"][column]),
+        correlation_time=float(np.median(drawn.draws([tau]))) if tau in drawn.names else None,
+        coefficient_sd=piece["coefficient_sd"][:, column],
+        shared=shared_motion([piece["products"][column]]),
     )
+
+
+def _is_lost(score: Score) -> bool:
+    """Whether a whole record is not predicted, though there is motion to predict."""
+    return score.missing == DIVERGES or (not score.missing and score.explained < POOR and score.noise_share < POOR)
+
+
+def _ahead(piece: Mapping[str, Any], record: Record) -> dict[str, ShortHorizon]:
+    """How each channel of a record is predicted from states measured along the way; empty where they are not measured."""
+    output: OutputError = piece["output"]
+    own = {name: float(column[0]) for name, column in output.apart(piece["values"]).items()}
+    values = {**piece["values"], **own}
+    return short_horizons(output.simulator, values, record, output.starts_over_ground) or {}
+
+
+def _remedies(campaign: Campaign, horizon: float) -> list[str]:
+    """What helps a vehicle that cannot be simulated for long, and the campaign does not have yet."""
+    filtered = campaign.estimation.likelihood == "filter-error"
+    cut = campaign.imports is None or campaign.imports.split is not None
+    found = [] if filtered else ['set estimation.likelihood = "filter-error"']
+    return found + ([] if filtered or cut else [f'cut the runs by [import] split = "{horizon:.2g} s"'])
+
+
+def _pooled(channels: Sequence[str], pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
+    """Every channel of all held-back records together, but for those in which the vehicle leaves its course by itself."""
+    found = []
+    for column, channel in enumerate(channels if pieces else ()):
+        own = [fit for fit in fits if fit.held_back and fit.channel == channel]
+        kept = [piece for piece, fit in zip(pieces, own, strict=True) if fit.about != LEAVES]
+        if not kept:
+            reason = f"the bands of {channel} over whole runs cannot be judged, since the vehicle leaves its course by itself"
+            found.append(unjudged(channel, len(pieces), reason))
+            continue
+        runs = [
+            run_residuals(
+                piece["time"],
+                *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
+                noise_sd=float(piece["noise"][column]),
+            )
+            for piece in kept
+        ]
+        found.append(pooled_verdict(runs, channel, shared_motion([piece["products"][column] for piece in kept])))
+    return tuple(found)

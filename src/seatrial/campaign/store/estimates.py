@@ -242,6 +242,7 @@ class Fit(Score):
         about: what the verdict is about in a few words; empty for a pass.
         reason: one sentence: what was found, what it means and what to do.
         outside: where a held-back record leaves the range of states and inputs that was fitted, in words.
+        ahead: how far ahead a held-back record is predicted that is not predicted as a whole, and why, in words; else empty.
     """
 
     record: str
@@ -251,6 +252,15 @@ class Fit(Score):
     about: str
     reason: str
     outside: tuple[str, ...] = ()
+    ahead: str = ""
+
+    @property
+    def words(self) -> str:
+        """Reason, where the record leaves the fitted range, and how far ahead it is predicted."""
+        beyond = [words for words in self.outside if words not in self.reason]
+        return "; ".join(
+            [self.reason, *beyond, *([self.ahead] if self.ahead and self.ahead not in self.reason else [])]
+        )
 
     @property
     def verdict(self) -> FitVerdict:

@@ -103,8 +103,7 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
 
 
 def _verdict(fit: Fit) -> dict[str, Any]:
-    said = fit.reason if any(words in fit.reason for words in fit.outside) else "; ".join([fit.reason, *fit.outside])
-    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(said, {})}
+    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.words, {})}
 
 
 def _together(one: Pooled) -> dict[str, Any]:

@@ -130,7 +130,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
                 (percent(fit.explained) if fit.explained >= 0 else "worse than its mean") if not fit.missing else "",
                 percent(fit.coverage) if fit.samples else "",
-                "; ".join([fit.reason, *fit.outside]),
+                fit.words,
             ]
             for fit in found.fits
         ] + [
