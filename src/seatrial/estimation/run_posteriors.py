@@ -28,6 +28,7 @@ from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.information import expand_everywhere
 from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.posterior import Parameter, Posterior, check_posterior
 from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen
 from seatrial.estimation.sensors import correlation_name
@@ -141,8 +142,8 @@ def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequenc
         value[r] = found.value[0]
         gradient[r, at] = slope[at] * found.gradient[0]
         block = np.outer(slope[at], slope[at]) * found.hessian[0] + np.diag(curvature[at] * found.gradient[0])
-        hessian[np.ix_([r], at, at)] = block
-    return RunExpansion(np.asarray(z), value, gradient, hessian, *prior, slope)
+        hessian[r][np.ix_(at, at)] = block
+    return RunExpansion(np.asarray(z), value, gradient, hessian, prior[0], prior[1], prior[2], slope)
 
 
 def weigh_runs(there: RunExpansion, weight: Float[np.ndarray, " R"]) -> Weighted:
@@ -184,7 +185,16 @@ def shared_log_prior(runs: RunPosteriors, shared: Float[np.ndarray, "n k"]) -> F
     return priors[:, : runs.shared.size].sum(1)
 
 
-def score_run(runs: RunPosteriors, run: int, shared: Float[np.ndarray, "n k"], key: jax.Array) -> dict[str, Score]:
+class PredictedChannel(NamedTuple):
+    """How one channel of a run is predicted, and what a judgement of all runs together needs of it."""
+
+    score: Score
+    residuals: RunResiduals
+
+
+def predict_run(
+    runs: RunPosteriors, run: int, shared: Float[np.ndarray, "n k"], key: jax.Array
+) -> dict[str, PredictedChannel]:
     """Return how well one run is predicted in free simulation from its inputs, each channel by name, as a run that was not fitted.
 
     Args:
@@ -208,19 +218,18 @@ def score_run(runs: RunPosteriors, run: int, shared: Float[np.ndarray, "n k"], k
     output = one.likelihood if isinstance(one.likelihood, OutputError) else one.likelihood.output
     step = np.asarray(one.data.step)[0]
     time = np.concatenate([[0.0], np.cumsum(step)[:-1]])
-    scores = {}
+    found = {}
     for i, (sensor, channel) in enumerate(zip(output.simulator.sensors, one.data.channels, strict=True)):
         at = np.asarray(channel.present)[0] > 0
         tau = correlation_name(sensor.channel)
-        scores[sensor.channel] = score_channel(
-            time[at],
-            np.asarray(channel.measured)[0][at],
-            shown[:, at, i].mean(0),
-            shown[:, at, i].std(0),
-            noise_sd=float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2))),
-            correlation_time=float(np.median(values[tau])) if tau in values else None,
+        motion = shown[:, at, i]
+        columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
+        noise = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
+        memory = float(np.median(values[tau])) if tau in values else None
+        found[sensor.channel] = PredictedChannel(
+            score_channel(*columns, noise_sd=noise, correlation_time=memory), run_residuals(*columns, noise_sd=noise)
         )
-    return scores
+    return found
 
 
 def _of_run(posterior: Posterior, run: int, places: Int[np.ndarray, " km"]) -> Posterior:
@@ -318,7 +327,7 @@ def _marginals(one: Posterior, m: int, z: Float[np.ndarray, "n d"]) -> Float[np.
         z[at[better]] = tried[better]
         for kept, new in zip(best, there, strict=True):
             kept[at[better]] = new[better]
-    return best.integral
+    return np.asarray(best.integral)
 
 
 def _inverse(curvature: np.ndarray) -> np.ndarray:

@@ -6,8 +6,10 @@ L_r is the likelihood of run r whatever its own parameters are (`run_posteriors`
 bias or deviation. All R + 1 posteriors, that of all runs and those that each lack one, are weighted from one set of draws: of a mixture
 of their normal approximations, which the derivatives of each run at the joint mode give without another fit (Owen and Zhou, JASA 95,
 2000). The tails of the weights are smoothed and judged (Vehtari et al., JMLR 25, 2024); where Pareto k is above 0.7, the mode of the
-others is found and draws about it are added, and then, where need be, draws of the moments that the weighted draws have. Runs are the units: the standard error is that of a sum over runs (Vehtari, Gelman and
-Gabry, Statistics and Computing 27, 2017), and two models are compared run by run.
+others is found and draws about it are added, and then, where need be, draws of the moments that the weighted draws have.
+
+Runs are the units: the standard error is that of a sum over runs (Vehtari, Gelman and Gabry, Statistics and Computing 27, 2017), and
+two models are compared run by run.
 """
 
 from collections.abc import Sequence
@@ -21,13 +23,14 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import Mode, find_mode, follow
+from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
 from seatrial.estimation.posterior import Posterior, as_key
 from seatrial.estimation.run_posteriors import (
     RunExpansion,
     RunPosteriors,
     expand_runs,
     marginal_log_likelihoods,
-    score_run,
+    predict_run,
     shared_log_prior,
     split_runs,
     weigh_runs,
@@ -72,11 +75,13 @@ class LeaveOneRunOut:
 
     Attributes:
         runs: one for each.
+        bands: whether the stated bands hold on all runs together, each left out in turn, by channel.
         log_evidence: of the joint posterior, by the same draws.
         status: empty if healthy, else what is wrong in words.
     """
 
     runs: tuple[LeftOutRun, ...]
+    bands: dict[str, Pooled]
     log_evidence: float
     status: str
 
@@ -134,6 +139,19 @@ def paired(one: Sequence[float], other: Sequence[float]) -> Difference:
     return Difference(float(apart.sum()), _sum_error(apart))
 
 
+def mean_score(found: LeaveOneRunOut, channel: str, name: str) -> float:
+    """Return the mean of a score of one channel over all runs, each run by its number of samples.
+
+    Args:
+        found: of `leave_one_run_out`.
+        channel: measured channel.
+        name: of the score, an attribute of `Score`.
+    """
+    scores = [run.scores[channel] for run in found.runs]
+    samples = np.array([one.samples for one in scores], float)
+    return float(samples @ [getattr(one, name) for one in scores] / samples.sum())
+
+
 def leave_one_run_out(
     posterior: Posterior,
     key: jax.Array | int = 0,
@@ -161,7 +179,7 @@ def leave_one_run_out(
     mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
     count = len(runs.runs)
     known, refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
-    found, poor = [], []
+    found, predicted, poor = [], [], []
     for r, label in enumerate(runs.labels):
         weights, k_hat = _weights(known, _without(count, r))
         joint = weights + known.table[:, r]
@@ -173,12 +191,16 @@ def leave_one_run_out(
         k_hat = max(k_hat, _weights(known, np.ones(count))[1])
         error = float(np.linalg.norm(np.exp(joint - elpd) - np.exp(weights)))
         predict_key = jax.random.fold_in(key, 2 + r)
-        scores = score_run(runs, r, _resampled(known.z, weights, predict_key), predict_key)
+        predicted.append(predict_run(runs, r, _resampled(known.z, weights, predict_key), predict_key))
+        scores = {channel: one.score for channel, one in predicted[-1].items()}
         found.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
-    status = f"a few draws carry what is said of run {', '.join(poor)}: the posterior is far from normal" if poor else ""
+    status = (
+        f"a few draws carry what is said of run {', '.join(poor)}: the posterior is far from normal" if poor else ""
+    )
     log_evidence = float(logsumexp(_log_weight(known, np.ones(count)))) - float(np.log(len(known.z)))
-    return LeaveOneRunOut(tuple(found), log_evidence, status)
+    bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}
+    return LeaveOneRunOut(tuple(found), bands, log_evidence, status)
 
 
 def _check_runs(runs: RunPosteriors) -> None:
@@ -314,16 +336,3 @@ def _resampled(
 
 def _sum_error(values: Sequence[float] | np.ndarray) -> float:
     return float(np.sqrt(len(values)) * np.std(values, ddof=1))
-
-
-def pooled(found: LeaveOneRunOut, channel: str, name: str) -> float:
-    """Return the mean of a score of one channel over all runs, each run by its number of samples.
-
-    Args:
-        found: of `leave_one_run_out`.
-        channel: measured channel.
-        name: of the score, an attribute of `Score`.
-    """
-    scores = [run.scores[channel] for run in found.runs]
-    samples = np.array([one.samples for one in scores], float)
-    return float(samples @ [getattr(one, name) for one in scores] / samples.sum())
