@@ -4,8 +4,8 @@ Derivatives are forward: through thousands of time steps and a handful of parame
 """
 
 from collections.abc import Callable
-from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -283,7 +283,7 @@ def _expand(posterior: Posterior, z: Float[np.ndarray, " d"]) -> _Expansion:
 
     Each value depends on its own z alone, and taking derivatives of that together with the simulation would be most of the compiling.
     """
-    prior, values, slope, curvature = (np.asarray(one) for one in _expand_prior(posterior, z))
+    prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(posterior, z))
     value, gradient, hessian = (one[0] for one in expand_everywhere(posterior, values[None]))
     return _Expansion(
         float(prior[0].sum() + value),
@@ -295,7 +295,7 @@ def _expand(posterior: Posterior, z: Float[np.ndarray, " d"]) -> _Expansion:
 
 
 @program
-def _expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
+def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
     """Return log prior densities with two derivatives, shape (3, d), and values with two derivatives, shape (d,) each."""
     prior, value = posterior.log_priors, posterior.constrain
     along = jnp.ones_like(z)
@@ -312,8 +312,45 @@ def _expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, 
 
 
 def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
-    """Follow one start to its maximum; steps that end where the likelihood is zero are refused by the trust region."""
-    expand = lru_cache(maxsize=2)(lambda z: _expand(posterior, np.array(z)))
+    return follow(lambda z: _expand(posterior, z), start, partial(_point, posterior))
+
+
+class Expanded(Protocol):
+    """A log density at one point, with its gradient, shape (d,), and Hessian, shape (d, d)."""
+
+    @property
+    def value(self) -> float:
+        """Log density."""
+        ...
+
+    @property
+    def gradient(self) -> Float[np.ndarray, " d"]:
+        """Its gradient."""
+        ...
+
+    @property
+    def hessian(self) -> Float[np.ndarray, "d d"]:
+        """Its Hessian."""
+        ...
+
+
+def follow(
+    expand_at: Callable[[np.ndarray], Expanded], start: Float[np.ndarray, " d"], words: Callable[[np.ndarray], str]
+) -> tuple[Float[np.ndarray, " d"], float]:
+    """Follow one start to its maximum; steps that end where the density is zero are refused by the trust region.
+
+    Args:
+        expand_at: expansion of the log density at a point.
+        start: where it begins, shape (d,).
+        words: names a point, for the error.
+
+    Returns:
+        the maximum, shape (d,), and the log density there.
+
+    Raises:
+        NumericalError: the density has no finite derivative on the way.
+    """
+    expand = lru_cache(maxsize=2)(lambda z: expand_at(np.array(z)))
 
     def height(z: np.ndarray) -> float:
         density = expand(tuple(z)).value
@@ -322,8 +359,9 @@ def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
     def derivative(z: np.ndarray, order: str) -> np.ndarray:
         values = -getattr(expand(tuple(z)), order)
         if not np.isfinite(values).all():
-            at = _point(posterior, z)
-            raise NumericalError(f"the log-likelihood has no finite derivative at {at}; narrow the priors around there")
+            raise NumericalError(
+                f"the log-likelihood has no finite derivative at {words(z)}; narrow the priors around there"
+            )
         return values
 
     result = minimize(

@@ -186,7 +186,7 @@ def _values_of(
         if name is None:
             continue
         if is_own and own != label:
-            prior = _prior_of(parameter, first, known)
+            prior = prior_of_unseen(parameter, first, known)
             values[name] = prior.draw(jax.random.fold_in(key_of_values(key, count), index), (count,))
         else:
             values[name] = known[parameter.name]
@@ -201,8 +201,14 @@ def _anonymous(name: str, label: str) -> tuple[str | None, bool]:
     return (f"{base}[{ANY}]" if of == f"{label}]" else None), True
 
 
-def _prior_of(parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray]) -> Any:
-    """Return the prior of a trial's own parameter; an initial state lies about its first measurement, by the sensor's noise."""
+def prior_of_unseen(parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray]) -> Any:
+    """Return the prior of the own parameter of a trial that was not fitted; an initial state lies about its first measurement.
+
+    Args:
+        parameter: of that trial alone, by a name that ends in its label.
+        first: its first measurement of each state, SI.
+        known: draws of all trials' parameters by name, of which the noise says how near to it the state is.
+    """
     state, _, _ = parameter.name.partition("_0[")
     if state in first and noise_name(state) in known:
         return Normal(first[state], float(np.mean(known[noise_name(state)])))

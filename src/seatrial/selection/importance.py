@@ -170,11 +170,8 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
     """
     from arviz_stats.base.array import array_stats
 
-    random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
-    ends = np.rint(n * np.cumsum([one.share for one in proposals])).astype(int)
-    counts = np.diff(ends, prepend=0)
-    z = np.concatenate([_draw(one, random, count) for one, count in zip(proposals, counts, strict=True)])
-    log_weight = evaluate(target, z) - logsumexp(_log_shares(proposals, z), 0)
+    z = draw_mixture(proposals, key, n)
+    log_weight = evaluate(target, z) - log_mixture(proposals, z)
     top = log_weight.max()
     if not np.isfinite(top):
         raise NumericalError(
@@ -183,6 +180,19 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
     smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
     ess = 1.0 / float(np.sum(np.exp(2 * (log_weight - _log_sum(log_weight)))))
     return Weights(np.asarray(z), log_weight, np.asarray(smoothed), float(k_hat), ess)
+
+
+def draw_mixture(proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Float[np.ndarray, "n d"]:
+    """Draw from the proposals, each its share."""
+    random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+    ends = np.rint(n * np.cumsum([one.share for one in proposals])).astype(int)
+    counts = np.diff(ends, prepend=0)
+    return np.concatenate([_draw(one, random, count) for one, count in zip(proposals, counts, strict=True)])
+
+
+def log_mixture(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    """Return the log density of the proposals, each with its share, at some positions."""
+    return logsumexp(_log_shares(proposals, z), 0)
 
 
 def refit(proposals: Sequence[ProposalComponent], weights: Weights) -> list[ProposalComponent]:

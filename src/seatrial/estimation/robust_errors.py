@@ -1,0 +1,217 @@
+"""Standard deviations of coefficients that survive an error of the model: by how much the estimate moves when a piece of data goes.
+
+Outside the model the curvature of the posterior says nothing about how far the mode would lie from that of other data. The pieces, runs
+or long blocks of time, do: without piece i the mode moves by d_i = -(P - H_i)^-1 s_i, s_i the slope and H_i the curvature of its
+log-likelihood at the mode, and
+
+    V = (n - 1) / n sum_i d_i d_i' + C L C,   C = P^-1
+
+is the jackknife over pieces (Efron and Stein, Annals of Statistics 9, 1981), the sandwich H^-1 (sum s s') H^-1 (Huber 1967, White 1982)
+with the leverage of each piece taken out of it, which few pieces need (MacKinnon, Nielsen and Webb, Journal of Applied Econometrics 38,
+2023). L is the curvature of the prior: what it says is not drawn anew with the data, and its own spread stays. Where the model is right,
+V is C. The deviation of one parameter over the root of V has about Student's t distribution of n - 1 degrees of freedom.
+
+A run's own parameters (`u_0[run]`) are part of its piece: their priors say how runs differ, which the runs themselves show.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.mode import FLAT, Mode
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prediction import outputs_of_draws
+from seatrial.estimation.run_posteriors import RunExpansion, expand_runs, split_runs
+from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.validation import effective_samples
+
+LEAST_RUNS = 3
+"""Runs from which on the runs themselves are the pieces."""
+LEAST_BLOCKS, MOST_BLOCKS = 6, 24
+"""Fewest blocks of time that tell a spread, and most that are taken."""
+LENGTHS = 3.0
+"""Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each other."""
+TELLING = 1.5
+"""Ratio of the two standard deviations from which both are shown."""
+BAND = 0.95
+"""Probability below the upper end of a 90 % interval."""
+
+
+@dataclass(frozen=True)
+class RobustErrors:
+    """What the pieces say about each of k parameters; only of those that all runs share.
+
+    Attributes:
+        names: of the parameters that all runs share.
+        ratio: root of V over the standard deviation of the normal approximation, shape (k,).
+        pieces: how many; 0 where there are too few.
+        basis: what they are, in words, or why there are none.
+    """
+
+    names: tuple[str, ...]
+    ratio: Float[np.ndarray, " k"]
+    pieces: int
+    basis: str
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of Student's t."""
+        return self.pieces - 1
+
+    @property
+    def widening(self) -> float:
+        """What a standard deviation is multiplied by so that 1.645 of it hold 90 % although few pieces tell it."""
+        return float(scipy.stats.t.ppf(BAND, self.freedom) / scipy.stats.norm.ppf(BAND))
+
+    def wider(self, name: str, sd: float) -> float | None:
+        """Return the standard deviation of a parameter with the error of the model, widened for few pieces.
+
+        Args:
+            name: of the parameter.
+            sd: its standard deviation within the model.
+
+        Returns:
+            None where it is not told, or is less than half as large again.
+        """
+        if not self.pieces or name not in self.names:
+            return None
+        ratio = float(self.ratio[self.names.index(name)])
+        return sd * ratio * self.widening if ratio > TELLING else None
+
+
+def robust_errors(posterior: Posterior, mode: Mode) -> RobustErrors:
+    """Return how the standard deviations at the mode compare with what pieces of the data say.
+
+    Args:
+        posterior: of records; of a log density of one's own nothing is told.
+        mode: of the posterior, all its parameters.
+    """
+    if not isinstance(posterior.likelihood, OutputError | FilterError):
+        return _nothing("a log density of one's own has no runs")
+    if len(posterior.likelihood.labels) >= LEAST_RUNS:
+        there = expand_runs(split_runs(posterior), mode.z)
+        count = len(posterior.likelihood.labels)
+        return _compared(posterior, mode, there, there.gradient, there.hessian, f"{count} runs", own_is_drawn=True)
+    return _by_blocks(posterior, mode)
+
+
+def jackknife(
+    precision: Float[np.ndarray, "d d"],
+    scores: Float[np.ndarray, "n d"],
+    curvatures: Float[np.ndarray, "n d d"],
+    prior: Float[np.ndarray, " d"],
+) -> Float[np.ndarray, "d d"]:
+    """Return V of the module's head.
+
+    Args:
+        precision: curvature of the log posterior density at the mode, sign turned.
+        scores: gradient of the log-likelihood of each piece there.
+        curvatures: its curvature, sign turned.
+        prior: curvature of each parameter's log prior density, sign turned.
+    """
+    n = len(scores)
+    moves = np.stack([_solve(precision - h, -s) for s, h in zip(scores, curvatures, strict=True)])
+    held = _solve(precision, np.diag(np.sqrt(np.maximum(prior, 0.0))))
+    return (n - 1) / n * moves.T @ moves + held @ held.T
+
+
+def _nothing(why: str) -> RobustErrors:
+    return RobustErrors((), np.empty(0), 0, why)
+
+
+def _compared(
+    posterior: Posterior,
+    mode: Mode,
+    there: RunExpansion,
+    scores: np.ndarray,
+    hessians: np.ndarray,
+    basis: str,
+    own_is_drawn: bool,
+) -> RobustErrors:
+    shared = np.array([i for i in posterior.places if "[" not in posterior.names[i]], int)
+    prior = -there.prior_hessian
+    if own_is_drawn:
+        prior = np.where(["[" in name for name in posterior.names], 0.0, prior)
+    wide = np.sqrt(np.diag(jackknife(mode.precision, scores, -hessians, prior))[shared])
+    ratio = wide / np.sqrt(np.diag(mode.cov)[shared])
+    return RobustErrors(tuple(posterior.names[i] for i in shared), ratio, len(scores), basis)
+
+
+def _by_blocks(posterior: Posterior, mode: Mode) -> RobustErrors:
+    """Likewise of blocks of time of one run or two: the score of a block is that of all before its end less that before its start."""
+    data: TrialData = posterior.data
+    apart = _time_of_one(posterior, mode)
+    step = np.asarray(data.step)
+    lengths = step.sum(1)
+    counts = np.floor(lengths / (LENGTHS * apart)).astype(int) if np.isfinite(apart) else np.zeros(len(lengths), int)
+    counts = np.minimum(counts, max(1, MOST_BLOCKS // len(lengths)))
+    if counts.sum() < LEAST_BLOCKS:
+        return _nothing(
+            f"{counts.sum()} blocks of time that are longer than what is left over remembers, {LEAST_BLOCKS} are needed"
+        )
+    scores, hessians = [], []
+    time = np.cumsum(step, 1) - step
+    runs = split_runs(posterior)
+    for r, count in enumerate(counts):
+        before = np.zeros(posterior.dim), np.zeros((posterior.dim, posterior.dim))
+        weight = [float(i == r) for i in range(len(counts))]
+        for edge in np.arange(1, count + 1) / max(count, 1) * lengths[r]:
+            known = replace(runs.runs[r], data=_until(runs.runs[r].data, time[r] < edge * (1 + 1e-9)))
+            cut = replace(runs, runs=tuple(known if i == r else one for i, one in enumerate(runs.runs)))
+            found = expand_runs(cut, mode.z, weight)
+            scores.append(found.gradient[r] - before[0])
+            hessians.append(found.hessian[r] - before[1])
+            before = found.gradient[r], found.hessian[r]
+    there = expand_runs(runs, mode.z)
+    basis = f"{len(scores)} blocks of {lengths.sum() / len(scores):.3g} s"
+    return _compared(posterior, mode, there, np.stack(scores), np.stack(hessians), basis, own_is_drawn=False)
+
+
+def _time_of_one(posterior: Posterior, mode: Mode) -> float:
+    """Return the longest time, of all channels, that one independent residual of the simulation at the mode takes, s."""
+    longest = 0.0
+    for one, at in zip(
+        (runs := split_runs(posterior)).runs, map(runs.places, range(len(runs.runs))), strict=True
+    ):
+        output = one.likelihood.output if isinstance(one.likelihood, FilterError) else one.likelihood
+        values = {name: np.array([value]) for name, value in zip(one.names, mode.values[at], strict=True)}
+        shown = np.asarray(outputs_of_draws(output)(values, one.data, jax.random.key(0)))[0]
+        step = np.asarray(one.data.step)[0]
+        time = np.cumsum(step) - step
+        for i, channel in enumerate(one.data.channels):
+            here = np.asarray(channel.present)[0] > 0
+            residual = np.asarray(channel.measured)[0][here] - shown[here, i]
+            if here.sum() < 8 or not np.isfinite(residual).all():
+                continue
+            longest = max(longest, float(np.ptp(time[here])) / effective_samples(time[here], residual))
+    return longest or np.inf
+
+
+def _until(data: TrialData, known: np.ndarray) -> TrialData:
+    """Return the data of one trial without the measurements of samples that are not known; of the same shape."""
+    channels = []
+    for channel in data.channels:
+        present = np.asarray(channel.present) * known
+        kind = np.where(present > 0, np.asarray(channel.kind), 0)
+        counts = np.bincount(kind[present > 0], minlength=channel.counts.shape[-1])[None].astype(float)
+        channels.append(
+            channel._replace(
+                measured=jnp.asarray(np.where(present > 0, np.asarray(channel.measured), 0.0)),
+                present=jnp.asarray(present),
+                kind=jnp.asarray(kind),
+                counts=jnp.asarray(counts),
+            )
+        )
+    return data._replace(channels=tuple(channels))
+
+
+def _solve(precision: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve with a precision of which directions without curvature have the prior's, as in the normal approximation."""
+    values, vectors = np.linalg.eigh(0.5 * (precision + precision.T))
+    return (vectors / np.where(values <= FLAT, 1.0, values)) @ (vectors.T @ right)

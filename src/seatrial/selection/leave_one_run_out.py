@@ -1,0 +1,338 @@
+"""Leave one run out: how well a model predicts each run from all the others.
+
+    elpd = sum_r log p(y_r | y_-r),   p(y_r | y_-r) = E[L_r(theta)] over p(theta | y_-r)
+
+L_r is the likelihood of run r whatever its own parameters are (`run_posteriors`): a run that was left out has told nothing of its start,
+bias or deviation. All R + 1 posteriors, that of all runs and those that each lack one, are weighted from one set of draws: of a mixture
+of their normal approximations, which the derivatives of each run at the joint mode give without another fit (Owen and Zhou, JASA 95,
+2000). The tails of the weights are smoothed and judged (Vehtari et al., JMLR 25, 2024); where Pareto k is above 0.7, the mode of the
+others is found and draws about it are added, and then, where need be, draws of the moments that the weighted draws have.
+
+Runs are the units: the standard error is that of a sum over runs (Vehtari, Gelman and Gabry, Statistics and Computing 27, 2017), and
+two models are compared run by run.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float
+from scipy.special import logsumexp
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.estimation.mode import Mode, find_mode, follow
+from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
+from seatrial.estimation.posterior import Posterior, as_key
+from seatrial.estimation.run_posteriors import (
+    RunExpansion,
+    RunPosteriors,
+    expand_runs,
+    marginal_log_likelihoods,
+    predict_run,
+    shared_log_prior,
+    split_runs,
+    weigh_runs,
+)
+from seatrial.estimation.validation import Score
+from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
+
+LEAST_RUNS = 3
+"""Runs below which what is left after one is taken out says too little: of two, a single other run."""
+DRAWS, ROUNDS = 512, 5
+"""Draws of the shared parameters in each round, and most rounds; all that were drawn serve all posteriors."""
+PREDICTED = 200
+"""Draws by which a run that was left out is predicted."""
+WIDER = 1.0
+"""Least precision of a proposal: that of the prior in the coordinates in which it is drawn."""
+
+
+@dataclass(frozen=True)
+class LeftOutRun:
+    """One run as the others predict it.
+
+    Attributes:
+        label: of the run.
+        elpd: log p(y_r | y_-r), nats: of all its measurements together.
+        error: its Monte Carlo standard error.
+        k_hat: tail index of the weights; above 0.7 they are not to be trusted.
+        refitted: whether the mode of the others had to be found.
+        scores: of each channel in free simulation, by name.
+    """
+
+    label: str
+    elpd: float
+    error: float
+    k_hat: float
+    refitted: bool
+    scores: dict[str, Score]
+
+
+@dataclass(frozen=True)
+class LeaveOneRunOut:
+    """All runs, each predicted from the others.
+
+    Attributes:
+        runs: one for each.
+        bands: whether the stated bands hold on all runs together, each left out in turn, by channel.
+        log_evidence: of the joint posterior, by the same draws.
+        status: empty if healthy, else what is wrong in words.
+    """
+
+    runs: tuple[LeftOutRun, ...]
+    bands: dict[str, Pooled]
+    log_evidence: float
+    status: str
+
+    @property
+    def elpd(self) -> float:
+        """Sum over runs, nats; higher is better."""
+        return sum(run.elpd for run in self.runs)
+
+    @property
+    def std_error(self) -> float:
+        """Standard error of the sum, the runs being a sample of possible ones."""
+        return _sum_error([run.elpd for run in self.runs])
+
+    @property
+    def k_hat(self) -> float:
+        """Worst of all runs."""
+        return max(run.k_hat for run in self.runs)
+
+
+class Difference(NamedTuple):
+    """How much better one model predicts than another, nats, and its standard error over runs."""
+
+    delta: float
+    std_error: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it is beyond two standard errors and four nats, below which the error itself is unreliable."""
+        return abs(self.delta) > max(2.0 * self.std_error, SMALL)
+
+
+SMALL = 4.0
+"""Difference of two models, nats, below which its standard error is unreliable (Sivula, Magnusson and Vehtari 2020)."""
+
+
+def difference(one: LeaveOneRunOut, other: LeaveOneRunOut) -> Difference:
+    """Return how much better the first model predicts, run by run.
+
+    Raises:
+        InputError: other runs.
+    """
+    if [run.label for run in one.runs] != [run.label for run in other.runs]:
+        raise InputError(
+            "comparison of two models by leave-one-run-out",
+            found=f"runs {', '.join(run.label for run in one.runs)} and {', '.join(run.label for run in other.runs)}",
+            expected="the same runs in the same order",
+            remedy="compute both from the same records",
+        )
+    return paired([run.elpd for run in one.runs], [run.elpd for run in other.runs])
+
+
+def paired(one: Sequence[float], other: Sequence[float]) -> Difference:
+    """Return the difference of two sums over runs, and its standard error from the differences of each run."""
+    apart = np.subtract(one, other)
+    return Difference(float(apart.sum()), _sum_error(apart))
+
+
+def mean_score(found: LeaveOneRunOut, channel: str, name: str) -> float:
+    """Return the mean of a score of one channel over all runs, each run by its number of samples.
+
+    Args:
+        found: of `leave_one_run_out`.
+        channel: measured channel.
+        name: of the score, an attribute of `Score`.
+    """
+    scores = [run.scores[channel] for run in found.runs]
+    samples = np.array([one.samples for one in scores], float)
+    return float(samples @ [getattr(one, name) for one in scores] / samples.sum())
+
+
+def leave_one_run_out(
+    posterior: Posterior,
+    key: jax.Array | int = 0,
+    mode: Mode | None = None,
+    *,
+    draws: int = DRAWS,
+    max_k_hat: float = MAX_K_HAT,
+) -> LeaveOneRunOut:
+    """Predict each run from the others.
+
+    Args:
+        posterior: of three runs or more, of `make_posterior`.
+        key: random key, or a seed.
+        mode: of the posterior, found here if not given.
+        draws: of the shared parameters, in each round.
+        max_k_hat: tail index of the weights above which the others are fitted anew; -inf always does.
+
+    Raises:
+        InputError: fewer than three runs, or a posterior of no records.
+        NumericalError: no mode, or a run that no draw gives a finite density.
+    """
+    key = as_key(key)
+    runs = split_runs(posterior)
+    _check_runs(runs)
+    mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
+    count = len(runs.runs)
+    known, refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
+    found, predicted, poor = [], [], []
+    for r, label in enumerate(runs.labels):
+        weights, k_hat = _weights(known, _without(count, r))
+        joint = weights + known.table[:, r]
+        elpd = float(logsumexp(joint))
+        if not np.isfinite(elpd):
+            raise NumericalError(
+                f'leave one run out: no draw that the other runs allow gives run "{label}" a finite density: the model diverges there'
+            )
+        k_hat = max(k_hat, _weights(known, np.ones(count))[1])
+        error = float(np.linalg.norm(np.exp(joint - elpd) - np.exp(weights)))
+        predict_key = jax.random.fold_in(key, 2 + r)
+        predicted.append(predict_run(runs, r, _resampled(known.z, weights, predict_key), predict_key))
+        scores = {channel: one.score for channel, one in predicted[-1].items()}
+        found.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
+        poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
+    status = (
+        f"a few draws carry what is said of run {', '.join(poor)}: the posterior is far from normal" if poor else ""
+    )
+    log_evidence = float(logsumexp(_log_weight(known, np.ones(count)))) - float(np.log(len(known.z)))
+    bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}
+    return LeaveOneRunOut(tuple(found), bands, log_evidence, status)
+
+
+def _check_runs(runs: RunPosteriors) -> None:
+    if len(runs.runs) < LEAST_RUNS:
+        raise InputError(
+            "leave one run out",
+            found=f"{len(runs.runs)} run{'s' * (len(runs.runs) > 1)}: {', '.join(runs.labels)}",
+            expected=f"at least {LEAST_RUNS} runs that are fitted jointly",
+            remedy="fit more runs, each a trial of its own and not a piece of another",
+        )
+
+
+class _Drawn(NamedTuple):
+    """Draws of the shared parameters, shape (n, k), and what is known at each.
+
+    Attributes:
+        z: unconstrained.
+        proposals: what they were drawn from, each with its share.
+        log_prior: of each draw, shape (n,).
+        table: what each run says, shape (n, R).
+    """
+
+    z: np.ndarray
+    proposals: tuple[ProposalComponent, ...]
+    log_prior: np.ndarray
+    table: np.ndarray
+
+
+def _draw(runs: RunPosteriors, mode: Mode, key: jax.Array, n: int, max_k_hat: float) -> tuple[_Drawn, set[int]]:
+    """Return draws that serve all posteriors, and for which runs the mode of the others was found."""
+    count = len(runs.runs)
+    there = expand_runs(runs, mode.z)
+    targets = [*(_without(count, r) for r in range(count)), np.ones(count)]
+    latest = [_approximation(runs, there, weight) for weight in targets]
+    known, components, refitted = _nothing(runs), latest, set[int]()
+    for again in range(ROUNDS):
+        known = _more(known, runs, mode, there, components, jax.random.fold_in(key, again), n)
+        bad = [t for t, weight in enumerate(targets) if not _weights(known, weight)[1] <= max_k_hat]
+        if not bad:
+            break
+        for t in bad:
+            first = t < count and t not in refitted
+            latest[t] = _refitted(runs, there, t) if first else _moved(latest[t], known, targets[t])
+        refitted.update(t for t in bad if t < count)
+        components = [latest[t] for t in bad]
+    return known, refitted
+
+
+def _nothing(runs: RunPosteriors) -> _Drawn:
+    return _Drawn(np.empty((0, runs.shared.size)), (), np.empty(0), np.empty((0, len(runs.runs))))
+
+
+def _more(
+    known: _Drawn,
+    runs: RunPosteriors,
+    mode: Mode,
+    there: RunExpansion,
+    components: Sequence[ProposalComponent],
+    key: jax.Array,
+    n: int,
+) -> _Drawn:
+    """Add draws of more proposals; all that were drawn are of the mixture of all proposals (Cornuet et al., Scand. J. Stat. 39, 2012)."""
+    total, equal = len(known.z) + n, 1.0 / len(components)
+    z = draw_mixture([one._replace(share=equal) for one in components], key, n)
+    kept = [one._replace(share=one.share * len(known.z) / total) for one in known.proposals]
+    new = [one._replace(share=equal * n / total) for one in components]
+    return _Drawn(
+        np.concatenate([known.z, z]),
+        (*kept, *new),
+        np.concatenate([known.log_prior, shared_log_prior(runs, z)]),
+        np.concatenate([known.table, marginal_log_likelihoods(runs, mode, there, z)]),
+    )
+
+
+def _moved(component: ProposalComponent, known: _Drawn, weight: np.ndarray) -> ProposalComponent:
+    """Return a proposal with the moments of the draws as weighted for its posterior."""
+    weights, k_hat = _weights(known, weight)
+    ess = 1.0 / float(np.sum(np.exp(2 * weights)))
+    return refit([component._replace(share=1.0)], Weights(known.z, weights, weights, k_hat, ess))[0]
+
+
+def _log_weight(known: _Drawn, weight: np.ndarray) -> np.ndarray:
+    """Log weights of draws for the posterior in which each run counts by its weight, 0 or 1."""
+    return known.log_prior - log_mixture(known.proposals, known.z) + known.table[:, weight > 0].sum(1)
+
+
+def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"], float]:
+    """Return the log weights of draws for the posterior of some runs, smoothed, that sum to 1, and their tail index."""
+    from arviz_stats.base.array import array_stats
+
+    log_weight = _log_weight(known, weight)
+    top = log_weight.max()
+    if not np.isfinite(top):
+        raise NumericalError("leave one run out: no draw about the posterior mode has a finite density")
+    smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
+    smoothed = np.asarray(smoothed)
+    return smoothed - float(logsumexp(smoothed)), float(k_hat)
+
+
+def _without(count: int, run: int) -> np.ndarray:
+    return (np.arange(count) != run).astype(float)
+
+
+def _approximation(runs: RunPosteriors, there: RunExpansion, weight: np.ndarray) -> ProposalComponent:
+    """Return the normal approximation of the shared parameters where each run counts by its weight: one Newton step from a point."""
+    known = weigh_runs(there, weight)
+    values, vectors = np.linalg.eigh(-0.5 * (known.hessian + known.hessian.T))
+    cov = (vectors / np.maximum(values, WIDER)) @ vectors.T
+    centre = (there.z + cov @ known.gradient)[runs.shared]
+    return ProposalComponent(centre, np.linalg.cholesky(cov[np.ix_(runs.shared, runs.shared)]))
+
+
+def _refitted(runs: RunPosteriors, there: RunExpansion, run: int) -> ProposalComponent:
+    """Return the normal approximation about the mode of the other runs, which is followed from that of all."""
+    weight = _without(len(runs.runs), run)
+    z, _ = follow(
+        lambda z: weigh_runs(expand_runs(runs, z, weight), weight),
+        there.z,
+        lambda z: f"the shared parameters without run {runs.labels[run]}",
+    )
+    return _approximation(runs, expand_runs(runs, z, weight), weight)
+
+
+def _resampled(
+    z: Float[np.ndarray, "n k"], log_weight: Float[np.ndarray, " n"], key: jax.Array
+) -> Float[np.ndarray, "p k"]:
+    """Return draws as often as their weights say, by systematic resampling."""
+    edges = np.cumsum(np.exp(log_weight))
+    first = float(jax.random.uniform(key))
+    places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTED)) / PREDICTED)
+    return z[np.minimum(places, len(z) - 1)]
+
+
+def _sum_error(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.sqrt(len(values)) * np.std(values, ddof=1))

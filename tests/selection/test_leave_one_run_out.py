@@ -1,0 +1,94 @@
+"""Leave one run out against the closed form of a vehicle that is linear in its unknowns, quadrature, and exact refits."""
+
+from functools import cache
+
+import jax
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from seatrial.core.errors import InputError
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior import posterior_of_density
+from seatrial.estimation.priors import Normal
+from seatrial.estimation.run_posteriors import expand_runs, marginal_log_likelihoods, split_runs, weigh_runs
+from seatrial.selection.leave_one_run_out import LeftOutRun, difference, leave_one_run_out, mean_score, paired
+from tests.selection.run_cases import NOISE, PRIOR, START_SD, exact_left_out, linear_runs, posterior_of_runs
+
+KEY = jax.random.key(3)
+
+
+@cache
+def found(count=5, **options):
+    return leave_one_run_out(posterior_of_runs(linear_runs(count)), KEY, **options)
+
+
+def test_closed_form():
+    """The force per speed and the constant force enter linearly, and so do the runs' own starts."""
+    exact = exact_left_out(linear_runs(5))
+    left = np.array([run.elpd for run in found().runs])
+    errors = np.array([run.error for run in found().runs])
+    assert errors.max() < 0.25
+    assert np.all(np.abs(left - exact) < 4 * errors + 0.05)
+    assert found().k_hat < 0.7 and found().status == ""
+    assert found().std_error == pytest.approx(np.sqrt(5) * np.std([run.elpd for run in found().runs], ddof=1))
+
+
+def test_refits_agree():
+    again = found(max_k_hat=-np.inf, draws=256)
+    assert all(run.refitted for run in again.runs) and not any(run.refitted for run in found().runs)
+    for one, other in zip(found().runs, again.runs, strict=True):
+        assert one.elpd == pytest.approx(other.elpd, abs=4 * np.hypot(one.error, other.error) + 0.01)
+
+
+def test_runs_add_up():
+    joint = posterior_of_runs(linear_runs(4))
+    runs, mode = split_runs(joint), find_mode(joint, 0)
+    there = expand_runs(runs, mode.z)
+    whole = weigh_runs(there, np.ones(4))
+    assert whole.value == pytest.approx(mode.log_density, rel=1e-12)
+    np.testing.assert_allclose(-whole.hessian, mode.precision, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(whole.gradient, 0.0, atol=1e-4)
+
+
+def test_own_parameters_are_integrated_out():
+    """A run's own deviation of its damping is no linear unknown: the integral is checked by quadrature."""
+    joint = posterior_of_runs(linear_runs(3), varying=True)
+    runs, mode = split_runs(joint), find_mode(joint, 0)
+    there = expand_runs(runs, mode.z)
+    shared = mode.z[runs.shared] + 0.3 * np.random.default_rng(0).normal(size=(3, runs.shared.size))
+    table = marginal_log_likelihoods(runs, mode, there, shared)
+    one = runs.runs[1]
+    assert [name.partition("[")[0] for name in one.names[runs.shared.size :]] == ["dev_X_u"]
+    for z, expected in zip(shared, table[:, 1], strict=True):
+
+        def density(own, z=z, top=expected):
+            place = np.append(z, own)
+            return np.exp(float(one.log_likelihood(place)) - top) * stats.norm.pdf(own)
+
+        value, _ = integrate.quad(density, -6, 6, epsabs=1e-4, limit=60, points=[mode.z[runs.own[1][0]]])
+        assert np.log(value) == pytest.approx(0.0, abs=0.05)
+
+
+def test_bands_and_scores():
+    assert found().bands["u"].runs == 5
+    assert mean_score(found(), "u", "coverage") == pytest.approx(0.9, abs=0.08)
+    assert found().bands["u"].level in ("pass", "unjudged")
+
+
+def test_paired_by_run():
+    other = found(draws=256)
+    apart = difference(found(), other)
+    assert abs(apart.delta) < 1.0 and not apart.is_clear
+    assert paired([3.0, 5.0, 4.0], [1.0, 1.0, 1.0]) == pytest.approx((9.0, np.sqrt(3.0)))
+    assert paired([3.0, 5.0, 4.0], [1.0, 1.0, 1.0]).is_clear
+    with pytest.raises(InputError, match="the same runs"):
+        difference(found(), found(4))
+
+
+def test_refusals():
+    with pytest.raises(InputError, match="at least 3 runs"):
+        leave_one_run_out(posterior_of_runs(linear_runs(2)), KEY)
+    with pytest.raises(InputError, match="make_posterior"):
+        leave_one_run_out(posterior_of_density(lambda values: -values["a"] ** 2, {"a": Normal(0.0, 1.0)}), KEY)
+    assert LeftOutRun.__dataclass_params__.frozen and NOISE > 0 and PRIOR and START_SD > 0
