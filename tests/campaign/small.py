@@ -91,7 +91,8 @@ def write_summary(folder: Path, terms: tuple[str, ...] = (), chosen: str = "M-0"
         for name, (mean, sd) in found.items()
     ]
     known = {"stage": "after", "structure": chosen, "parameters": [], "directions": [], "verdict": []}
-    blank = {"name": "small", "structures": [], "verdicts": [], "cautions": [], "alarms": [], "fits": []}
+    blank = {"name": "small", "structures": [], "verdicts": [], "cautions": [], "alarms": []}
+    blank |= {"fits": [], "pooled": [], "baselines": []}
     content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}
     following = dict.fromkeys(NextTrial.__dataclass_fields__)
     write_stamped_json(Store(folder).summary, {**blank, **content, "next_trial": following}, "any")

@@ -11,12 +11,14 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
+from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.estimates import Direction, Estimate, Fit, Known, KnownParameter
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.run import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
+from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict, run_residuals
 from seatrial.estimation.validation import Score, unscored
@@ -114,6 +116,8 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         fits,
         _predictions(campaign, trials),
         make_pooled(0.02),
+        FittedBaselines(("u",), (HELD,), (), {"nomoto": f"no yaw rate r is among the channels {EVIL}"}),
+        make_compared(0.02),
         make_known(chosen),
         None,
         None,
@@ -132,6 +136,21 @@ def make_pooled(scale: float) -> tuple[Pooled, ...]:
     motion, none = 0.2 * np.sin(time), np.zeros(150)
     runs = [run_residuals(time, motion + scale * random.normal(size=150), motion, none, 0.02) for _ in range(3)]
     return (pooled_verdict(runs, "u"),)
+
+
+def make_compared(error: float) -> tuple[Comparison, ...]:
+    """A model whose speed is off by this, beside a lag that is off by 0.05 and a mean."""
+    time, random = np.arange(150) * 0.1, np.random.default_rng(4)
+    motion, sd = 0.2 * np.sin(time), np.full(150, 0.05)
+    runs = [Run(time, motion + 0.02 * random.normal(size=150)) for _ in range(3)]
+
+    def of(mean: np.ndarray) -> list[Predicted]:
+        return [Predicted(mean, sd)] * 3
+
+    lag = "a first-order lag of the controls"
+    return (
+        compare("u", runs, of(motion + error), {lag: of(motion + 0.05), "the mean of the fitted runs": of(0 * motion)}),
+    )
 
 
 def make_screened(cautions: str = "") -> Screened:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from seatrial.report.page import CONTENTS, render, write_report
-from tests.report.outcomes import EVIL, FITTED, HELD, make_outcome
+from tests.report.outcomes import EVIL, FITTED, HELD, make_compared, make_outcome
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 
@@ -193,3 +193,18 @@ def test_a_design_is_judged_before_the_data(tmp_path):
 def test_a_campaign_in_which_nothing_was_scored_has_its_glance(tmp_path):
     html = render(replace(make_outcome(tmp_path), fits=()))
     assert "nothing was measured that could be compared" in html
+
+
+def test_a_model_beside_simpler_ones(tmp_path, html):
+    said = html[html.index('id="baselines"') : html.index('id="traces"')]
+    assert "the model predicts u better than every baseline" in said
+    assert '<li class="finding">' in said
+    assert said.count("<tr>") == 4
+    assert "Not fitted: nomoto; no yaw rate r is among the channels &lt;script&gt;" in said
+    beaten = replace(make_outcome(tmp_path / "beaten"), compared=make_compared(0.2))
+    worse = render(beaten)
+    said = worse[worse.index('id="baselines"') : worse.index('id="traces"')]
+    assert '<li class="alarm">' in said
+    assert "The model fails on runs that it was not fitted to. Held-back runs: a first-order lag" in worse
+    alone = render(replace(make_outcome(tmp_path / "alone"), baselines=None, compared=()))
+    assert "No run is held back: whether a simpler model predicts as well is not judged." in alone

@@ -90,5 +90,5 @@ def test_refusals():
     with pytest.raises(InputError, match="at least 3 runs"):
         leave_one_run_out(posterior_of_runs(linear_runs(2)), KEY)
     with pytest.raises(InputError, match="make_posterior"):
-        leave_one_run_out(posterior_of_density(lambda values: -values["a"] ** 2, {"a": Normal(0.0, 1.0)}), KEY)
+        leave_one_run_out(posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)}), KEY)
     assert LeftOutRun.__dataclass_params__.frozen and NOISE > 0 and PRIOR and START_SD > 0

@@ -14,13 +14,15 @@ import scipy
 from jaxtyping import Float
 
 from seatrial.core.display_units import shown_unit
-from seatrial.estimation.fit_verdict import FitLevel
+from seatrial.estimation.fit_verdict import FitLevel, explained_short
 from seatrial.estimation.validation import LOG_2PI, crps_normal, effective_samples
 
 CLEAR = 1.1
 """Ratio of the CRPS from which a baseline is clearly better."""
 CHANCE = 0.05
 """Probability, shared among all baselines, below which a difference is not put down to chance."""
+MUCH = 0.9
+"""Share explained from which on tenths of a per cent are said."""
 FEWEST_RUNS = 3
 """Runs from which their own spread says what chance does."""
 
@@ -86,7 +88,7 @@ class Comparison:
             numbers = (
                 "diverges"
                 if score.diverges
-                else f"{score.explained:>8.1%} explained, CRPS {score.crps * factor:.3g} {unit}, log score {score.log_score:.2f}"
+                else f"{explained_short(score.explained)}, CRPS {score.crps * factor:.3g} {unit}, log score {score.log_score:.2f}"
             )
             said.append(f"{self.channel:<8} {score.words:<36} {numbers}")
         return said
@@ -172,21 +174,24 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
     """Return what the comparison means."""
     if own.diverges:
         other = (
-            "and so does every baseline"
+            "as every baseline does"
             if best.diverges
-            else f"where {best.words} explains {best.explained:.0%} of the variance"
+            else f"where {best.words} explains {explained_short(best.explained)}"
         )
-        return f"the model's {channel} diverges on the held-back runs, {other}: mend the model"
+        return f"held-back runs: the model's {channel} diverges, {other}: mend the model"
     if best.diverges:
-        return f"every baseline diverges in {channel} on the held-back runs, and the model does not"
+        return f"held-back runs: every baseline diverges in {channel}, and the model does not"
     factor, unit = shown_unit(channel)
-    shares = f"{best.explained:.0%} against {own.explained:.0%} of the variance explained"
+    digits = 1 if min(best.explained, own.explained) >= MUCH else 0
+    shares = f"{best.explained:.{digits}%} against {own.explained:.{digits}%} of the variance explained"
+    if min(best.explained, own.explained) < 0:
+        shares = " against ".join(explained_short(one.explained) for one in (best, own))
     scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
     chance = ", though by no more than chance can do" if p_value >= CHANCE else ""
     if level == "pass":
-        beaten = f"the model predicts {channel} of the held-back runs better than every baseline"
+        beaten = f"held-back runs: the model predicts {channel} better than every baseline"
         return f"{beaten}{chance}; the best of them is {best.words} ({shares}, {scores})"
-    result = f"{best.words} predicts {channel} of the held-back runs better than the model ({shares}, {scores})"
+    result = f"held-back runs: {best.words} predicts {channel} better than the model ({shares}, {scores})"
     if level == "caution":
         return f"{result}{chance or ', though by little'}: the model does not beat it; prefer what is simpler, or mend the model"
     if own.explained >= best.explained:

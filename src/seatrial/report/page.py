@@ -8,6 +8,7 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
+from seatrial.report.sections.baselines import baselines_section
 from seatrial.report.sections.designs import known_section, next_section, trial_section
 from seatrial.report.sections.fits import fits_section, traces_section
 from seatrial.report.sections.models import models_section, terms_section
@@ -21,6 +22,7 @@ SECTIONS = {
     "terms": terms_section,
     "trial": trial_section,
     "fit": fits_section,
+    "baselines": baselines_section,
     "traces": traces_section,
     "posteriors": posteriors_section,
     "known": known_section,
@@ -35,6 +37,7 @@ CONTENTS = {
     "terms": "Which terms are real",
     "trial": "The trial",
     "fit": "Fit and residuals",
+    "baselines": "Beside simpler models",
     "traces": "Filter traces",
     "posteriors": "Posteriors",
     "known": "What is known",

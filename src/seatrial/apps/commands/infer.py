@@ -171,10 +171,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
     labels = [item.structure.label for item in estimates]
-    return answer.finish(
-        alarms + _unseen_alarms(labels, evidences, held_back),
-        [text for text in estimates[0].cautions if text not in said],
-    )
+    unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
+    return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
 
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
@@ -189,23 +187,37 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
     tested = [one for one in found if one.held_back is not None]
-    alarms += _unseen_alarms(
+    unseen, doubts = _judge_unseen(
+        answer,
+        flow.get("baselines") if tested else None,
         [one.structure.label for one in tested],
         [one.log_evidence for one in tested],
         [one.held_back for one in tested],
     )
-    return answer.finish(alarms, [one.caution for one in found if one.caution])
+    return answer.finish(alarms + unseen, [*doubts, *(one.caution for one in found if one.caution)])
 
 
-def _unseen_alarms(labels: list[str], evidences: list[Any], held_back: list[Any]) -> list[str]:
-    """What forbids to rely on the most probable structure on runs that it was not fitted to."""
+def _judge_unseen(
+    answer: Answer, baselines: Any, labels: list[str], evidences: list[Any], held_back: list[Any]
+) -> tuple[list[str], list[str]]:
+    """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
+    from seatrial.campaign.inference.baselines import (
+        compare_with_baselines,
+        comparison_alarms,
+        comparison_cautions,
+        comparison_lines,
+    )
     from seatrial.campaign.inference.predict import held_back_alarms
 
     if not labels:
-        return []
+        return [], []
     best = max(range(len(labels)), key=lambda index: evidences[index])
-    which = "" if len(labels) == 1 else ", the most probable"
-    return [f"{labels[best]}{which}, {text}" for text in held_back_alarms(*held_back[best])]
+    which = labels[best] if len(labels) == 1 else f"{labels[best]}, the most probable"
+    compared = compare_with_baselines(baselines, held_back[best].curves)
+    lines = comparison_lines(baselines, compared)
+    answer.say("\n".join([f"{which}, beside baselines", *(f"  {line}" for line in lines)]))
+    alarms = comparison_alarms(compared) + held_back_alarms(held_back[best].fits, held_back[best].pooled)
+    return [f"{which}, {text}" for text in alarms], [f"{which}, {text}" for text in comparison_cautions(compared)]
 
 
 def _seconds(text: str | None, option: str) -> float | None:

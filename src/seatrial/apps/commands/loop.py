@@ -68,6 +68,7 @@ def next_trial(
 
 
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
+    from seatrial.campaign.inference.baselines import comparison_lines
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -77,12 +78,14 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:
         answer.say(f"  held-back runs together: {one.level}; {one.reason}")
+    for line in comparison_lines(outcome.baselines, outcome.compared):
+        answer.say(f"  {line}")
     for verdict in summary["verdicts"]:
         answer.say(verdict)
     for line in proposal.lines:
         answer.say(f"next: {line}")
     answer.say(f"report: {write_report(outcome)}")
-    told = [one.reason for one in (*outcome.fits, *outcome.pooled)]
+    told = [*(one.reason for one in (*outcome.fits, *outcome.pooled)), *(one.sentence for one in outcome.compared)]
     return answer.finish(
         summary["alarms"], [text for text in summary["cautions"] if not any(reason in text for reason in told)]
     )

@@ -65,10 +65,11 @@ class Drawn(Protocol):
 
 
 class HeldBack(NamedTuple):
-    """How records that were not fitted are predicted: each channel of each, and each channel of all of them together."""
+    """How records that were not fitted are predicted: each channel of each, each of all of them together, and `CURVES` of each record."""
 
     fits: tuple[Fit, ...]
     pooled: tuple[Pooled, ...]
+    curves: tuple[Mapping[str, np.ndarray], ...] = ()
 
 
 def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldBack:
@@ -79,7 +80,18 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldB
         for record, piece in zip(trials.predict, pieces, strict=True)
         for fit in _fits(campaign, drawn, record, piece, trials.fit)
     ]
-    return HeldBack(tuple(fits), _pooled(campaign.channels, pieces, fits))
+    return HeldBack(tuple(fits), _pooled(campaign.channels, pieces, fits), tuple(pieces))
+
+
+def held_back_curves(predictions: xr.Dataset) -> tuple[dict[str, np.ndarray], ...]:
+    """Return `CURVES` of each record that was not fitted, of `predict_all`."""
+    labels, held_back = (json.loads(predictions.attrs[name]) for name in ("records", "held_back"))
+    index = predictions["record"].values
+    return tuple(
+        {name: predictions[name].values[index == at] for name in CURVES}
+        for at, one in enumerate(labels)
+        if one in held_back
+    )
 
 
 def stored_predictions(

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from seatrial.campaign.rehearsal.result import Rehearsal, read_rehearsal
+from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
 from seatrial.campaign.store.designs import (
     FreeTrial,
     Measures,
@@ -158,6 +159,10 @@ class Results:
     def predicted_curves(self) -> "xr.Dataset":
         """Read measured and predicted curves, the records one after another on `sample`."""
         return open_dataset(self.store.predictions)
+
+    def baselines(self) -> FittedBaselines:
+        """Read what baselines say of the held-back records."""
+        return read_baselines(self.store.baselines)
 
     def filter(self) -> "xr.Dataset":
         """Read the traces of the filter, the records one after another on `sample`."""

@@ -135,6 +135,11 @@ class Store:
         return self.results / "predictions.nc"
 
     @property
+    def baselines(self) -> Path:
+        """Held-back records as baselines predict them."""
+        return self.results / "baselines.nc"
+
+    @property
     def screening(self) -> Path:
         """All structures in closed form."""
         return self.results / "screening.nc"

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial.campaign.store.baselines import decode_comparison
 from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset_file import open_dataset
+from seatrial.estimation.baseline_comparison import Comparison
 from seatrial.estimation.pooled_coverage import Pooled
 
 if TYPE_CHECKING:
@@ -130,6 +132,7 @@ class Summary:
         known: what the data tell about each parameter.
         fits: how each channel of each record is predicted.
         pooled: how each channel of all held-back records together is predicted.
+        baselines: how the model stands beside simple predictors on the held-back records, channel by channel.
         next_trial: what to run next.
         seatrial_version: that wrote it.
     """
@@ -145,6 +148,7 @@ class Summary:
     known: Known
     fits: tuple[Fit, ...]
     pooled: tuple[Pooled, ...]
+    baselines: tuple[Comparison, ...]
     next_trial: NextTrial
     seatrial_version: str
 
@@ -357,6 +361,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             known=decode_known(content["known"]),
             fits=tuple(decode_fit(item) for item in content["fits"]),
             pooled=tuple(Pooled(**item) for item in content["pooled"]),
+            baselines=tuple(decode_comparison(item) for item in content["baselines"]),
             next_trial=NextTrial(**content["next_trial"]),
             seatrial_version=content["seatrial_version"],
         )

@@ -10,15 +10,18 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_alarms, comparison_cautions
 from seatrial.campaign.inference.filter_trace import filter_complaints
-from seatrial.campaign.inference.predict import fit_complaints, held_back_alarms, pooled_of
+from seatrial.campaign.inference.predict import fit_complaints, held_back_alarms, held_back_curves, pooled_of
 from seatrial.campaign.selection.select_structure import structure_rows
+from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
+from seatrial.estimation.baseline_comparison import Comparison
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.manoeuvres.family import Family
 from seatrial.selection.verdict import Selection
@@ -44,6 +47,8 @@ class Outcome:
         fits: how well each record is predicted.
         predictions: the curves.
         pooled: how well each channel of all held-back records together is predicted.
+        baselines: simple predictors, fitted to the same records; None where no record is held back.
+        compared: the chosen structure beside them, channel by channel.
         known: what the data tell about each parameter of the chosen structure.
         promised: what the best design would tell about those of the full one; None without such designs.
         first: designs from the priors; None where trials were imported that nothing was designed for.
@@ -64,6 +69,8 @@ class Outcome:
     fits: tuple[Fit, ...]
     predictions: "xr.Dataset"
     pooled: tuple[Pooled, ...]
+    baselines: FittedBaselines | None
+    compared: tuple[Comparison, ...]
     known: Known
     promised: Known | None
     first: Designs | None
@@ -101,6 +108,8 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         fits=tuple(fits),
         predictions=predictions,
         pooled=pooled_of(predictions),
+        baselines=found["baselines"],
+        compared=compare_with_baselines(found["baselines"], held_back_curves(predictions)),
         screened=screened,
         screening_cautions=tuple(cautions),
         summary={},
@@ -115,9 +124,11 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
-    alarms += [*selection.alarms, *held_back_alarms(outcome.fits, outcome.pooled)]
+    alarms += [*selection.alarms, *comparison_alarms(outcome.compared)]
+    alarms += held_back_alarms(outcome.fits, outcome.pooled)
     records = [*outcome.trials.fit, *outcome.trials.predict]
-    cautions = [text for record in records for text in record_cautions(record)]
+    cautions = comparison_cautions(outcome.compared)
+    cautions += [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
     cautions += [effect.sentence for effect in outcome.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
@@ -133,6 +144,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "known": asdict(outcome.known),
         "fits": [fit.__dict__ for fit in outcome.fits],
         "pooled": [one.__dict__ for one in outcome.pooled],
+        "baselines": [asdict(one) for one in outcome.compared],
         "next_trial": next_trial(outcome.next),
     }
 

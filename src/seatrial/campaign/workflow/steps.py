@@ -41,6 +41,7 @@ global_search = _Module("design.global_search")
 relay = _Module("design.relay")
 sensors = _Module("design.sensors")
 sweep = _Module("design.sweep")
+baselines = _Module("inference.baselines")
 calibration = _Module("inference.calibration")
 estimate = _Module("inference.estimate")
 filter_trace = _Module("inference.filter_trace")
@@ -333,6 +334,15 @@ LOOP = (
         "predictions.nc",
         listed="predict",
         command="run",
+    ),
+    Step(
+        "baselines",
+        ("campaign", "trials", "reporter"),
+        baselines.fit_all_baselines,
+        lambda campaign, trials: (
+            [baselines.stored_baselines(campaign, trials)] if baselines.has_held_back(campaign) else []
+        ),
+        "baselines.nc",
     ),
     Step(
         "next",

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.predict import held_back_alarms
 from seatrial.campaign.store.stored_result import FILE_NAME, Store
 from seatrial.campaign.workflow.run import ENOUGH, Outcome
@@ -59,7 +60,8 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
 
 def answer(outcome: Outcome) -> Markup:
     """Say in one sentence what was found, or that nothing may be used yet."""
-    alarms, unseen = outcome.summary["alarms"], held_back_alarms(outcome.fits, outcome.pooled)
+    alarms = outcome.summary["alarms"]
+    unseen = comparison_alarms(outcome.compared) + held_back_alarms(outcome.fits, outcome.pooled)
     if unseen:
         others = len(alarms) - len(unseen)
         more = Markup(" {} failed too.").format(f"{others} health check{'s' * (others != 1)}") if others else Markup("")

@@ -1,0 +1,140 @@
+"""Baselines beside the model: fitted to the same records, scored on the same held-back ones, and what follows from that."""
+
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
+from seatrial.campaign.store.estimates import HasKey
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.estimation.acceleration_baseline import acceleration_baseline
+from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
+from seatrial.estimation.baselines import BASELINES, FittedBaseline, fit_baselines
+
+NOTHING_HELD_BACK = "no run is held back: whether a simpler model predicts as well is not judged"
+
+
+def stored_baselines(campaign: Campaign, trials: HasKey) -> StoredResult[FittedBaselines]:
+    """Return where the baselines are kept, and what they depend on."""
+    full = campaign.full.terms
+    key = key_of("baselines", trials.key, full, campaign.vehicle, campaign.channels)
+    return StoredResult(Store(campaign.folder).baselines, key, read_baselines)
+
+
+def has_held_back(campaign: Campaign) -> bool:
+    """Return whether any run is held back, without which baselines are not fitted."""
+    return campaign.imports is not None and bool(campaign.imports.predict)
+
+
+def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> FittedBaselines | None:
+    """Fit every baseline that applies and predict the held-back records; None where there are none.
+
+    Least squares of accelerations takes the terms of the full structure.
+
+    Args:
+        campaign: configuration.
+        trials: records.
+        reporter: told that it is at work.
+    """
+    if not has_held_back(campaign):
+        return None
+
+    def make() -> xr.Dataset:
+        model = campaign.model(campaign.full)
+        family = [*BASELINES.values(), acceleration_baseline(model)]
+        progress = reporter.progress("baselines")
+        fitted, refused = [], {}
+        for done, one in enumerate(family):
+            progress(done, len(family))
+            found, why = fit_baselines(trials.fit, campaign.channels, model.controls, [one])
+            fitted += found
+            refused |= why
+        progress(len(family), len(family))
+        return _dataset(campaign.channels, trials, fitted, {one.name: one.words for one in family}, refused)
+
+    return stored_baselines(campaign, trials).read_or_make(make)
+
+
+def compare_with_baselines(
+    baselines: FittedBaselines | None, curves: Sequence[Mapping[str, np.ndarray]]
+) -> tuple[Comparison, ...]:
+    """Compare a model with the baselines, channel by channel; nothing where no run is held back, or none measures the channel.
+
+    Args:
+        baselines: of `fit_all_baselines`.
+        curves: the model's predictions of the same held-back records, in the same order: `time`, `measured`, `mean` and `sd`.
+    """
+    if baselines is None:
+        return ()
+    compared = []
+    for column, channel in enumerate(baselines.channels):
+        runs = [Run(one["time"], one["measured"][:, column]) for one in curves]
+        if not any(np.isfinite(run.measured).any() for run in runs):
+            continue
+        ours = [Predicted(one["mean"][:, column], one["sd"][:, column]) for one in curves]
+        others = {one.words: predicted for one in baselines.curves if (predicted := one.of_channel(column)) is not None}
+        if others:
+            compared.append(compare(channel, runs, ours, others))
+    return tuple(compared)
+
+
+def comparison_lines(baselines: FittedBaselines | None, compared: Sequence[Comparison]) -> list[str]:
+    """Say how the model stands beside the baselines: what it means first, then the scores of each channel, and what was not fitted."""
+    if baselines is None:
+        return [NOTHING_HELD_BACK]
+    said = [one.sentence for one in compared]
+    said += [f"  {line}" for one in compared for line in one.lines()]
+    return said + [f"  {text}" for text in refused_words(baselines)]
+
+
+def refused_words(baselines: FittedBaselines) -> list[str]:
+    """Say which baselines were not fitted, and why, once for those with the same reason."""
+    reasons = dict.fromkeys(baselines.refused.values())
+    names = {why: ", ".join(name for name, one in baselines.refused.items() if one == why) for why in reasons}
+    return [f"not fitted: {names[why]}; {why}" for why in reasons]
+
+
+def comparison_alarms(compared: Sequence[Comparison]) -> list[str]:
+    """Return what forbids to prefer the model: baselines that are clearly better."""
+    return [one.sentence for one in compared if one.level == "fail"]
+
+
+def comparison_cautions(compared: Sequence[Comparison]) -> list[str]:
+    """Return where the model does not beat a baseline, though not by much, or not by more than chance."""
+    return [one.sentence for one in compared if one.level == "caution"]
+
+
+def _dataset(
+    channels: Sequence[str],
+    trials: Trials,
+    fitted: Sequence[FittedBaseline],
+    words: Mapping[str, str],
+    refused: Mapping[str, str],
+) -> xr.Dataset:
+    """Return what is stored; the held-back records lie one after another on `sample`."""
+    lengths = [record.time.size for record in trials.predict]
+    mean = np.full((len(fitted), sum(lengths), len(channels)), np.nan)
+    noise_sd = np.full((len(fitted), len(channels)), np.nan)
+    for at, one in enumerate(fitted):
+        columns = [list(channels).index(channel) for channel in one.channels]
+        mean[at][:, columns] = np.concatenate([one.predict(record) for record in trials.predict])
+        noise_sd[at, columns] = one.noise_sd
+    return xr.Dataset(
+        {
+            "record": ("sample", np.repeat(np.arange(len(lengths)), lengths)),
+            "mean": (("baseline", "sample", "channel"), mean),
+            "noise_sd": (("baseline", "channel"), noise_sd),
+        },
+        coords={"baseline": [one.name for one in fitted], "channel": list(channels)},
+        attrs={
+            "records": json.dumps([record.label for record in trials.predict]),
+            "words": json.dumps(dict(words)),
+            "parameters": json.dumps({one.name: dict(one.parameters) for one in fitted}),
+            "refused": json.dumps(dict(refused)),
+        },
+    )
