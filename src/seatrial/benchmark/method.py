@@ -175,7 +175,8 @@ def _begins(measured: np.ndarray, longest: int) -> list[int]:
 
 
 def _running_sum(columns: np.ndarray, window: int) -> np.ndarray:
-    """Return sums over a centred window of rows, shorter at the ends."""
+    """Return sums over a centred window of rows, which narrows towards both ends."""
     total = np.vstack([np.zeros((1, columns.shape[1])), np.cumsum(columns, 0)])
     at = np.arange(len(columns))
-    return total[np.minimum(at + window // 2 + 1, len(columns))] - total[np.maximum(at - window // 2, 0)]
+    half = np.minimum(window // 2, np.minimum(at, at[::-1]))
+    return total[at + half + 1] - total[at - half]
