@@ -94,7 +94,7 @@ class Simulator:
         push: tuple[Float[Array, " n"], ...] | None = None,
     ) -> Float[Array, "n m"]:
         """Outputs at every sample, SI; arguments as `follow`."""
-        return jnp.stack(self.follow(values, start, control, step, push=push).kept, -1)
+        return jnp.stack(self.follow(values, start, control, step, push=push).kept, 1)
 
     def follow(
         self,
