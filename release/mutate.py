@@ -74,6 +74,9 @@ EQUIVALENT: dict[str, str] = {
     "nothing is predicted",
     'src/seatrial/selection/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
     '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
+    "src/seatrial/estimation/regressor_noise.py, _at: trial, signals={**trial.signals, **{name: trial.signals[name] + times * e "
+    "for name, e in noise.items()}} => trial, signals={**trial.signals, **{name: trial.signals[name] - times * e "
+    "for name, e in noise.items()}}": "each noise is added and subtracted anyway, and the mean of both taken",
 }
 """Mutants that no test can kill, by what `python release/mutate.py --list` prints, and why."""
 

@@ -308,3 +308,18 @@ def test_precision_and_slope_of_the_prior_against_differences():
     assert bend[0] > 5 > 1 > bend[1]
     np.testing.assert_allclose(rise, (above - below) / 2e-4, atol=1e-6)
     np.testing.assert_allclose(precision, information + np.diag([bend[0], 1.0, 1.0]), rtol=1e-5)
+
+
+def test_draws_that_cannot_be_simulated_count_as_impossible():
+    """u' = sqrt(c), seen once after 2 s: p(y) by quadrature over the c that have a root, a sixth of the prior having none."""
+    name = CoefficientName.parse("X_u")
+    model = VehicleModel("root", ("u",), ("n",), (name,), (("root", 1.0),), False, lambda p, *_: (jnp.sqrt(p["X_u"]),))
+    plan, prior = plan_trial(model, [0.0], {"u": 1.0}, 2, 2.0, measured=np.array([[0], [1]])), Normal(0.3, 0.3)
+    z, which = np.array([[-0.5], [0.0], [1.0]]), np.arange(3)
+    found = explain(plan, (prior,), jnp.zeros((2, 1)), KEY, which, jnp.asarray(z), 20_000, 3)
+    noise = noise_of(jax.random.split(KEY)[0], which, 2)[:, 1]
+    measured = 2 * np.sqrt(0.3 + 0.3 * z[:, 0]) + noise
+    c = np.linspace(0.0, 3.0, 30_001)
+    shown = stats.norm.pdf(measured[:, None] - 2 * np.sqrt(c)) * stats.norm(0.3, 0.3).pdf(c)
+    exact = stats.norm.logpdf(noise) - np.log(shown.sum(1) * c[1])
+    np.testing.assert_allclose(found.gain, exact, atol=0.05)

@@ -8,7 +8,7 @@ import pytest
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import independent
 from seatrial.core.state_space import StateSpace
-from seatrial.design.relay_sweep import sweep_relay
+from seatrial.design.relay_sweep import RelaySweep, sweep_relay
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
@@ -214,3 +214,12 @@ def test_peak_speed_is_that_of_the_first_state_of_several():
         assert found.reached[0, 0] == pytest.approx(reached)
         assert found.final_sd.shape == (1, 1, 1)
         assert 0 < found.final_sd[0, 0, 0] < 0.2
+
+
+def test_two_reversals_are_an_oscillation():
+    """One reversal is a step there and back; the best design is that of the highest gain among those that oscillate."""
+    switches, gain = np.array([[0, 1, 2], [3, 2, 1]]), np.array([[9.0, 8.0, 2.0], [1.0, np.nan, 7.0]])
+    grid = (np.ones(2), np.ones(3), gain, gain, gain[..., None], switches, gain)
+    sweep = RelaySweep(SHORT, *grid)
+    assert sweep.oscillates.tolist() == [[False, False, True], [True, True, False]]
+    assert sweep.best == (0, 2)

@@ -11,7 +11,7 @@ from seatrial.estimation.filter_error import filter_error
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.sensors import Sensor
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
-from tests.cases import TRUTH, U0, paper_model
+from tests.cases import MASS, TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import make_trial, naive_speed
 
 RNG = np.random.default_rng(31)
@@ -115,3 +115,16 @@ def test_what_is_refused():
             filter_error(paper_model(), [record()], [sensor], [(U0,)], [0.05])
     with pytest.raises(InputError, match="initial spread"):
         filter_error(paper_model(), [record()], ["u"], [(U0,)], [0.0])
+
+
+def test_two_channels_of_one_state_in_closed_form():
+    """Speed and acceleration, which is a u + b: their joint covariance is that of u, seen twice."""
+    (mean, cov), slope = dense(MEASURED, moments=True, sd=0.0), -20.0 / MASS
+    rate = surge_rate(mean, REV, x_u=-20.0, x_uu=0.0)
+    shown = np.concatenate([MEASURED, rate + 0.1 * np.random.default_rng(3).normal(size=N)])
+    joint = np.kron([[1.0, slope], [slope, slope**2]], cov) + np.diag(np.repeat([0.05**2, 0.1**2], N))
+    likelihood, data = filter_error(
+        paper_model(), [make_trial(TIME, REV, u=shown[:N], udot=shown[N:])], ["u", "udot"], [(U0,)], [0.05]
+    )
+    exact = stats.multivariate_normal(np.concatenate([mean, rate]), joint).logpdf(shown)
+    assert evaluate(likelihood, data, {**LINEAR, "sigma_udot": 0.1}) == pytest.approx(exact, abs=1e-8)

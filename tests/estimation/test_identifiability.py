@@ -508,3 +508,11 @@ def test_invisible_changes_are_the_null_space_in_few_parameters():
     text = {item.names: item.text for item in null_combinations(rows.T @ rows, prior)}["a", "b"]
     assert "b by -0.01 prior standard deviations" in text
     assert null_combinations(np.diag([1.0, 1e-3, 1e6, 1e-9]), unknown) == ()
+
+
+@pytest.mark.parametrize(("prior_sd", "information", "untouched"), [(1e-6, 1.0, True), (1e6, 1e-4, False)])
+def test_what_the_data_touch_is_told_in_prior_standard_deviations(prior_sd, information, untouched):
+    """An information of 1e-12 over the prior's says nothing, one of 1e8 much, whatever the unit."""
+    parameter = Parameter("X_u", "kg/s", "X_u", Normal(1.0, prior_sd))
+    found = identify([parameter], np.ones(1), np.array([[information]]))
+    assert bool(found.untouched) == untouched

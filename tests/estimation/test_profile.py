@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.profile import DROP, Profile, bounded_slope, climb, profile_likelihood
+from seatrial.estimation.profile import DROP, Profile, Slope, _newton, bounded_slope, climb, profile_likelihood
 from tests.estimation_cases import golden_posterior, linear_gaussian, posterior, short_posterior
 
 KEY = jax.random.key(0)
@@ -32,6 +32,7 @@ def test_linear_model(d):
         )
         assert found.drop == pytest.approx(0.5 * ((found.values - best[i]) / sd[i]) ** 2, abs=1e-5)
         assert (np.diff(found.values) > 0).all()
+        assert found.values + found.values[::-1] == pytest.approx(2 * best[i], abs=1e-3 * sd[i])
 
 
 def test_nested_search():
@@ -164,3 +165,20 @@ def test_words_and_units_of_an_interval():
     assert "only, above 0.5 kg:" in line(0.5, np.inf)
     assert "as far as 7, the end" in line(0.5, np.inf)
     assert "no value from -5 to 7 kg can" in line(-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("point", "held", "step", "gain"),
+    [
+        ([0.0, 0.0], None, [0.4, 4.0], 3.4),
+        ([0.0, 0.0], 1, [0.4, 0.0], 0.4),
+        ([1.0, 0.0], None, [0.0, 8.0], 6.0),
+        ([1.0, 0.0], 1, [0.0, 0.0], 0.0),
+    ],
+)
+def test_damped_step_by_hand(point, held, step, gain):
+    """Slopes 2 and 3 over bends 4 and 0.5 with a quarter of the largest bend, or of 1, added; the second in units of 2."""
+    slope = Slope(None, np.array([1.0, 2.0]), np.array([-1.0, -9.0]), np.array([1.0, 9.0]))
+    found = _newton(slope, np.array(point), np.array([2.0, 1.5]), np.diag([-4.0, -0.125]), held, 0.25)
+    assert found[0] == pytest.approx(step)
+    assert found[1] == pytest.approx(gain)

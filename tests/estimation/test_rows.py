@@ -159,7 +159,7 @@ def test_coloured_forces_are_noticed_and_wider_windows_taken():
     assert narrow.effective.max() < 0.7 * 399
     rows, fit = independent_rows(SHIP_EQUATIONS, [record], noise, 2.0)
     assert fit.status == ""
-    assert len(rows.target) < 2 * 399
+    assert rows.trials[0].windows.centre[0] == pytest.approx(8.0), "three doublings of 2 s"
     assert np.all(np.abs(fit.values - SHIP_TRUE) < 4 * fit.sd)
 
 

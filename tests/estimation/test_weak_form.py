@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, make_record
-from seatrial.estimation.weak_form import pointwise_trials, raw_rows, weak_trials, where_measured
+from seatrial.estimation.weak_form import bump_windows, pointwise_trials, raw_rows, weak_trials, where_measured
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import PROVENANCE
 from tests.estimation.row_cases import SHIP, SHIP_CHANNELS, SHIP_EQUATIONS, SHIP_TRUE, ship_motion, ship_record
@@ -154,3 +154,14 @@ def test_slow_sensors_are_taken_where_they_measured_and_controls_averaged_betwee
     np.testing.assert_allclose(slow.time, time[::3])
     np.testing.assert_allclose(slow.channel("n")[:-1], np.arange(time.size)[1::3][: slow.time.size - 1])
     assert np.isfinite(slow.channel("u")).all()
+
+
+def test_white_force_weighs_each_sample_by_the_bump_and_the_root_of_its_share_of_time():
+    """cos^2 inside the window and nothing outside, where the first and last step reach; none where windows do not overlap."""
+    time = np.cumsum(np.random.default_rng(1).choice([0.05, 0.1, 0.2], size=60))
+    windows = bump_windows(time, np.ones(60, bool), 2.0, True, "uneven")
+    share = np.append(np.diff(time), 0.0) / 2 + np.append(0.0, np.diff(time)) / 2
+    away = np.abs(time - windows.centre[:, None])
+    bump = np.where(away < 1.0, np.cos(np.pi * away / 2) ** 2, 0.0)
+    np.testing.assert_allclose(windows.white.toarray(), bump * np.sqrt(share), atol=1e-12)
+    assert not bump_windows(time, np.ones(60, bool), 2.0, False, "uneven").white.toarray().any()

@@ -7,6 +7,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from seatrial.core.errors import NumericalError
+from seatrial.estimation.mode import Mode
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection import combined_evidence as agreement
@@ -249,3 +250,17 @@ def test_alone_importance_sampling_gives_the_value():
     found = gathering.evidence()
     assert abs(found.log_value - exact) < 4 * found.std_error
     assert found.status == ""
+
+
+@pytest.mark.parametrize(
+    ("away", "above", "new"),
+    [(3.7, 0.0, False), (3.75, 0.0, True), (0.0, 0.09, False), (0.0, 0.11, True), (6.2, 0.0, True), (6.4, 0.0, False)],
+)
+def test_a_mode_is_new_where_it_is_far_off_or_higher_than_rounding_explains(away, above, new):
+    """Far is sqrt(13.8) = 3.72 deviations from every mode, of which there is one more at 10; higher is a tenth of a nat above them."""
+    first, second = (
+        Mode(np.array([x, 0.0]), 4 * np.eye(2), np.eye(2) / 4, height, 0.0, np.zeros(2), np.ones(2), False)
+        for x, height in ((0.0, -3.0), (5.0, -7.0))
+    )
+    (found,) = agreement._is_new([first, second], np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
+    assert found == new

@@ -125,7 +125,7 @@ def _draws(belief: Belief, key: jax.Array, n: int) -> tuple[Array, Array]:
         z = jax.random.normal(key, (n, belief.mean.size))
     else:
         keys = jax.random.split(key, len(belief))
-        z = jnp.stack([prior.sample(k, (n,)) for prior, k in zip(belief, keys, strict=True)], -1)
+        z = jnp.stack([prior.sample(k, (n,)) for prior, k in zip(belief, keys, strict=True)], 1)
     return z, jax.vmap(lambda one: values_of(belief, one))(z)
 
 

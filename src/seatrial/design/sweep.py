@@ -244,7 +244,7 @@ def _predict(method: Filter, space: StateSpace, start: Array, controls: Array, s
 
         columns = tuple(control[:, i] for i in range(control.shape[1]))
         _, (outputs, speed) = time_loop(move, tuple(start[:d]), columns, steps, look)
-        measurement = jnp.stack(outputs, -1) + gaps
+        measurement = jnp.stack(outputs, 1) + gaps
         summary = filter_within(method, space, control, measurement, steps, growth=jnp.where(steps > 0, 1.0, 0.0))
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures

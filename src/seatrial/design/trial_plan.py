@@ -99,7 +99,7 @@ class TrialPlan:
         start = tuple(self.start[i] for i in range(self.start.shape[0]))
         move = move_by(self.model, params)
         _, (states, shown) = time_loop(move, start, columns, self.step, look, extra=self.weight)
-        return jnp.stack(states, -1), jnp.stack(shown, -1)
+        return jnp.stack(states, 1), jnp.stack(shown, 1)
 
 
 def plan_trial(

@@ -155,9 +155,9 @@ def _pass(
     return FilterTrace(
         log_likelihood,
         final,
-        jnp.stack(means, -1),
-        jnp.stack(sds, -1),
-        jnp.stack(innovations, -1),
+        jnp.stack(means, 1),
+        jnp.stack(sds, 1),
+        jnp.stack(innovations, 1),
         nis,
         n_measured,
         clipped,

@@ -194,9 +194,8 @@ class _Stretch(NamedTuple):
 def _begin(known: Posterior, key: jax.Array, settings: ImportanceSettings) -> _Stretch:
     drawn = importance_sample(known, key, settings=settings)
     values = np.asarray(known.constrain(jnp.asarray(drawn.z)))
-    smoothed = drawn.smoothed - float(logsumexp(drawn.smoothed))
     log_likelihood = _log_likelihood(known, values)
-    return _Stretch(values, log_likelihood, drawn.log_weight, smoothed, drawn.k_hat, np.zeros(smoothed.size))
+    return _Stretch(values, log_likelihood, drawn.log_weight, drawn.smoothed, drawn.k_hat, np.zeros(len(values)))
 
 
 def _predict(stretch: _Stretch, later: Posterior, edge: float) -> tuple[float, _Stretch]:
@@ -216,8 +215,7 @@ def _predict(stretch: _Stretch, later: Posterior, edge: float) -> tuple[float, _
     log_weight = stretch.log_weight + density
     smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, log_weight.max() - 700.0))
     influence = stretch.influence + np.exp(joint - value) - np.exp(stretch.smoothed)
-    smoothed = np.asarray(smoothed) - float(logsumexp(smoothed))
-    return value, _Stretch(stretch.values, log_likelihood, log_weight, smoothed, float(k_hat), influence)
+    return value, _Stretch(stretch.values, log_likelihood, log_weight, np.asarray(smoothed), float(k_hat), influence)
 
 
 def _log_likelihood(posterior: Posterior, values: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:

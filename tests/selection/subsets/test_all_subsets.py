@@ -80,6 +80,7 @@ def test_order_of_the_terms_does_not_matter_beyond_a_block():
     for rank in (0, 7, 299):
         assert abs(one.fit(rank).log_evidence - one.log_evidence[rank]) < 1e-9
     assert one.covered < 1
+    assert all_subsets(stats, prior, NAMES[:16], top=1).structures.size == 1
     assert (np.diff(one.probability) <= 0).all()
 
 

@@ -308,3 +308,18 @@ def test_what_is_wrong_with_the_chains_is_said(inclusion, r_hat, error, covered,
     found = _status(("a", "b"), np.array([0.3, inclusion]), np.array([0.3, 0.5]), covered, errors)
     assert said in found
     assert bool(found) == bool(said)
+
+
+def test_averages_over_the_best_are_off_by_what_the_rest_may_hold(monkeypatch):
+    """The rest has the probability that the best leave, and coefficients of their root mean square."""
+    monkeypatch.setattr(sampler, "HELD", 0.0)
+    monkeypatch.setattr(sampler, "BEST", 10)
+    found = sample_subsets(problem(10)[2], some_prior(10), NAMES[:10], **SHORT)
+    rest = 1 - found.probability[:10].sum()
+    assert 0.05 < rest < 0.95
+    assert found.monte_carlo.inclusion_error == pytest.approx(np.full(10, rest), rel=1e-4)
+    square = np.diag(found.within + found.between) + found.mean**2
+    assert found.monte_carlo.mean_error == pytest.approx(rest * np.sqrt(square), rel=1e-4)
+    best, weight = found.structures[:10], found.probability[:10] / found.probability[:10].sum()
+    there = best[:, None] >> np.arange(10, dtype=np.uint64) & np.uint64(1)
+    assert found.inclusion == pytest.approx(weight @ there, rel=1e-4)

@@ -185,7 +185,7 @@ class HoloOcean:
         """See `Exporter`."""
         require_whole(vehicle, self.name)
         check_stable(vehicle, self.name)
-        surge = vehicle.added_mass[0, 0] / (vehicle.hull.mass or 1.0)
+        surge = vehicle.added_mass[0, 0] / vehicle.rigid_mass[0, 0]
         low = vehicle.hull.centre_of_gravity[2] - vehicle.hull.centre_of_buoyancy[2]
         for broken, result, expected in (
             (bool(vehicle.thrusters), f"{len(vehicle.thrusters)} thrusters", "a torpedo with one propeller"),
@@ -277,7 +277,7 @@ class HoloOcean:
 
 def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
     """Return the torpedo that is nearest to a vehicle."""
-    mass, terms = vehicle.hull.mass or 1.0, sorted_terms(vehicle.forces)
+    mass, terms = float(vehicle.rigid_mass[0, 0]), sorted_terms(vehicle.forces)
     ratio = slenderness(vehicle.added_mass[0, 0] / mass)
     radius = (mass / (4 / 3 * pi * density * ratio)) ** (1 / 3)
     half = ratio * radius
