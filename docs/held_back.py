@@ -1,0 +1,222 @@
+"""Whether stated bands hold on new runs of vehicles that the model does not contain: `python docs/held_back.py [--vehicles N]`.
+
+Vehicles with a late thruster, waves, a drifting current, a dead zone or a cubic drag are simulated by a plain loop that shares no code with
+seatrial. Three runs of each are fitted by a model that lacks the effect, three new ones are predicted, and the verdict is read. About 15
+minutes on two cores; what is done is kept in outputs/held_back. Writes the table in docs/held_back.md.
+"""
+
+import argparse
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import seatrial as st
+from seatrial.core.files import write_text
+from seatrial.estimation.mode import Mode
+from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
+from seatrial.estimation.posterior import Posterior, values_of
+from seatrial.estimation.robust_errors import robust_errors
+from seatrial.sampling.run import Draws
+
+HERE = Path(__file__).parent
+STATE = HERE.parent / "outputs" / "held_back"
+RESULTS = "<!-- results -->"
+"""Where the table begins in the page."""
+STEP, DURATION, FINE = 0.1, 60.0, 5
+"""Interval of the samples and length of a run, s; steps of the simulation in one interval."""
+NOISE, MASS = 0.02, 31.41
+"""Standard deviation of the speed sensor, m/s; effective mass, kg."""
+TRIM = 125.0
+"""Speed of the propeller about which it is moved, rad/s."""
+LEVEL = 0.9
+CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
+OWN = st.Provenance("a plain loop", "")
+TRUE = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
+"""Coefficients about which those of the vehicles are drawn, by a tenth of each, SI."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What vehicles of one kind have and the model lacks; each array has one value for each vehicle.
+
+    Attributes:
+        words: in the table.
+        thrust: speed of the propeller as commanded, and that at which it turns, to the speed that gives the thrust.
+        force: time, vehicle's speed and own size of the effect, to a further force, N.
+        size: largest size of the effect; each vehicle's own is drawn between a third of it and all of it.
+        lag: whether the size is the time constant of the thruster, s.
+        current: whether the size is the standard deviation of a current, m/s, with a memory of 40 s.
+    """
+
+    words: str
+    size: float
+    thrust: Callable = lambda n, size: n
+    force: Callable = lambda t, u, size, phase: 0.0
+    lag: bool = False
+    current: bool = False
+
+
+KINDS = {
+    "nothing": Kind("nothing", 0.0),
+    "lag": Kind("a thruster that lags", 2.0, lag=True),
+    "waves": Kind("waves of 7 s", 3.0, force=lambda t, u, size, phase: size * np.sin(2 * np.pi * t / 7.0 + phase)),
+    "current": Kind("a current that drifts", 0.15, current=True),
+    "dead zone": Kind("a dead zone", 90.0, thrust=lambda n, size: np.where(np.abs(n) < size, 0.0, n)),
+    "cubic": Kind("cubic drag", 2.0, force=lambda t, u, size, phase: -size * u**3),
+}
+ERRORS = {
+    "white": {"sigma_u": st.LogUniform(0.002, 0.5)},
+    "coloured": {"sigma_u": st.LogUniform(0.002, 0.5), "tau_u": st.LogUniform(0.05, 30.0)},
+    "disturbance": {
+        "sigma_u": st.LogUniform(0.002, 0.5),
+        "disturbance_X": st.LogUniform(0.01, 10.0),
+        "disturbance_time_X": st.LogUniform(0.2, 60.0),
+    },
+}
+"""Models of the error, by what they add to the priors."""
+DRIFT = 40.0
+"""Memory of the current, s."""
+
+
+def main() -> None:
+    """Simulate, fit and predict what is not done yet, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--vehicles", type=int, default=200)
+    parser.add_argument("--kinds", nargs="*", default=list(KINDS))
+    count = parser.parse_args().vehicles
+    st.configure()
+    rows = []
+    for kind in parser.parse_args().kinds:
+        for error in ERRORS:
+            path = STATE / f"{kind}-{error}-{count}.json"
+            if not path.exists():
+                found = [judged(*trial, error) for trial in vehicles(kind, count)]
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_text(path, json.dumps(found))
+            rows.append(row(KINDS[kind].words, error, json.loads(path.read_text())))
+            print(rows[-1])
+    if count == parser.get_default("vehicles") and len(rows) == len(KINDS) * len(ERRORS):
+        _write(rows)
+
+
+def vehicles(kind: str, count: int) -> Iterator[tuple[dict[str, float], list[st.Record]]]:
+    """Yield the true coefficients and six runs of each vehicle."""
+    random = np.random.default_rng(abs(hash_of(kind)))
+    about = KINDS[kind]
+    truth = {name: value * (1 + 0.1 * random.standard_normal(count)) for name, value in TRUE.items()}
+    size = about.size * random.uniform(1 / 3, 1, count)
+    time = np.arange(0.0, DURATION, STEP)
+    runs = []
+    for number in range(6):
+        command = TRIM + excitation(number, time)
+        shown = simulated(about, truth, size, time, command, random)
+        shown += NOISE * random.standard_normal(shown.shape)
+        runs.append((command, shown))
+    for vehicle in range(count):
+        records = [
+            st.make_record(time, {"n": command, "u": shown[:, vehicle]}, CHANNELS, OWN, f"run {number}")
+            for number, (command, shown) in enumerate(runs)
+        ]
+        yield {name: float(value[vehicle]) for name, value in truth.items()}, records
+
+
+def hash_of(kind: str) -> int:
+    """Return a number of a kind that is the same in every process."""
+    return int.from_bytes(kind.encode(), "little") % 2**32
+
+
+def excitation(number: int, time: np.ndarray) -> np.ndarray:
+    """Return the change of the propeller's speed in one run, rad/s: steps of another length and seed in each, 60 at most."""
+    random = np.random.default_rng(number)
+    hold = (3.0, 5.0, 8.0, 4.0, 6.0, 10.0)[number]
+    levels = random.uniform(-60.0, 60.0, int(DURATION / hold) + 1)
+    return levels[(time / hold).astype(int)]
+
+
+def simulated(
+    kind: Kind, truth: dict[str, np.ndarray], size: np.ndarray, time: np.ndarray, command: np.ndarray, random: np.random.Generator
+) -> np.ndarray:
+    """Return the measured speed over ground of all vehicles without the sensor's noise, by Euler steps, shape (n, vehicles)."""
+    h, count = STEP / FINE, size.size
+    current = size * random.standard_normal(count) if kind.current else np.zeros(count)
+    phase = random.uniform(0, 2 * np.pi, count)
+    n = np.full(count, command[0])
+    u = np.full(count, 1.5)
+    shown = np.empty((time.size, count))
+    for i, (t, wanted) in enumerate(zip(time, command, strict=True)):
+        shown[i] = u + current
+        for j in range(FINE):
+            turning = n if kind.lag else np.full(count, wanted)
+            acting = kind.thrust(turning, size)
+            force = truth["T_nabsn"] * acting * np.abs(acting) + truth["X_u"] * u + truth["X_uabsu"] * u * np.abs(u)
+            u = u + h * (force + kind.force(t + j * h, u, size, phase)) / MASS
+            if kind.lag:
+                n = n + h * (wanted - n) / size
+            if kind.current:
+                current = current + h * -current / DRIFT + size * np.sqrt(2 * h / DRIFT) * random.standard_normal(count)
+    return shown
+
+
+def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dict:
+    """Fit three runs, predict three, and return the verdict, the share inside the bands and which coefficients are covered."""
+    fitted, new = records[:3], records[3:]
+    priors = {
+        "X_u": st.Normal(-1.2, 1.5),
+        "X_uabsu": st.Normal(-3.0, 3.0),
+        "T_nabsn": st.Normal(6e-4, 3e-4),
+    }
+    model = st.load_vehicle("remus100_surge").build(free=list(priors))
+    sensor = st.Sensor("u", "coloured" if error == "coloured" else "white")
+    posterior = st.make_posterior(model, fitted, priors | ERRORS[error], [sensor])
+    mode = st.find_mode(posterior, 1)
+    draws = about(posterior, mode)
+    runs, inside, samples = [], 0.0, 0
+    for record in new:
+        predicted = st.predict(posterior, draws, record, key=2)
+        measured, mean = record.channel("u"), predicted.mean[:, 0]
+        runs.append(run_residuals(record.time, measured, mean, predicted.motion_sd[:, 0], float(predicted.noise_sd[0])))
+        inside += float(np.sum(np.abs(runs[-1].z) < 1.6449))
+        samples += measured.size
+    wide = robust_errors(posterior, mode)
+    covered = {}
+    for name, value in truth.items():
+        sd = mode.sd[mode.names.index(name)]
+        away = abs(mode.by_name[name] - value) / 1.6449
+        covered[name] = [bool(away < sd), bool(away < (wide.wider(name, sd) or sd))]
+    return {"inside": inside / samples, "level": pooled_verdict(runs, "u").level, "covered": covered}
+
+
+def about(posterior: Posterior, mode: Mode) -> Draws:
+    """Return draws of the normal approximation about a mode."""
+    z = np.random.default_rng(3).multivariate_normal(mode.z, mode.cov, 200, method="eigh")
+    values = np.asarray(values_of(posterior, z))
+    return Draws(z[None], np.zeros((1, 200)), 1.0, 0, mode.names, mode.units, values[None])
+
+
+def row(words: str, error: str, found: list[dict]) -> str:
+    """Return one line of the table."""
+    inside = np.array([one["inside"] for one in found])
+    failed = np.array([one["level"] == "fail" for one in found])
+    silent = ~failed & (inside < LEVEL - 0.05)
+    stated, wider = np.array([list(one["covered"].values()) for one in found], float).mean((0, 1))
+    kept = inside[~failed].mean() if (~failed).any() else np.nan
+    return (
+        f"| {words} | {error} | {inside.mean():.0%} | {failed.mean():.1%} | {kept:.0%} | {silent.mean():.1%} | {stated:.0%} | {wider:.0%} |"
+    )
+
+
+def _write(rows: list[str]) -> None:
+    page = HERE / "held_back.md"
+    head = (
+        "| the model lacks | error model | inside 90 % bands | verdict fail | inside where it is not | below 85 % without it "
+        "| coefficients inside ± | inside the wider ± |\n|---|---|---|---|---|---|---|---|\n"
+    )
+    before = page.read_text().split(RESULTS)[0]
+    write_text(page, f"{before}{RESULTS}\n\n{head}" + "\n".join(rows) + "\n")
+
+
+if __name__ == "__main__":
+    main()
