@@ -170,7 +170,7 @@ def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
         )
     if score.noise_share > POOR:
         return FitVerdict(
-            "caution",
+            "unjudged",
             "noise hides the motion",
             f"{result}: what the fit leaves over, {left}, is as large as the motion of this run, which therefore tests little; "
             "use one that moves more, or add a term if the sensor is better than that",

@@ -184,6 +184,22 @@ def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[s
     return together + _sentences([fit for fit in fits if not _is_alarm(fit)])
 
 
+def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
+    """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
+    if campaign.imports is not None and not trials.predict:
+        return [
+            "no run was held back: whether the stated bands hold on runs that were not fitted is unjudged; "
+            "name a run under predict of [import] instead of fit"
+        ]
+    return [
+        f"held-back run {record.label} has the input of run {other.label}: that it is predicted well shows that the vehicle "
+        "repeats itself, not that the model predicts other motion; hold a run of another input back"
+        for record in trials.predict
+        for other in trials.fit
+        if np.array_equal(record.control, other.control)
+    ]
+
+
 def _is_alarm(fit: Fit) -> bool:
     return fit.held_back and fit.level == "fail"
 
