@@ -8,7 +8,13 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.predict import fit_complaints, held_back_alarms, held_back_cautions, predict_held_back
+from seatrial.campaign.inference.predict import (
+    _lacks,
+    fit_complaints,
+    held_back_alarms,
+    held_back_cautions,
+    predict_held_back,
+)
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
 
@@ -118,3 +124,15 @@ def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_me
     assert found.pooled[0].level == "fail"
     assert "widen the bands" in held_back_alarms(*found)[0]
     assert found.pooled[0].widen > 1.5
+
+
+def test_what_the_campaign_has_is_not_said_to_be_missing(known):
+    """With a delay and slow residuals there are left a term and a force disturbance."""
+    campaign, _, _ = known
+    assert _lacks(campaign, "u")[1] == "a delay"
+    has = replace(
+        campaign,
+        priors={**campaign.priors, "delay": campaign.priors["T_nabsn"]},
+        estimation=replace(campaign.estimation, residuals="coloured"),
+    )
+    assert _lacks(has, "u") == ("a term", 'a model of the error (likelihood = "filter-error")')
