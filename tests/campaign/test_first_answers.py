@@ -95,4 +95,4 @@ def test_what_a_regression_leaves_out_is_said(tmp_path):
         )
     )
     full, _ = regressions(campaign, get_trials(campaign))
-    assert "taken as absent, which draws the values aside: delay" in full.caution
+    assert "takes as absent, which draws its values aside: delay" in full.caution

@@ -199,9 +199,12 @@ def test_direction_by_the_correlation(correlation, level):
 )
 def test_a_shift_counts_where_it_explains_most_of_the_rest(late, shifted, direct, said):
     """From 0.1 s on, where 0.9 is reached with it and less than half of what is left without it remains."""
-    found = _delay("u", late, shifted, direct)
+    found = _delay("u", late, shifted, direct, False)
     assert [finding.value for finding in found] == ([said] if said else [])
     assert all(("[prior.delay]" in finding.remedy) == (late > 0) for finding in found)
+    for finding in _delay("u", late, shifted, direct, True):
+        assert "give the delay a prior" not in finding.remedy
+        assert finding.level == ("note" if late > 0 else "caution")
 
 
 @pytest.mark.parametrize("size", [25, 40, 300])

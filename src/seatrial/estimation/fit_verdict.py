@@ -41,6 +41,10 @@ KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
 
+LACKS = ("a term", "a delay", "a model of the error")
+"""What a model may lack that misses motion."""
+
+
 class FitVerdict(NamedTuple):
     """A level, what it is about in a few words, and the reason: what was found, what it means and what to do."""
 
@@ -49,7 +53,14 @@ class FitVerdict(NamedTuple):
     reason: str
 
 
-def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool, outside: Sequence[str] = ()) -> FitVerdict:
+def judge_fit(
+    score: Score,
+    channel: str,
+    held_back: bool,
+    coloured: bool,
+    outside: Sequence[str] = (),
+    lacks: Sequence[str] = LACKS,
+) -> FitVerdict:
     """Say what the scores of one channel mean; of several departures the first in order of gravity.
 
     Args:
@@ -58,6 +69,7 @@ def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool, outsi
         held_back: whether its run was not fitted.
         coloured: whether the noise is modelled as correlated in time.
         outside: where the run leaves the range that was fitted, in words.
+        lacks: what the model may lack and does not have yet.
     """
     use = "prediction" if held_back else "fit"
     if not score.samples:
@@ -74,14 +86,19 @@ def judge_fit(score: Score, channel: str, held_back: bool, coloured: bool, outsi
             "check units and signs, or narrow the priors to damping that dissipates",
         )
     if score.effective < FEWEST and score.variance < ONE_SAMPLE:
-        return _few(score, channel, held_back, coloured)
+        return _few(score, channel, held_back, coloured, lacks)
     return (
         _sizes(score, channel, held_back, outside)
-        or _motion(score, channel, held_back)
+        or _motion(score, channel, held_back, lacks)
         or _colour(score, channel, coloured)
         or _shape(score, channel)
         or FitVerdict("pass", "", _praise(score, channel))
     )
+
+
+def either(words: Sequence[str]) -> str:
+    """Return alternatives as a sentence has them: `a`, `a or b`, `a, b or c`."""
+    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def explained_words(share: float, channel: str) -> str:
@@ -101,11 +118,11 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _few(score: Score, channel: str, held_back: bool, coloured: bool) -> FitVerdict:
+def _few(score: Score, channel: str, held_back: bool, coloured: bool, lacks: Sequence[str]) -> FitVerdict:
     """Say that a run tells too little of its band, and what it shows nevertheless."""
     if not held_back and (found := _colour(score, channel, coloured)):
         return found
-    motion = _motion(score, channel, held_back)
+    motion = _motion(score, channel, held_back, lacks)
     worth = "one independent sample" if score.effective < 1.5 else f"{score.effective:.0f} independent samples"
     return FitVerdict(
         "unjudged",
@@ -150,7 +167,7 @@ def _sizes(score: Score, channel: str, held_back: bool, outside: Sequence[str]) 
     return None
 
 
-def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
+def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -> FitVerdict | None:
     """Little of the motion explained, and why: noise, ignorance or a wrong model, which sizes let through as honestly stated."""
     if score.missing:
         return FitVerdict(
@@ -170,7 +187,7 @@ def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
         )
     if score.noise_share > POOR:
         return FitVerdict(
-            "caution",
+            "unjudged",
             "noise hides the motion",
             f"{result}: what the fit leaves over, {left}, is as large as the motion of this run, which therefore tests little; "
             "use one that moves more, or add a term if the sensor is better than that",
@@ -180,7 +197,7 @@ def _motion(score: Score, channel: str, held_back: bool) -> FitVerdict | None:
             "caution",
             "predicted poorly",
             f"{result}: the model misses most of what moved; its band is as wide as it is because of what the fit leaves over, "
-            f"{left}, and not because the coefficients are uncertain; add a term, a delay or a model of the error",
+            f"{left}, and not because the coefficients are uncertain; add {either(lacks)}",
         )
     return FitVerdict(
         "caution",

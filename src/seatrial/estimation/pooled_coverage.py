@@ -24,6 +24,7 @@ from seatrial.estimation.fit_verdict import (
     BROKEN,
     BURST,
     FEWEST,
+    LACKS,
     NARROWER,
     ONE_SAMPLE,
     POOR,
@@ -32,6 +33,7 @@ from seatrial.estimation.fit_verdict import (
     WIDE,
     FitLevel,
     FitVerdict,
+    either,
     explained_words,
 )
 from seatrial.estimation.validation import coverage, effective_samples
@@ -40,7 +42,6 @@ BAND = 0.9
 """Probability of the band that is tested."""
 TAIL = 0.025
 """Probability on either side of a range."""
-MEND = "a term, a delay or a model of the error is missing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,9 @@ def run_residuals(
     )
 
 
-def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | None = None) -> Pooled:
+def pooled_verdict(
+    runs: Sequence[RunResiduals], channel: str, shared: float | None = None, lacks: Sequence[str] = LACKS
+) -> Pooled:
     """Judge the stated bands of one channel by all held-back runs together; a fail is an alarm.
 
     Args:
@@ -154,6 +157,7 @@ def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | N
         channel: name of the channel, for the words.
         shared: mean squared correlation of two samples, of whichever runs, that comes from the motion being uncertain; by default
             that motion is taken as one error that all runs share, which judges least.
+        lacks: what the model may lack and does not have yet.
     """
     runs = [run for run in runs if run.z.size]
     z = np.concatenate([run.z for run in runs]) if runs else np.empty(0)
@@ -188,7 +192,7 @@ def pooled_verdict(runs: Sequence[RunResiduals], channel: str, shared: float | N
     found = Pooled(**numbers, level="pass", about="", reason="")
     noisy = sum(run.noise for run in runs) > POOR * total
     uncertain = float(np.average([run.motion_share for run in runs], weights=sizes)) > POOR
-    return Pooled(**numbers, **_judge(found, excused=noisy or uncertain)._asdict())
+    return Pooled(**numbers, **_judge(found, noisy or uncertain, f"{either(lacks)} is missing")._asdict())
 
 
 class MotionProducts(NamedTuple):
@@ -273,8 +277,8 @@ def _worth_by_scatter(runs: Sequence[RunResiduals], sizes: Float[np.ndarray, " r
     return max(1.0, mean * (1 - mean) * (1 - spread) / (among * spread))
 
 
-def _judge(pooled: Pooled, excused: bool) -> FitVerdict:
-    """Say what the numbers mean; `excused` where poor explanation is what noise or uncertain coefficients make of it."""
+def _judge(pooled: Pooled, excused: bool, mend: str) -> FitVerdict:
+    """Say what the numbers mean; `excused` where noise or uncertain coefficients explain the errors, `mend` is what may be wrong."""
     n, inside = max(pooled.effective, 1.0), _inside(pooled)
     if n < FEWEST and pooled.variance < ONE_SAMPLE:
         return FitVerdict(
@@ -285,11 +289,11 @@ def _judge(pooled: Pooled, excused: bool) -> FitVerdict:
     large = pooled.variance > BURST and scipy.stats.chi2.sf(n * pooled.variance, n) < RARE
     short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
     if short or large or pooled.variance >= ONE_SAMPLE:
-        return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled)}")
+        return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled, mend)}")
     if pooled.explained < 0:
         said = f"{inside}, but {explained_words(pooled.explained, pooled.channel)}"
         if not excused:
-            return FitVerdict("fail", "motion not predicted", f"{said}: the model does not predict this motion; {MEND}")
+            return FitVerdict("fail", "motion not predicted", f"{said}: the model does not predict this motion; {mend}")
         return FitVerdict(
             "caution",
             "little motion predicted",
@@ -309,15 +313,15 @@ def _inside(pooled: Pooled) -> str:
     runs = f"{pooled.runs} held-back run{'s' * (pooled.runs != 1)}"
     apart = f"; {pooled.least:.0%} to {pooled.most:.0%} by run" if pooled.runs > 1 else ""
     return (
-        f"{pooled.coverage:.0%} of {pooled.channel} in {runs} lies inside the 90 % band ({pooled.lower:.0%} to {pooled.upper:.0%} "
-        f"by {pooled.effective:.0f} effective samples{apart})"
+        f"{pooled.coverage:.0%} of {pooled.channel} in {runs} lies inside the 90 % band (95 % range {pooled.lower:.0%} to "
+        f"{pooled.upper:.0%} by {pooled.effective:.0f} effective samples{apart})"
     )
 
 
-def _remedy(pooled: Pooled) -> str:
+def _remedy(pooled: Pooled, mend: str) -> str:
     return (
         f"the stated bands do not hold (p = {pooled.p_value:.1g}); widen the bands {_factor(pooled)}, and do not rely on the standard "
-        f"deviations of the coefficients either; {MEND}"
+        f"deviations of the coefficients either; {mend}"
     )
 
 

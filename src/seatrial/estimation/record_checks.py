@@ -73,7 +73,11 @@ class RecordFinding:
 
 
 def check_motion(
-    name: str, step: float, measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"]
+    name: str,
+    step: float,
+    measured: Float[np.ndarray, " n"],
+    expected: Float[np.ndarray, " n"],
+    has_delay: bool = False,
 ) -> list[RecordFinding]:
     """Direction, size and delay of a measured channel beside the expected one, NaN where not measured.
 
@@ -82,6 +86,7 @@ def check_motion(
         step: of the record, s.
         measured: SI, shape (n,).
         expected: of the vehicle at the prior means, SI, shape (n,).
+        has_delay: whether the delay has a prior.
     """
     lag, correlation = best_lag(measured, expected, round(LONGEST / step))
     against = f"below {OPPOSED:g} it goes the other way"
@@ -105,7 +110,7 @@ def check_motion(
     fits = 1 / SIZE <= ratio <= SIZE
     value, remedy = f"{ratio:.3g} times the motion expected", "" if fits else _unit_guess(ratio)
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
-    return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected))]
+    return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected), has_delay)]
 
 
 def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:
@@ -133,11 +138,14 @@ def not_judged(names: Sequence[str]) -> RecordFinding:
     return RecordFinding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
 
 
-def _delay(name: str, late: float, shifted: float, direct: float) -> list[RecordFinding]:
+def _delay(name: str, late: float, shifted: float, direct: float, has_delay: bool) -> list[RecordFinding]:
     """Return a shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
     limit = f"under {LATE:g} s, where a shift explains most of the rest"
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
+    if late > 0 and has_delay:
+        remedy = "the delay is estimated: see that its prior, [prior.delay], reaches so far"
+        return [RecordFinding(name, "delay", "note", f"about {late:.2g} s late", limit, remedy)]
     if late > 0:
         remedy = "give the delay a prior, [prior.delay], unless the vehicle is but slower than believed"
         return [RecordFinding(name, "delay", "caution", f"about {late:.2g} s late", limit, remedy)]

@@ -190,7 +190,8 @@ def _growth(
 def _mean_square(errors: Float[np.ndarray, " k"]) -> float:
     """Mean square of what is there; infinite where a prediction runs away, NaN where nothing is there."""
     there = errors[~np.isnan(errors)]
-    return float(np.mean(there**2)) if there.size else float("nan")
+    with np.errstate(over="ignore"):
+        return float(np.mean(there**2)) if there.size else float("nan")
 
 
 @program(static_argnums=0)

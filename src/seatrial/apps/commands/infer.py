@@ -149,7 +149,7 @@ def criteria(
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.identifiability import known_after
-    from seatrial.campaign.inference.predict import held_back_lines, predict_held_back
+    from seatrial.campaign.inference.predict import held_back_cautions, held_back_lines, predict_held_back
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
@@ -172,10 +172,12 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
     labels = [item.structure.label for item in estimates]
     unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
+    doubts += held_back_cautions(campaign, trials)
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
 
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
+    from seatrial.campaign.inference.predict import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
     from seatrial.campaign.workflow.steps import Workflow
 
@@ -194,6 +196,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         [one.log_evidence for one in tested],
         [one.held_back for one in tested],
     )
+    doubts += held_back_cautions(campaign, trials) if by is By.MODE else []
     return answer.finish(alarms + unseen, [*doubts, *(one.caution for one in found if one.caution)])
 
 

@@ -97,7 +97,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     for index, (name, column) in enumerate(measured.items()):
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):
-            findings += check_motion(name, usual, column, expected[:, index])
+            findings += check_motion(name, usual, column, expected[:, index], campaign.has_delay)
         else:
             unsaid.append(name)
     if unsaid:

@@ -80,7 +80,7 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldB
         for record, piece in zip(trials.predict, pieces, strict=True)
         for fit in _fits(campaign, drawn, record, piece, trials.fit)
     ]
-    return HeldBack(tuple(fits), _pooled(campaign.channels, pieces, fits), tuple(pieces))
+    return HeldBack(tuple(fits), _pooled(campaign, pieces, fits), tuple(pieces))
 
 
 def held_back_curves(predictions: xr.Dataset) -> tuple[dict[str, np.ndarray], ...]:
@@ -123,7 +123,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
             for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
             for fit in _fits(campaign, estimate, record, piece, trials.fit if index >= len(trials.fit) else None)
         ]
-        pooled = _pooled(campaign.channels, pieces[len(trials.fit) :], fits)
+        pooled = _pooled(campaign, pieces[len(trials.fit) :], fits)
         lengths = [record.time.size for record in records]
         return xr.Dataset(
             {
@@ -182,6 +182,22 @@ def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[s
     """What else keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
     together = [f"held-back runs: {one.reason}" for one in pooled if one.level in ("caution", "unjudged")]
     return together + _sentences([fit for fit in fits if not _is_alarm(fit)])
+
+
+def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
+    """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
+    if campaign.imports is not None and not trials.predict:
+        return [
+            "no run was held back: whether the stated bands hold on runs that were not fitted is unjudged; "
+            "name a run under predict of [import] instead of fit"
+        ]
+    return [
+        f"held-back run {record.label} has the input of run {other.label}: that it is predicted well shows that the vehicle "
+        "repeats itself, not that the model predicts other motion; hold a run of another input back"
+        for record in trials.predict
+        for other in trials.fit
+        if np.array_equal(record.control, other.control)
+    ]
 
 
 def _is_alarm(fit: Fit) -> bool:
@@ -278,7 +294,9 @@ def _fits(
         if near is not None and near.leaves:
             verdict = FitVerdict("caution", LEAVES, words)
         else:
-            verdict = judge_fit(score, channel, held_back, score.correlation_time > 0, outside)
+            verdict = judge_fit(
+                score, channel, held_back, score.correlation_time > 0, outside, _lacks(campaign, channel)
+            )
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
         found.append(Fit(**vars(score), **of, **verdict._asdict()))
     return found
@@ -309,6 +327,22 @@ def _ahead(piece: Mapping[str, Any], record: Record) -> dict[str, ShortHorizon]:
     return short_horizons(output.simulator, values, record, output.starts_over_ground) or {}
 
 
+def _lacks(campaign: Campaign, channel: str) -> tuple[str, ...]:
+    """What the model may lack, but for what the campaign has already."""
+    noise = {sensor.channel: sensor.noise for sensor in campaign.sensor_models}[channel]
+    filtered, coloured = campaign.estimation.likelihood == "filter-error", noise == "coloured"
+    error = (
+        ()
+        if filtered
+        else (
+            'a model of the error (likelihood = "filter-error")'
+            if coloured
+            else 'a model of the error (residuals = "coloured")',
+        )
+    )
+    return ("a term", *(() if campaign.has_delay else ("a delay",)), *error)
+
+
 def _remedies(campaign: Campaign, horizon: float) -> list[str]:
     """What helps a vehicle that cannot be simulated for long, and the campaign does not have yet."""
     filtered = campaign.estimation.likelihood == "filter-error"
@@ -317,10 +351,10 @@ def _remedies(campaign: Campaign, horizon: float) -> list[str]:
     return found + ([] if filtered or cut else [f'cut the runs by [import] split = "{horizon:.2g} s"'])
 
 
-def _pooled(channels: Sequence[str], pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
+def _pooled(campaign: Campaign, pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
     """Every channel of all held-back records together, but for those in which the vehicle leaves its course by itself."""
     found = []
-    for column, channel in enumerate(channels if pieces else ()):
+    for column, channel in enumerate(campaign.channels if pieces else ()):
         own = [fit for fit in fits if fit.held_back and fit.channel == channel]
         kept = [piece for piece, fit in zip(pieces, own, strict=True) if fit.about != LEAVES]
         if not kept:
@@ -335,5 +369,6 @@ def _pooled(channels: Sequence[str], pieces: Sequence[Mapping[str, Any]], fits: 
             )
             for piece in kept
         ]
-        found.append(pooled_verdict(runs, channel, shared_motion([piece["products"][column] for piece in kept])))
+        shared = shared_motion([piece["products"][column] for piece in kept])
+        found.append(pooled_verdict(runs, channel, shared, _lacks(campaign, channel)))
     return tuple(found)

@@ -217,4 +217,8 @@ def left_out(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
     noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
     names = [one.name for one, _ in campaign.nuisances(campaign.model(structure)) if one.name not in noise]
-    return f"taken as absent, which draws the values aside: {', '.join(names)}" if names else ""
+    return (
+        f"a regression of accelerations takes as absent, which draws its values aside: {', '.join(names)}"
+        if names
+        else ""
+    )

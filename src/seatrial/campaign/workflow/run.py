@@ -12,7 +12,13 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_alarms, comparison_cautions
 from seatrial.campaign.inference.filter_trace import filter_complaints
-from seatrial.campaign.inference.predict import fit_complaints, held_back_alarms, held_back_curves, pooled_of
+from seatrial.campaign.inference.predict import (
+    fit_complaints,
+    held_back_alarms,
+    held_back_cautions,
+    held_back_curves,
+    pooled_of,
+)
 from seatrial.campaign.selection.select_structure import structure_rows
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
@@ -31,6 +37,8 @@ if TYPE_CHECKING:
 
 ENOUGH = 0.2
 """Entropy reduction, nats, below which another trial of the family is not worth running."""
+MEND = "stop: the model fails on runs that it was not fitted to; mend it before the next trial"
+"""What is said in place of the next trial where that is so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +132,16 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
-    alarms += [*selection.alarms, *comparison_alarms(outcome.compared)]
-    alarms += held_back_alarms(outcome.fits, outcome.pooled)
+    unseen = held_back_alarms(outcome.fits, outcome.pooled)
+    alarms += [*selection.alarms, *comparison_alarms(outcome.compared), *unseen]
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = comparison_cautions(outcome.compared)
     cautions += [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
     cautions += [effect.sentence for effect in outcome.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
+    cautions += held_back_cautions(campaign, outcome.trials)
+    proposed = next_trial(outcome.next)
     return {
         "name": campaign.name,
         "chosen": chosen.structure.label,
@@ -145,7 +155,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "fits": [fit.__dict__ for fit in outcome.fits],
         "pooled": [one.__dict__ for one in outcome.pooled],
         "baselines": [asdict(one) for one in outcome.compared],
-        "next_trial": next_trial(outcome.next),
+        "next_trial": {**proposed, "words": MEND} if unseen else proposed,
     }
 
 

@@ -177,6 +177,9 @@ def method_section(outcome: Outcome) -> dict[str, Any]:
 
 def _next(outcome: Outcome) -> dict[str, Any]:
     trial = outcome.summary["next_trial"]
+    if held_back_alarms(outcome.fits, outcome.pooled):
+        note = "the model fails on runs that it was not fitted to: mend it first"
+        return {"name": "Next trial", "value": "none yet", "href": "#next", "note": note}
     if trial["gain_nat"] < ENOUGH:
         return {
             "name": "Next trial",

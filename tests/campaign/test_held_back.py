@@ -1,0 +1,138 @@
+"""What is said of held-back runs that are too few, too short, too much alike, too still, or in other units."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference.predict import (
+    _lacks,
+    fit_complaints,
+    held_back_alarms,
+    held_back_cautions,
+    predict_held_back,
+)
+from seatrial.vehicles.simulate import simulate
+from tests.campaign.small import NO_X_U, write_small
+
+
+class Known:
+    """A posterior that is one point, the truth, but for a little."""
+
+    def __init__(self, campaign):
+        self.structure = campaign.structures[0]
+        values = {"X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.05}
+        self.names = tuple(values)
+        spread = 1 + 1e-4 * np.random.default_rng(1).normal(size=(40, len(values)))
+        self.values = np.array(list(values.values())) * spread
+
+    def draws(self, names=None):
+        return self.values[:, [self.names.index(name) for name in (self.names if names is None else names)]]
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("held") / "small"
+    campaign = load_campaign(write_small(folder, *NO_X_U))
+    trials = get_trials(campaign)
+    return campaign, trials, Known(campaign)
+
+
+def run(known, label, control, seed, samples=300, thrust=1.0):
+    """A record of the true vehicle under a control of its own, rad/s."""
+    campaign, trials, drawn = known
+    (first,) = trials.fit
+    model, truth = campaign.model(drawn.structure), {"X_uabsu": -2.93, "T_nabsn": thrust * 6.28e-4}
+    control = np.asarray(control, float)[:samples, None]
+    step = jnp.full(samples, 0.1)
+    motion = np.asarray(simulate(model, truth, jnp.asarray(control), step, jnp.array([1.54])))[:, 0]
+    measured = (motion + 0.05 * np.random.default_rng(seed).normal(size=samples))[:, None]
+    return replace(first, time=0.1 * np.arange(samples), control=control, measurement=measured, label=label)
+
+
+WAVE = 104 + 15 * np.sign(np.sin(0.5 * np.arange(300) * 0.1))
+
+
+def predicted(known, *records):
+    campaign, trials, drawn = known
+    held = replace(trials, predict=records)
+    return predict_held_back(campaign, drawn, held), held_back_cautions(campaign, held)
+
+
+def test_a_right_model_passes_and_is_no_alarm(known):
+    found, _ = predicted(known, run(known, "2", WAVE, 1), run(known, "3", WAVE[::-1], 2))
+    assert [fit.level for fit in found.fits] == ["pass", "pass"]
+    assert found.pooled[0].level == "pass"
+    assert held_back_alarms(*found) == []
+
+
+@pytest.mark.parametrize("factor", [57.29578, 60.0, 1000.0])
+def test_a_run_in_other_units_is_an_alarm(known, factor):
+    record = run(known, "2", WAVE, 1)
+    found, _ = predicted(known, replace(record, measurement=factor * record.measurement))
+    together, alone = held_back_alarms(*found)
+    assert together.startswith("held-back runs: 0% of u in 1 held-back run lies inside")
+    assert "wrong unit" in alone
+    assert f"u up to {factor * record.measurement.max():.3g} m/s" in found.fits[0].words
+
+
+def test_a_run_of_three_samples_is_unjudged_alone_and_together(known):
+    found, _ = predicted(known, run(known, "2", WAVE, 1, samples=3))
+    assert (found.fits[0].level, found.pooled[0].level) == ("unjudged", "unjudged")
+    assert held_back_alarms(*found) == []
+    assert len(fit_complaints(*found)) == 2
+
+
+def test_a_run_whose_inputs_never_move_is_unjudged(known):
+    steady = 1.54 * np.sqrt(2.93 / 6.28e-4)
+    found, _ = predicted(known, run(known, "2", np.full(300, steady), 3))
+    assert found.fits[0].level == "unjudged"
+    assert "tests little" in found.fits[0].reason
+
+
+def test_two_runs_of_the_same_input_are_told(known):
+    _, trials, _ = known
+    again = run(known, "2", trials.fit[0].control[:, 0], 7)
+    found, said = predicted(known, again)
+    assert found.fits[0].level == "pass"
+    assert said == [
+        f"held-back run 2 has the input of run {trials.fit[0].label}: that it is predicted well shows that the vehicle "
+        "repeats itself, not that the model predicts other motion; hold a run of another input back"
+    ]
+
+
+def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
+    campaign, trials, _ = known
+    imported = replace(campaign, imports=True)
+    (said,) = held_back_cautions(imported, replace(trials, predict=()))
+    assert "unjudged" in said
+    assert held_back_cautions(campaign, replace(trials, predict=())) == []
+
+
+def test_a_run_beyond_the_fitted_range_is_named(known):
+    found, _ = predicted(known, run(known, "2", 1.6 * WAVE, 5))
+    assert found.fits[0].outside[0].startswith(("n up to ", "u up to "))
+    assert " where the fit saw " in found.fits[0].words
+
+
+def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_mend_its_bands(known):
+    """A fifth of the thrust lost in the held-back runs, as by another propeller: the motion is explained, its bands do not hold."""
+    found, _ = predicted(known, *(run(known, label, WAVE, 1, thrust=0.8) for label in "23"))
+    assert found.pooled[0].level == "fail"
+    assert "widen the bands" in held_back_alarms(*found)[0]
+    assert found.pooled[0].widen > 1.5
+
+
+def test_what_the_campaign_has_is_not_said_to_be_missing(known):
+    """With a delay and slow residuals there are left a term and a force disturbance."""
+    campaign, _, _ = known
+    assert _lacks(campaign, "u")[1] == "a delay"
+    has = replace(
+        campaign,
+        priors={**campaign.priors, "delay": campaign.priors["T_nabsn"]},
+        estimation=replace(campaign.estimation, residuals="coloured"),
+    )
+    assert _lacks(has, "u") == ("a term", 'a model of the error (likelihood = "filter-error")')
