@@ -2,7 +2,8 @@
 
 Expected (Fisher) information of an output-error fit: I = sum_k S_k^T R^-1 S_k with S_k = dy_k/dc. It is minus the Hessian of
 the log-likelihood of data that are the simulation itself: every term with a residual in it then vanishes, so that what cannot
-be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
+be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian. That of a
+filter-error likelihood is the difference of exact gradients a ten-thousandth of a standard deviation apart.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,12 +18,17 @@ from jaxtyping import Array, Float
 
 from seatrial.core.batching import lanes_at_once
 from seatrial.core.programs import program
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.filter_slopes import filter_slopes
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
+
+APART = 1e-4
+"""Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter."""
 
 
 class Expansion(NamedTuple):
@@ -54,6 +60,9 @@ def expand_everywhere(posterior: Posterior, points: Float[np.ndarray, "n d"]) ->
 
     On a processor one point after the other: its d^2 derivatives fill the vector units.
     """
+    if isinstance(posterior.likelihood, FilterError):
+        parts = [_expand_filter(posterior, point) for point in points]
+        return Expansion(*(np.stack(part) for part in zip(*parts, strict=True)))
     n, size = len(points), lanes_at_once(partial(_expand, posterior), points, cpu=1)
     blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
     parts = [_expand(posterior, points[block]) for block in blocks]
@@ -156,6 +165,23 @@ def sensitivity_loop(
 
     state = tuple(start[i] for i in range(start.shape[0]))
     return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k))), advance
+
+
+def _expand_filter(posterior: Posterior, point: Float[np.ndarray, " d"]) -> Expansion:
+    """Return the expansion of a filter-error likelihood at one point; zero curvature about what is absent."""
+    here = filter_slopes(posterior, point)
+    gradient = np.asarray(here.gradient)
+    hessian = np.zeros((point.size,) * 2)
+    for i, size in zip(posterior.places, np.sqrt(np.diag(here.information))[posterior.places], strict=True):
+        # A scale stays positive: it moves by a small part of itself.
+        widest = APART * 10 * abs(point[i]) if point[i] else APART
+        step = min(APART / size, widest) if size > 0 else widest
+        moved = point.copy()
+        moved[i] += step
+        hessian[i] = (np.asarray(filter_slopes(posterior, moved).gradient) - gradient) / (moved[i] - point[i])
+    absent = np.setdiff1d(np.arange(point.size), posterior.places)
+    hessian[:, absent] = 0.0
+    return Expansion(np.asarray(here.value), gradient, 0.5 * (hessian + hessian.T))
 
 
 @program

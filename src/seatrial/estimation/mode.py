@@ -1,6 +1,8 @@
 """The fast answer: posterior mode by trust-region Newton with exact derivatives, and the normal approximation there.
 
-Derivatives are forward: through thousands of time steps and a handful of parameters they cost a few simulations and no memory.
+Derivatives are forward: through thousands of time steps and a handful of parameters they cost a few simulations and no memory. A
+filter-error likelihood is climbed with the information in its innovations in place of second derivatives (Gauss and Newton's method),
+and expanded exactly at the mode alone.
 """
 
 from collections.abc import Callable
@@ -16,10 +18,12 @@ from scipy.optimize import minimize
 from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
+from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.filter_slopes import filter_slopes
 from seatrial.estimation.information import expand_everywhere
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
 from seatrial.estimation.simulation import DELAY
-from seatrial.sampling.target import AT_ONCE, evaluate
+from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -93,7 +97,7 @@ class Mode(NamedTuple):
         return DataFrame({"unit": self.units, "mode": self.values, "sd": self.sd}, index=list(self.names))
 
 
-def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512, tries: int = 3) -> Mode:
+def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int | None = None, tries: int = 3) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
     Commands are held or joined by straight lines between their samples, so that the density has a peak about every one of them along a
@@ -103,7 +107,7 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512,
     Args:
         posterior: density to maximise.
         key: random key of the prior draws, or a seed.
-        starts: prior draws that are evaluated.
+        starts: prior draws that are evaluated; None for 512, or 64 of a filter-error likelihood, whose density costs ten times more.
         tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
             straight way to a maximum already found is not: it has nothing else to show.
 
@@ -115,10 +119,10 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int = 512,
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
     check_posterior(posterior)
-    check_count(starts, "starts", remedy="take some hundreds")
+    starts = _at_once(posterior) if starts is None else check_count(starts, "starts", remedy="take some hundreds")
     check_count(tries, "tries", remedy="leave it out, or follow a few")
     candidates = np.asarray(posterior.sample_prior(as_key(key), starts))
-    drawn = _best(evaluate(posterior, candidates))[:tries]
+    drawn = _best(_heights(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]
     if not followed:
         raise NumericalError(
@@ -159,9 +163,18 @@ def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.nd
         start: where the way begins, z, shape (d,).
         end: where it ends, z, shape (d,).
     """
-    way = np.linspace(0.0, 1.0, AT_ONCE)[:, None]
-    height = evaluate(posterior, start + way * (end - start))
+    way = np.linspace(0.0, 1.0, _at_once(posterior))[:, None]
+    height = _heights(posterior, start + way * (end - start))
     return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())
+
+
+def _at_once(posterior: Posterior) -> int:
+    """Return how many densities are computed at once: fewer of a filter, each of which costs ten simulations."""
+    return LANES if isinstance(posterior.likelihood, FilterError) else AT_ONCE
+
+
+def _heights(posterior: Posterior, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    return evaluate(posterior, z, _at_once(posterior))
 
 
 def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
@@ -257,7 +270,7 @@ def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
     known = ~np.isnan(posterior.guess)
     z = np.asarray(posterior.unconstrain(np.where(known, posterior.guess, values_of(posterior, candidates[0]))))
     moved = np.where(known, z, candidates)
-    return moved[_best(evaluate(posterior, moved))[:1]]
+    return moved[_best(_heights(posterior, moved))[:1]]
 
 
 class _Expansion(NamedTuple):
@@ -278,13 +291,22 @@ class _Expansion(NamedTuple):
     slope: Float[np.ndarray, " d"]
 
 
-def _expand(posterior: Posterior, z: Float[np.ndarray, " d"]) -> _Expansion:
+def _expand(posterior: Posterior, z: Float[np.ndarray, " d"], climbing: bool = False) -> _Expansion:
     """Return the expansion at a point: that of the likelihood in the parameters' own units, by the chain rule, and the prior's.
 
     Each value depends on its own z alone, and taking derivatives of that together with the simulation would be most of the compiling.
+
+    Args:
+        posterior: to expand.
+        z: point.
+        climbing: whether minus the information will do for the Hessian of a filter-error likelihood.
     """
     prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(posterior, z))
-    value, gradient, hessian = (one[0] for one in expand_everywhere(posterior, values[None]))
+    if climbing and isinstance(posterior.likelihood, FilterError):
+        value, gradient, information = map(np.asarray, filter_slopes(posterior, values))
+        hessian = -information
+    else:
+        value, gradient, hessian = (one[0] for one in expand_everywhere(posterior, values[None]))
     return _Expansion(
         float(prior[0].sum() + value),
         prior[1] + slope * gradient,
@@ -312,7 +334,7 @@ def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, A
 
 
 def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
-    return follow(lambda z: _expand(posterior, z), start, partial(_point, posterior))
+    return follow(lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior))
 
 
 class Expanded(Protocol):

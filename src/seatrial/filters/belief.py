@@ -28,6 +28,8 @@ class Update(NamedTuple):
         innovation: measured minus predicted, NaN where missing.
         failed: whether a covariance lost positive definiteness.
         clipped: number of sigma points moved back to the bounds.
+        residual: innovation of each channel given those before it at the same time, 0 where missing.
+        variance: its variance, 1 where missing; the log-likelihood is that of these residuals, one after the other.
     """
 
     log_likelihood: Scalar
@@ -36,6 +38,8 @@ class Update(NamedTuple):
     innovation: Vector
     failed: Scalar
     clipped: Scalar
+    residual: Vector
+    variance: Vector
 
 
 class Filter(Protocol):
@@ -124,8 +128,16 @@ def whiten(factor: Triangle, masked: Masked, failed: Scalar = False, clipped: Sc
     nis = dot(white, white)
     n_measured = sum(masked.weight)
     log_likelihood = -0.5 * (nis + n_measured * LOG_2PI) - log_diagonal(factor)
+    sizes = [row[i] for i, row in enumerate(factor)]
     return white, Update(
-        log_likelihood, nis, n_measured, masked.reported, failed | ~jnp.isfinite(log_likelihood), clipped
+        log_likelihood,
+        nis,
+        n_measured,
+        masked.reported,
+        failed | ~jnp.isfinite(log_likelihood),
+        clipped,
+        tuple(e * size for e, size in zip(white, sizes, strict=True)),
+        tuple(size * size for size in sizes),
     )
 
 

@@ -88,7 +88,7 @@ class LargeExtendedKalmanFilter:
         predicted, slopes = _slopes(lambda x: space.observe(x, control), belief.mean)
         masked = mask_missing(space, measurement, tuple(predicted))
         gained, spread = jnp.zeros_like(belief.mean), belief.spread
-        nis = log_size = jnp.zeros(())
+        residuals, variances = [], []
         for i, (weight, noise_sd) in enumerate(zip(masked.weight, masked.noise_sd, strict=True)):
             slope = weight * slopes[i]
             cross = spread @ slope
@@ -96,10 +96,12 @@ class LargeExtendedKalmanFilter:
             left = masked.innovation[i] - slope @ gained
             gained = gained + cross * (left / variance)
             spread = spread - jnp.outer(cross, cross) / variance
-            nis, log_size = nis + left * left / variance, log_size + jnp.log(variance)
-        n_measured = sum(masked.weight)
-        log_likelihood = -0.5 * (nis + n_measured * LOG_2PI + log_size)
-        report = Update(log_likelihood, nis, n_measured, masked.reported, ~jnp.isfinite(log_likelihood), 0)
+            residuals, variances = [*residuals, left], [*variances, variance]
+        left, size, n_measured = jnp.stack(residuals), jnp.stack(variances), sum(masked.weight)
+        nis = (left * left / size).sum()
+        log_likelihood = -0.5 * (nis + n_measured * LOG_2PI + jnp.log(size).sum())
+        failed = ~jnp.isfinite(log_likelihood)
+        report = Update(log_likelihood, nis, n_measured, masked.reported, failed, 0, tuple(residuals), tuple(variances))
         return Belief(belief.mean + gained, spread), report
 
 

@@ -180,7 +180,9 @@ class LargeUnscentedKalmanFilter:
         white = solve_triangular(factor[:m, :m], jnp.stack(masked.innovation), lower=True)
         nis, n_measured = white @ white, sum(masked.weight)
         log_likelihood = -0.5 * (nis + n_measured * LOG_2PI) - jnp.log(jnp.diag(factor)[:m]).sum()
-        report = Update(log_likelihood, nis, n_measured, masked.reported, ~jnp.isfinite(log_likelihood), 0)
+        failed, sizes = ~jnp.isfinite(log_likelihood), jnp.diag(factor)[:m]
+        residual, variance = tuple(white * sizes), tuple(sizes**2)
+        report = Update(log_likelihood, nis, n_measured, masked.reported, failed, 0, residual, variance)
         return Belief(belief.mean + factor[m:, :m] @ white, factor[m:, m:]), report
 
     def _points(self, belief: Belief) -> Float[Array, "p n"]:

@@ -25,15 +25,16 @@ LARGE = 10
 of the time. On an accelerator each turn would be launched anew."""
 
 
-def rk4_step(rate: Rate, state: State, step: Any) -> State:
+def rk4_step(rate: Rate, state: State, step: Any, large: int = LARGE) -> State:
     """Classical fourth-order Runge-Kutta step (Kutta, 1901).
 
     Args:
         rate: time derivative of the state, the input being constant.
         state: scalars.
         step: time step, s.
+        large: number of states from which the stages are a loop on a processor.
     """
-    written_out = len(state) < LARGE or on_accelerator()
+    written_out = len(state) < large or on_accelerator()
     return (rk4_unrolled if written_out else rk4_looped)(rate, state, step)
 
 

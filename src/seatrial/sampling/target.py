@@ -58,10 +58,16 @@ LANES = 64
 """Densities computed at once on a processor: enough to fill its vector units, few enough for their data to stay in its cache."""
 
 
-def evaluate(target: Target, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    """Log densities of any number of positions, NaN taken as -inf; few programs to compile, since compiling is what takes time."""
+def evaluate(target: Target, z: Float[np.ndarray, "n d"], at_once: int = AT_ONCE) -> Float[np.ndarray, " n"]:
+    """Log densities of any number of positions, NaN taken as -inf; few programs to compile, since compiling is what takes time.
+
+    Args:
+        target: density.
+        z: positions.
+        at_once: positions in one call, at least.
+    """
     n = z.shape[0]
-    size = max(AT_ONCE, lanes_at_once(partial(_evaluate, target), z, cpu=LANES))
+    size = max(at_once, lanes_at_once(partial(_evaluate, target), z, cpu=LANES))
     blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
     values = np.concatenate([np.asarray(_evaluate(target, z[block])) for block in blocks])[:n]
     return np.where(np.isnan(values), -np.inf, values)
