@@ -20,7 +20,7 @@ from seatrial.estimation.validation import LOG_2PI, crps_normal, effective_sampl
 CLEAR = 1.1
 """Ratio of the CRPS from which a baseline is clearly better."""
 CHANCE = 0.05
-"""Probability, shared among all baselines, below which a difference is not put down to chance."""
+"""Probability below which a difference is not put down to chance."""
 MUCH = 0.9
 """Share explained from which on tenths of a per cent are said."""
 FEWEST_RUNS = 3
@@ -68,7 +68,8 @@ class Comparison:
         channel: measured channel.
         ours: scores of the model.
         baselines: scores of the baselines, the best first.
-        p_value: probability that chance alone makes the better of the model and the best baseline so much better.
+        p_value: probability that chance alone makes the better of the model and the best baseline so much better; where that is the
+            baseline, times the number of baselines, of which it is the best (Bonferroni).
         level: pass where the model is best, caution where it is not, fail where a baseline is clearly better, by more than chance.
         sentence: what that means and what to do.
     """
@@ -112,9 +113,9 @@ def compare(
     p_value = 0.0
     if not (own.diverges or best.diverges):
         theirs = baselines[best.words]
-        p_value = _chance(runs, ours, theirs) if worse else _chance(runs, theirs, ours)
+        p_value = min(1.0, len(scores) * _chance(runs, ours, theirs)) if worse else _chance(runs, theirs, ours)
     clear = own.diverges or own.crps > CLEAR * best.crps
-    level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE / len(scores) else "caution"
+    level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE else "caution"
     return Comparison(channel, own, (best, *others), p_value, level, _said(channel, own, best, p_value, level))
 
 
@@ -161,7 +162,8 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
     means = np.array([one.mean() for one in differences])
     total = float(weights @ means)
     count = len(differences)
-    variance = sum(w**2 * float(one.var()) / n for w, one, n in zip(weights, differences, worth, strict=True))
+    alone = zip(weights, differences, worth, strict=True)
+    variance = sum(w**2 * float(one.var()) / max(n - 1.0, 1e-9) for w, one, n in alone)
     freedom = max(1.0, sum(worth) - count)
     if count >= FEWEST_RUNS:
         between = count / (count - 1) * float(np.sum(weights**2 * (means - total) ** 2))
@@ -184,10 +186,12 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
     factor, unit = shown_unit(channel)
     digits = 1 if min(best.explained, own.explained) >= MUCH else 0
     shares = f"{best.explained:.{digits}%} against {own.explained:.{digits}%} of the variance explained"
+    if f"{best.explained:.{digits}%}" == f"{own.explained:.{digits}%}":
+        shares = f"{own.explained:.{digits}%} of the variance explained by both"
     if min(best.explained, own.explained) < 0:
         shares = " against ".join(explained_short(one.explained) for one in (best, own))
     scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
-    chance = ", though by no more than chance can do" if p_value >= CHANCE else ""
+    chance = f", though chance may do as much (p = {p_value:.2g})" if p_value >= CHANCE else ""
     if level == "pass":
         beaten = f"held-back runs: the model predicts {channel} better than every baseline"
         return f"{beaten}{chance}; the best of them is {best.words} ({shares}, {scores})"

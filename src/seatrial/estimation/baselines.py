@@ -5,7 +5,7 @@
     lag            T y' = sum_j K_j c_j(t - d) - y + b            each velocity by itself, all controls that move
     nomoto         T r' = K delta(t - d) - r + b                  Nomoto et al., Int. Shipbuilding Progress 4, 1957, first order
     nomoto-2       two lags of delta in parallel                  the same, second order; the poles are real
-    norrbin        T r' = K delta(t - d) - r - a r^3 + b          Norrbin, Nonlinear models of ship steering, 1963
+    norrbin        T r' = K delta(t - d) - r - a r^3 + b          Norrbin, SSPA report B 104-3, 1963
 
 Each is fitted by least squares of its open-loop simulation, never one step ahead, and states one standard deviation of noise for each
 channel: the root mean square of what that simulation leaves. Every run is simulated from its first measurement and its controls alone.

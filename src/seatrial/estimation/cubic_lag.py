@@ -2,9 +2,9 @@
 
     dr/dt = k c(t - d) + b - alpha r - beta r^3,    beta >= 0
 
-is T dr/dt = K c + b' - r - a r^3 (Norrbin 1963) with T = 1/alpha, K = k/alpha, a = beta/alpha; alpha < 0 is a ship that does not keep its
-course, and turns steadily with the rudder amidships. Each step is split (Strang, SIAM J. Numer. Anal. 5, 1968): half a step of the
-linear part, a step of the cubic, half a step of the linear, each exact for the mean of the control over the step.
+is T dr/dt = K c + b/alpha - r - a r^3 (Norrbin, SSPA report B 104-3, 1963) with T = 1/alpha, K = k/alpha and a = beta/alpha. A ship of
+alpha < 0 does not keep its course, and turns steadily with the rudder amidships. Each step is split (Strang, SIAM J. Numer. Anal. 5,
+1968): half a step of the linear part, a step of the cubic, half a step of the linear, each exact for the mean of the control over the step.
 """
 
 from collections.abc import Sequence
