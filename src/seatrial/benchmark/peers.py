@@ -119,8 +119,13 @@ def _columns(record: Record, names: Sequence[str]) -> np.ndarray:
 def _sindy_means(model: Any, scales: _Scales):
     """All stretches side by side, by Runge-Kutta steps under controls that are held from sample to sample."""
 
+    used = np.abs(model.coefficients()).sum(0) > 0
+    powers, gains = model.feature_library.powers_[used], model.coefficients()[:, used].T
+
     def rate(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        return np.asarray(model.predict(np.clip(x, -LARGEST, LARGEST), u=u))
+        """The polynomial itself: PySINDy's own evaluation takes a thousand times as long."""
+        factors = np.power(np.column_stack([np.clip(x, -LARGEST, LARGEST), u])[:, None, :], powers)
+        return factors.prod(-1) @ gains
 
     def means(record: Record, stretches: Sequence[Stretch]) -> np.ndarray:
         _, x, u = scales.standard(record)
