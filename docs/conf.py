@@ -15,7 +15,7 @@ author = "the seatrial authors"
 version = release = seatrial.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
-MORE_PAGES = ("export", "dashboard", "cluster", "reliability")
+MORE_PAGES = ("benchmark", "export", "dashboard", "cluster", "reliability")
 """Pages about what is beyond the loop; those that are there take the place of MORE_PAGES in index.md."""
 
 highlight_language = "text"

@@ -24,6 +24,9 @@ b = { duration = "60 s", thrust = "60 N", rudder = "1 deg" }
 c = { duration = "60 s", thrust = "40 N", rudder = "1 deg" }
 d = { duration = "60 s", thrust = "50 N", rudder = "1 deg" }
 
+[known]
+X_uabsu = -0.35
+
 [campaign]
 name = "Surge"
 seed = 3

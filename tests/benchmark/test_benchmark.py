@@ -15,7 +15,7 @@ from seatrial.benchmark.set_file import check_file, read_set, set_names
 from seatrial.benchmark.simulated import simulate
 from seatrial.benchmark.write import COLUMNS, lines, write_result
 from seatrial.core.errors import InputError
-from tests.benchmark.small_set import write_set
+from tests.benchmark.small_set import SURGE, write_set
 
 
 def test_baselines_on_the_simulated_set(tmp_path):
@@ -54,6 +54,10 @@ def test_ours_beats_the_baselines_on_the_simulated_set(tmp_path):
     ours = result.entries[0]
     assert ours.pooled["run"][0].explained > 0.9
     assert 0.75 < ours.pooled["step"][0].coverage_90 < 0.97
+    (name, term, value, sd, known) = next(one for one in result.coefficients())
+    assert (name, term, known) == ("ours", "X_uabsu", -0.35)
+    assert sd is not None
+    assert abs(value - known) < 0.15
     assert set(ours.about) == {"X_tau_X", "X_u", "X_uabsu", "sigma_u", "tau_u"}
     # White residuals: each stretch is simulated anew from its measured start.
     white = write_set(
@@ -100,14 +104,13 @@ def files_of(tmp_path):
     for run in "abcd":
         (data / f"{run}.csv").write_text(f"t,tau_X,u\n0,0,{run}\n")
     hashes = [f'"{run}.csv" = "{hashlib.sha256((data / f"{run}.csv").read_bytes()).hexdigest()}"' for run in "abcd"]
-    made = "[made]" + write_text_of_made()
+    made = "[made]" + made_text()
     return read_set(str(write_set(tmp_path, a=(made, "[files]\n" + "\n".join(hashes) + "\n\n")))), data
 
 
-def write_text_of_made():
-    from tests.benchmark.small_set import SURGE
-
-    return SURGE.partition("[made]")[2].partition("[campaign]")[0]
+def made_text():
+    """What follows the heading [made] up to the next table but one."""
+    return SURGE.partition("[made]")[2].partition("[known]")[0]
 
 
 def test_a_wrong_hash_names_the_file_and_the_source(tmp_path):
@@ -158,6 +161,7 @@ def test_a_link_out_of_the_data_folder_is_refused(tmp_path):
         ("[vehicle]", '[compute]\nworkers = "tcp://x:1"\n\n[vehicle]', "machine"),
         ("X_uabsu = {", "X_uabsv = {", "X_uabs"),
         ('horizon = "5 s"', 'horizon = "5 m"', "horizon"),
+        ("X_uabsu = -0.35", "X_uabsw = -0.35", 'did you mean "X_uabsu"'),
     ],
 )
 def test_a_bad_set_file_is_refused(tmp_path, old, new, words):
@@ -166,7 +170,7 @@ def test_a_bad_set_file_is_refused(tmp_path, old, new, words):
 
 
 def test_a_file_without_a_hash_is_refused(tmp_path):
-    made = "[made]" + write_text_of_made()
+    made = "[made]" + made_text()
     with pytest.raises(InputError, match=r'(?s)"a\.csv".*holds no hash'):
         read_set(str(write_set(tmp_path, a=(made, ""))))
 

@@ -295,6 +295,19 @@ def csv(folder: Path) -> Written:
     return Written(path, "rows", "u", "rpm", "%time", "ns", STAMPS)
 
 
+def npz(folder: Path) -> Written:
+    path = folder / "run.npz"
+    np.savez(
+        path,
+        timestamps=TICKS,
+        velocities=np.column_stack([SURGE, -SURGE]),
+        commands=RPM[:-1],
+        rpm=RPM,
+        remark=np.array(["ok"] * ROWS),
+    )
+    return Written(path, "timestamps", "velocities[0]", "rpm", "timestamps", "s", TICKS)
+
+
 WRITERS = {
     "csv": csv,
     "ros 1": ros_1,
@@ -314,4 +327,5 @@ WRITERS = {
     "dataflash": dataflash,
     "telemetry": telemetry,
     "alog": alog,
+    "npz": npz,
 }

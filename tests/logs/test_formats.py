@@ -46,7 +46,7 @@ def test_columns_come_back_exactly(written):
     assert first.columns.keys() == {written.rpm}
 
 
-MODULES = ("matlab", "moos", "netcdf", "parquet", "ros_messages", "telemetry")
+MODULES = ("matlab", "moos", "netcdf", "npz", "parquet", "ros_messages", "telemetry")
 
 
 def test_many_blocks_are_one_table(written, monkeypatch):
@@ -308,3 +308,35 @@ def test_no_log_at_all(tmp_path):
         path.write_bytes(b"words of no format, though long enough to hold a header of it\n" * 9)
         with pytest.raises(InputError, match="does not begin as"):
             catalogue(LogFile(path))
+
+
+def test_a_numpy_archive_has_a_table_for_its_clock(tmp_path):
+    path = WRITERS["npz"](tmp_path).path
+    (table,) = catalogue(LogFile(path))
+    assert [column.name for column in table.columns] == [
+        "timestamps",
+        "velocities[0]",
+        "velocities[1]",
+        "commands",
+        "rpm",
+    ]
+    held = read_columns(LogFile(path), "timestamps", ["commands"]).columns["commands"]
+    np.testing.assert_array_equal(held[:-1], RPM[:-1])
+    assert np.isnan(held[-1])
+    without = tmp_path / "without.npz"
+    np.savez_compressed(
+        without, a=np.arange(5.0), b=np.arange(12.0).reshape(6, 2, order="F").T.copy().T, c=np.arange(5)
+    )
+    assert {one.name: [column.name for column in one.columns] for one in catalogue(LogFile(without))} == {
+        "5 rows": ["a", "c"],
+        "6 rows": ["b[0]", "b[1]"],
+    }
+    second = read_columns(LogFile(without), "6 rows", ["b[1]"]).columns["b[1]"]
+    np.testing.assert_array_equal(second, np.load(without)["b"][:, 1])
+
+
+def test_a_numpy_archive_of_objects_is_refused_and_never_unpickled(tmp_path):
+    path = tmp_path / "objects.npz"
+    np.savez(path, things=np.array([{"a": 1}, None, 2.0], dtype=object))
+    with refusal("objects.npz", "no array of numbers", "Python objects"):
+        catalogue(LogFile(path))

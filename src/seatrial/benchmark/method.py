@@ -68,6 +68,11 @@ class Fitted(Protocol):
         ...
 
     @property
+    def about_sd(self) -> Mapping[str, float]:
+        """Standard deviations of these, SI, as far as they are stated."""
+        ...
+
+    @property
     def note(self) -> str:
         """What belongs to its results, in a few words; empty if nothing does."""
         ...
@@ -110,6 +115,7 @@ class _Spread:
     channels: Sequence[str]
     about: Mapping[str, float]
     note: str
+    about_sd: Mapping[str, float] = field(default_factory=dict)
     _kept: dict[int, np.ndarray] = field(default_factory=dict)
 
     def predict(self, record: Record, stretches: Sequence[Stretch]) -> Predicted:

@@ -12,10 +12,17 @@ from seatrial.benchmark.peers import fit_n4sid, fit_sindy
 from seatrial.benchmark.tasks import Stretch
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
+from seatrial.estimation.acceleration_baseline import acceleration_baseline
 from seatrial.estimation.baselines import BASELINES, Baseline
 
 HISTORY = 30.0
 """Time before a stretch whose controls a baseline is given, s: delays reach back."""
+
+
+def fit_accelerations(problem: Problem) -> Fitted:
+    """Fit all terms that the campaign may have to smoothed accelerations; errors as `Baseline.fit`, and `NumericalError`."""
+    campaign = problem.campaign
+    return fit_baseline(acceleration_baseline(campaign.model(campaign.full)), problem)
 
 
 def fit_baseline(baseline: Baseline, problem: Problem) -> Fitted:
@@ -47,6 +54,7 @@ METHODS = {
     for one in (
         Method("ours", "the campaign of the set, by the posterior mode", True, fit_ours),
         *(Method(name, one.words, False, partial(fit_baseline, one)) for name, one in BASELINES.items()),
+        Method("accelerations", "least squares of accelerations, all terms of the campaign", False, fit_accelerations),
         Method("sindy", "sparse regression of the accelerations, by PySINDy", False, fit_sindy),
         Method("n4sid", "a linear subspace model, by nfoursid", False, fit_n4sid),
     )

@@ -73,11 +73,11 @@ def fit_ours(problem: Problem) -> Fitted:
     if not modes:
         raise failures[0]
     _, drawn, mode = max(modes, key=lambda one: one[0])
-    about = dict(zip(drawn.names, map(float, mode.values), strict=True))
+    about, about_sd = (dict(zip(drawn.names, map(float, one), strict=True)) for one in (mode.values, mode.sd))
     several = (
         f"{drawn.structure.label} of {len(campaign.structures)} structures: " if len(campaign.structures) > 1 else ""
     )
-    return Ours(campaign, drawn, about, several + " ".join(drawn.structure.terms))
+    return Ours(campaign, drawn, about, about_sd, several + " ".join(drawn.structure.terms))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +88,14 @@ class Ours:
         campaign: of the set.
         drawn: parameters about the mode.
         about: values at the mode, SI.
+        about_sd: their standard deviations as if the posterior were normal, SI.
         note: which terms.
     """
 
     campaign: Campaign
     drawn: NormalPosterior
     about: Mapping[str, float]
+    about_sd: Mapping[str, float]
     note: str
 
     def predict(self, record: Record, stretches: Sequence[Stretch]) -> Predicted:

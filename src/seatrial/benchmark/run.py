@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class Entry:
         failed: why it could not be fitted or did not predict; empty if it did.
         note: what belongs to its results.
         about: parameters or coefficients, SI.
+        about_sd: their standard deviations, SI, as far as they are stated.
         runs: scores of each run and channel, by task.
         pooled: scores of each channel over all held-back runs, by task.
     """
@@ -48,8 +50,19 @@ class Entry:
     failed: str
     note: str
     about: Mapping[str, float]
+    about_sd: Mapping[str, float]
     runs: Mapping[str, tuple[RunScore, ...]]
     pooled: Mapping[str, tuple[PooledScore, ...]]
+
+
+class KnownCoefficient(NamedTuple):
+    """A coefficient that a set knows, as a method found it: value and standard deviation, if stated, and what is known, SI."""
+
+    method: str
+    name: str
+    value: float
+    sd: float | None
+    known: float
 
 
 @dataclass(frozen=True)
@@ -60,11 +73,13 @@ class Result:
         set: that was run.
         channels: with the SI unit of each.
         entries: one for each method.
+        coefficient_units: SI unit of every coefficient of the campaign.
     """
 
     set: BenchmarkSet
     channels: Mapping[str, str]
     entries: tuple[Entry, ...]
+    coefficient_units: Mapping[str, str]
 
     def beaten(self) -> list[str]:
         """Where our entry is not the best, in words: by task and channel the methods whose CRPS is lower by more than a hundredth."""
@@ -92,6 +107,15 @@ class Result:
         has = "diverges" if own is None else f"has a CRPS of {own:.3g} {self.channels[channel]}"
         return [f"{ours.method}, {task}, {channel}: {has} and does not beat {names}"]
 
+    def coefficients(self) -> list["KnownCoefficient"]:
+        """Return what each method found of the coefficients that the set knows."""
+        return [
+            KnownCoefficient(entry.method, name, entry.about[name], entry.about_sd.get(name), known)
+            for entry in self.entries
+            for name, known in self.set.known.items()
+            if name in entry.about
+        ]
+
     def as_json(self) -> dict:
         """Return all of it as plain data; `docs/benchmark.md` tells the keys."""
         found = self.set
@@ -112,6 +136,10 @@ class Result:
             "channels": dict(self.channels),
             "tasks": {task.name: task.words for task in TASKS},
             "entries": [_plain(asdict(entry)) for entry in self.entries],
+            "coefficients": [
+                _plain(dict(zip(("method", "name", "value", "sd", "known"), one, strict=True)))
+                for one in self.coefficients()
+            ],
             "not_beaten": self.beaten(),
         }
 
@@ -146,7 +174,7 @@ def run_set(
     trials = import_trials(campaign, reporter)
     problem, units = Problem(campaign, trials, reporter), campaign.model(campaign.full).channel_units()
     entries = tuple(_entry(problem, method, found.horizon) for method in methods)
-    return Result(found, {channel: units[channel] for channel in campaign.channels}, entries)
+    return Result(found, {channel: units[channel] for channel in campaign.channels}, entries, campaign.units)
 
 
 def _entry(problem: Problem, method: Method, horizon: float) -> Entry:
@@ -202,6 +230,7 @@ def _entry(problem: Problem, method: Method, horizon: float) -> Entry:
         failed,
         "" if fitted is None else fitted.note,
         {} if fitted is None else dict(fitted.about),
+        {} if fitted is None else dict(fitted.about_sd),
         {} if failed else runs,
         pooled,
     )

@@ -169,6 +169,15 @@ def read_set(name: str) -> BenchmarkSet:
             expected="a set that means the same everywhere",
             remedy="remove it",
         )
+    terms = (*file.structure.always, *file.structure.optional)
+    for name in file.known:
+        if name not in terms:
+            raise InputError(
+                keys.where(f"known.{name}"),
+                found=f'"{name}"',
+                expected="a term of [structure]: " + ", ".join(terms),
+                remedy=nearest(name, terms),
+            )
     _check_paths(file, keys)
     return BenchmarkSet(
         file.set.name,

@@ -104,6 +104,7 @@ def as_page(result: Result) -> str:
         entries=result.entries,
         tasks=[(task, rows_of(result, task.name)) for task in TASKS],
         beaten=result.beaten(),
+        coefficients=coefficient_lines(result),
         version=__version__,
     )
 
@@ -143,7 +144,18 @@ def lines(result: Result) -> list[str]:
         ),
     ]
     said += [f"{entry.method}: no result: {entry.failed}" for entry in result.entries if entry.failed]
-    return said
+    return said + coefficient_lines(result)
+
+
+def coefficient_lines(result: Result) -> list[str]:
+    """Return each known coefficient as a method found it, in words."""
+    units = result.coefficient_units
+    found = []
+    for method, name, value, sd, known in result.coefficients():
+        spread = "" if sd is None else f" ± {sd:.2g}"
+        away = "" if not sd else f", {abs(value - known) / sd:.1f} standard deviations away"
+        found.append(f"{method}: {name} {value:.4g}{spread} {units.get(name, '')}, known {known:g}{away}")
+    return found
 
 
 def _cells(entry: Entry, score: PooledScore, column: int) -> list[str]:

@@ -48,7 +48,7 @@ class LogSource:
     """One log file and how to read it.
 
     Attributes:
-        path: of the log: CSV or TSV (gzip-compressed where the name ends in `.gz`), Parquet, NetCDF, MATLAB, ROS 1 bag,
+        path: of the log: CSV or TSV (gzip-compressed where the name ends in `.gz`), Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 bag,
             folder of a ROS 2 bag, MCAP, dataflash `.BIN`, MAVLink `.tlog` or MOOS `.alog`.
         time_column: column of the time stamps, whole or decimal; by default the first clock of the table that moves, for
             example `header.stamp`, else the time of receipt.

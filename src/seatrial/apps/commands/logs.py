@@ -17,7 +17,7 @@ def inspect(
         Path,
         typer.Argument(
             metavar="LOG",
-            help="CSV, TSV, Parquet, NetCDF, MATLAB, ROS 1 or 2 bag, MCAP, dataflash, MAVLink or MOOS log.",
+            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink or MOOS log.",
         ),
     ],
     table: Annotated[
