@@ -14,6 +14,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.estimation.prediction import noise_sd
+from seatrial.estimation.simulated_record import _would_act
 from tests.campaign.small import write_small
 
 RPM = 2 * np.pi / 60
@@ -254,3 +255,30 @@ def test_noise_with_heavy_tails_is_that_of_student_s_t():
     expected = [0.1 * stats.t(5).std(), 0.2 * stats.t(3).std()]
     np.testing.assert_allclose(noise_sd(st.Sensor("u", "heavy"), values), expected)
     np.testing.assert_array_equal(noise_sd(st.Sensor("u"), values), [0.1, 0.2])
+
+
+@pytest.mark.parametrize(("rate", "every"), [(20.0, 1), (10.0, 2), (6.7, 3), (1 / 11.95, 239)])
+def test_slower_sensors_measure_every_so_many_samples(rate, every):
+    """From one at every time of the schedule, 20 a second, to two in the whole trial."""
+    made = st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, rates={"u": rate})
+    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(made.channel("u"))), np.arange(0, 240, every))
+    for wrong in (20.1, 1 / 12.1):
+        with pytest.raises(st.InputError, match=r"from 0\.0837, two in the whole trial, to 20,"):
+            st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, rates={"u": wrong})
+
+
+@pytest.mark.parametrize(
+    ("name", "acts"),
+    [("X_uu", True), ("T_nu", True), ("X_w", False), ("N_r", False), ("X_udelta_r", False), ("no coefficient", True)],
+)
+def test_values_of_terms_without_a_part_in_the_motion_are_ignored(name, acts):
+    """Of a vehicle of surge and propeller, terms of sway, yaw or a rudder may be given; others are asked about."""
+    assert _would_act(MODEL, name) == acts
+
+
+def test_constants_are_those_that_the_vehicle_was_built_with():
+    given = TRUTH | {"X_udot": VEHICLE.hull.fixed["X_udot"]}
+    same, without = (st.simulate(MODEL, values, SCHEDULE, ["u"], start=START) for values in (given, TRUTH))
+    np.testing.assert_array_equal(same.channel("u"), without.channel("u"))
+    with pytest.raises(st.InputError, match="which the vehicle was built with"):
+        st.simulate(MODEL, given | {"X_udot": -0.94}, SCHEDULE, ["u"], start=START)
