@@ -1,12 +1,13 @@
 """Limits of free-form inputs without a search: the unit of the levels, projections, starts, margins and what a status says."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.design import free_form_climb
 from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import ALIKE, TIGHT, ClimbOutcome, _change, _margin, _status
@@ -284,3 +285,45 @@ def test_blocks_hold_the_samples_in_order_and_are_filled_with_none_that_last_or_
         np.testing.assert_array_equal(np.ravel(found), np.append(wanted, np.full(fill, wanted[-1])))
     np.testing.assert_array_equal(np.ravel(steps), np.append(step, np.zeros(fill)))
     np.testing.assert_array_equal(np.reshape(weights, (-1, 3)), np.vstack([weight, np.zeros((fill, 3))]))
+
+
+def stand_in(gain=None, beyond=lambda x: np.full(len(x), -1.0)):
+    """What a climb asks of its problem: a box from -1 to 0.5, utilities and excesses."""
+    return SimpleNamespace(problem=SimpleNamespace(box=(-1.0, 0.5)), utilities=gain, excess=beyond)
+
+
+def test_levels_go_to_their_nearer_bounds_at_once_where_none_may_go_alone():
+    """Only all three together gain, the middle of the box being -0.25; where that breaks a limit, nothing moves."""
+    start, there = np.array([-0.2, -0.3, 0.4]), np.array([0.5, -1.0, 0.5])
+    climb = stand_in(lambda x: (np.abs(x - there) < 1e-12).all(1) - 0.5)
+    found, gain = Climb.rounded(climb, start)
+    np.testing.assert_array_equal(found, there)
+    assert gain == 0.5
+    climb.excess = lambda x: np.where((x == there).all(1), 1e-6, -1.0)
+    np.testing.assert_array_equal(Climb.rounded(climb, start)[0], start)
+
+
+def test_levels_go_to_bounds_one_by_one_as_long_as_that_gains():
+    """A slope of 1 up, one of 3 down and a peak of 2 nats at 0.1: two levels go to their bounds, the dearest first, and one stays."""
+    seen = []
+
+    def gain(x):
+        seen.append(len(x))
+        return x[:, 0] - 3 * x[:, 1] - 2 * (np.abs(x[:, 2] - 0.1) > 1e-9)
+
+    found, best = Climb.rounded(stand_in(gain), np.array([0.0, 0.0, 0.1]))
+    np.testing.assert_array_equal(found, [0.5, -1.0, 0.1])
+    assert best == pytest.approx(3.5)
+    assert seen == [1, 7, 6, 5]
+
+
+def test_an_input_is_drawn_in_no_further_than_the_limits_ask():
+    """Steps of drawing in grow by the 78th root of 10^12 each; trim itself may break no limit."""
+    climb = stand_in(beyond=lambda x: x[:, 0] - 0.2)
+    found = Climb.pulled_in(climb, np.array([9.0, -0.3]))
+    assert found[1] / found[0] == pytest.approx(-0.3 / 0.5)
+    assert 0.6 <= 1 - found[0] / 0.5 < 0.6 * 10 ** (12 / (LANES - 2))
+    np.testing.assert_array_equal(Climb.pulled_in(climb, np.array([0.2, -2.0])), [0.2, -1.0])
+    climb.excess = lambda x: np.full(len(x), 2 * ROUNDING)
+    with pytest.raises(NumericalError, match="trim breaks a limit"):
+        Climb.pulled_in(climb, np.zeros(2))

@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.design.fisher import fisher_information
-from seatrial.design.global_search import search_globally
+from seatrial.design.global_search import GlobalOptimum, search_globally
 from tests.cases import N0, RPM, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, naive_doublets
 
@@ -104,3 +104,9 @@ def test_impossible_searches(change, message):
     settings = {"utility": bowl, "lower": LOWER, "upper": UPPER, "budget": 32, "seed": 0}
     with pytest.raises(InputError, match=message):
         search_globally(**settings | change)
+
+
+@pytest.mark.parametrize(("starts", "spread", "settled"), [(1, 0.011, False), (1, 0.009, True), (2, 0.5, True)])
+def test_a_search_has_settled_that_began_again_or_ends_within_a_hundredth_of_the_box(starts, spread, settled):
+    found = GlobalOptimum(PEAK, 3.0, 800, starts, np.zeros(starts), np.array([0.001, spread]), 1.0)
+    assert found.settled == settled

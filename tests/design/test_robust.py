@@ -46,8 +46,9 @@ def test_error_of_the_mean_is_that_of_repeats():
     np.testing.assert_allclose(np.std(means, 0), told, rtol=0.25)
 
 
-def test_one_draw_has_no_error():
+def test_one_draw_has_no_error_and_two_have_half_their_difference():
     assert np.isnan(UtilityTable(np.ones((2, 1)), "nat").std_error).all()
+    np.testing.assert_allclose(UtilityTable(np.array([[1.0, 3.0], [2.0, 2.0]]), "nat").std_error, [1.0, 0.0])
 
 
 def test_draws_that_diverge_are_counted():

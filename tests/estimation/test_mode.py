@@ -122,3 +122,16 @@ def test_delay_is_known_as_well_as_its_profile_over_all_peaks():
     assert mode.sd[1] == pytest.approx(np.hypot(0.01, 5 * spread), rel=0.05)
     assert mode.log_evidence == pytest.approx(np.log(area * 0.01 * np.sqrt(2 * np.pi) / 20.0), abs=0.05)
     assert np.allclose(mode.precision @ mode.cov, np.eye(2), atol=1e-6)
+
+
+def test_mode_without_what_is_absent_is_that_of_the_rest_alone():
+    """A parameter that the data never see is standard normal in z, and the density of the others is without it."""
+
+    def seen(values, data):
+        return -0.5 * ((values["a"] - 0.9) / 0.1) ** 2
+
+    priors = {"b": Normal(3.0, 7.0), "a": Normal(0.0, 2.0)}
+    found = find_mode(posterior(priors, seen), KEY).only(np.array([1]))
+    alone = find_mode(posterior({"a": priors["a"]}, seen), KEY)
+    for one, other in zip(found, alone, strict=True):
+        assert one == (pytest.approx(other, abs=1e-9) if isinstance(other, float | np.ndarray) else other)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.estimation.record_checks import (
+    _correlation,
     _delay,
     _scatter,
     _standing_out,
@@ -304,3 +305,23 @@ def test_outliers_are_told_of_their_channel():
     for values, level in ((NOISE, "pass"), (spiky, "caution")):
         (finding,) = check_samples("r", values, 0.02)
         assert (finding.signal, finding.check, finding.level) == ("r", "outliers", level)
+
+
+@pytest.mark.parametrize(("against", "lost", "says"), [(8, 0, True), (9, 0, False), (0, 24, True), (0, 25, False)])
+def test_three_quarters_of_the_vehicles_left_say_a_direction_and_a_quarter_must_be_left(against, lost, says):
+    way = np.where(np.arange(32) < against, -1.0, 1.0)
+    way[32 - lost :] = np.nan
+    assert says_direction(EXPECTED, way[:, None] * EXPECTED, 0.01) == says
+
+
+@pytest.mark.parametrize(("moved", "lost", "says"), [(0.9, 0, True), (1.1, 0, False), (0.9, 1, False)])
+def test_vehicles_that_move_by_less_than_the_noise_say_that_a_channel_stays_still(moved, lost, says):
+    """Half go either way; one that runs away does not stay still."""
+    drawn = 0.01 * moved / np.ptp(EXPECTED) * np.where(np.arange(32) % 2, 1.0, -1.0)[:, None] * EXPECTED
+    drawn[:lost] = np.nan
+    assert says_direction(EXPECTED, drawn, 0.01) == says
+
+
+def test_a_correlation_takes_ten_pairs():
+    assert _correlation(EXPECTED[:10], EXPECTED[:10]) == pytest.approx(1.0)
+    assert _correlation(EXPECTED[:9], EXPECTED[:9]) == 0.0

@@ -7,11 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 import seatrial as st
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.estimation.prediction import noise_sd
+from seatrial.estimation.simulated_record import _would_act
 from tests.campaign.small import write_small
 
 RPM = 2 * np.pi / 60
@@ -224,3 +227,58 @@ def test_a_simulated_record_tells_what_made_it(record):
     assert record.provenance.options == told
     assert record.provenance.sha256 == hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
     assert record.label == "trial"
+
+
+@pytest.mark.parametrize(("given", "kept"), [(9, [0, 2, 4, 6]), (7, [0, 1, 2, 3]), (3, [0, 1, 2])])
+def test_a_prediction_is_that_of_draws_spread_over_all(record, given, kept):
+    """Means and deviations over the motion of each, and the root mean square of their noise; the median memory of it."""
+    priors = PRIORS | {"tau_u": st.LogUniform(0.05, 10.0)}
+    posterior = st.make_posterior(MODEL, record, priors, [st.Sensor("u", "coloured")], start=START)
+    spread = np.linspace(0.7, 1.4, given)[:, None]
+    table = np.array([TRUTH.get(name, 0.5) for name in posterior.names]) * np.where(spread > 1, spread**2, spread)
+    draws = st.Draws(table[None], np.zeros((1, given)), 1.0, 0, posterior.names, ("1",) * table.shape[1], table[None])
+    found = st.predict(posterior, draws, record, start=START, n=4)
+    drawn = [dict(zip(posterior.names, row, strict=True)) for row in table[kept]]
+    still = [{name: one[name] for name in TRUTH} | {"sigma_u": 0.0} for one in drawn]
+    motion = np.array([st.simulate(MODEL, one, SCHEDULE, ["u"], start=START).channel("u") for one in still])
+    np.testing.assert_allclose(found.mean[:, 0], motion.mean(0), rtol=1e-9)
+    np.testing.assert_allclose(found.motion_sd[:, 0], motion.std(0), rtol=1e-6, atol=1e-12)
+    noise = np.sqrt(np.mean([one["sigma_u"] ** 2 for one in drawn]))
+    assert found.noise_sd == pytest.approx([noise])
+    assert found.correlation_time == (pytest.approx(np.median([one["tau_u"] for one in drawn])),)
+    np.testing.assert_allclose(found.sd, np.hypot(found.motion_sd, noise))
+
+
+def test_noise_with_heavy_tails_is_that_of_student_s_t():
+    """Of three degrees of freedom at least, for below it would have hardly any."""
+    values = {"sigma_u": np.array([0.1, 0.2]), "dof_u": np.array([5.0, 2.5])}
+    expected = [0.1 * stats.t(5).std(), 0.2 * stats.t(3).std()]
+    np.testing.assert_allclose(noise_sd(st.Sensor("u", "heavy"), values), expected)
+    np.testing.assert_array_equal(noise_sd(st.Sensor("u"), values), [0.1, 0.2])
+
+
+@pytest.mark.parametrize(("rate", "every"), [(20.0, 1), (10.0, 2), (6.7, 3), (1 / 11.95, 239)])
+def test_slower_sensors_measure_every_so_many_samples(rate, every):
+    """From one at every time of the schedule, 20 a second, to two in the whole trial."""
+    made = st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, rates={"u": rate})
+    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(made.channel("u"))), np.arange(0, 240, every))
+    for wrong in (20.1, 1 / 12.1):
+        with pytest.raises(st.InputError, match=r"from 0\.0837, two in the whole trial, to 20,"):
+            st.simulate(MODEL, TRUTH, SCHEDULE, ["u"], start=START, rates={"u": wrong})
+
+
+@pytest.mark.parametrize(
+    ("name", "acts"),
+    [("X_uu", True), ("T_nu", True), ("X_w", False), ("N_r", False), ("X_udelta_r", False), ("no coefficient", True)],
+)
+def test_values_of_terms_without_a_part_in_the_motion_are_ignored(name, acts):
+    """Of a vehicle of surge and propeller, terms of sway, yaw or a rudder may be given; others are asked about."""
+    assert _would_act(MODEL, name) == acts
+
+
+def test_constants_are_those_that_the_vehicle_was_built_with():
+    given = TRUTH | {"X_udot": VEHICLE.hull.fixed["X_udot"]}
+    same, without = (st.simulate(MODEL, values, SCHEDULE, ["u"], start=START) for values in (given, TRUTH))
+    np.testing.assert_array_equal(same.channel("u"), without.channel("u"))
+    with pytest.raises(st.InputError, match="which the vehicle was built with"):
+        st.simulate(MODEL, given | {"X_udot": -0.94}, SCHEDULE, ["u"], start=START)

@@ -203,3 +203,25 @@ def test_spheroid_has_the_mass_and_the_added_mass_of_the_vehicle():
 )
 def test_limits_of_the_actuators_are_the_narrowest_and_lags_the_longest(actuators, found):
     assert actuator_limits(replace(published(), actuators=actuators)) == pytest.approx(found)
+
+
+def test_numbers_that_holoocean_has_of_its_own_and_the_spheroid_in_words():
+    """Its formulas take them from the table, so that no motion tells whether they are those of its own vehicle."""
+    vehicle = published()
+    (agent,) = json.loads(written(HoloOcean(), vehicle)["agent.json"])["agents"]
+    own = {"r44": 0.3, "e": 0.7, "area_fraction": 0.7, "K_nomoto": 0.25, "r_bb": [0.0, 0.0, 0.0]}
+    assert {key: agent["dynamics"][key] for key in own} == own
+    propeller = {
+        "fin_count": 4,
+        "fin_offset_deg": 0.0,
+        "CL_delta": 1.0,
+        "D_prop": 0.14,
+        "t_prop": 0.0,
+        "w": 0.0,
+        "Ja_max": 1.0,
+    }
+    assert {key: agent["actuator"][key] for key in propeller} == propeller
+    for kind in ("KT", "KQ"):
+        assert agent["actuator"][f"{kind}_0"] == agent["actuator"][f"{kind}_max"]
+    torpedo, said = torpedo_of(vehicle, 1000.0), HoloOcean(density=1000.0).carries(vehicle).changed[0]
+    assert f"{2 * torpedo.half_length:.3g} m long and {2 * torpedo.radius:.3g} m thick" in said

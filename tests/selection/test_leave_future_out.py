@@ -153,6 +153,7 @@ def test_blocks_of_records():
     np.testing.assert_allclose(edges[:-1], np.arange(4, 16))
     assert 15.9 < edges[-1] < 15.91
     np.testing.assert_allclose(block_edges(trials()[1:], 4.0, 1.0)[:5], [4, 5, 6, 9, 10])
+    np.testing.assert_allclose(block_edges(trials(), 0.5, 0.25)[:3], [0.5, 0.75, 1.0])
     for first, block in ((0.0, 1.0), (4.0, 0.0), (15.0, 5.0)):
         with pytest.raises(InputError, match="at least two blocks"):
             block_edges(trials(), first, block)

@@ -20,7 +20,7 @@ from seatrial.selection.thermodynamic import (
     thermodynamic,
     thermodynamic_evidence,
 )
-from tests.estimation_cases import posterior
+from tests.estimation_cases import linear_gaussian, posterior
 from tests.selection.targets import correlated, linear
 from tests.selection.test_evidence import box, half_forbidden
 
@@ -281,3 +281,16 @@ def test_an_uncertain_integral_is_told(cut, told):
     found = thermodynamic(Ladder(b, logs, np.full(4, 0.5), 9.0, 0.0))
     assert found.diagnostics["discretisation_error"] == pytest.approx(cut)
     assert ("uncertain by" in found.status) == told
+
+
+def test_where_every_swap_is_accepted_the_prior_arrives_every_second_iteration():
+    """Measurements that see nothing: neighbours swap always, even and odd pairs in turn, so that draws climb a rung an iteration."""
+    problem = linear_gaussian(2)
+    blind = problem._replace(design=np.zeros_like(problem.design))
+    found = sample_ladder(blind.posterior, KEY, LadderSettings(rungs=5, warmup=250, draws=250))
+    assert found.swap == pytest.approx(1.0)
+    assert found.arrivals == pytest.approx(125.0, abs=1.0)
+    assert found.log_likelihood.shape == (250, 5, 16)
+    assert found.highest - blind.log_evidence == pytest.approx(-np.log(2 * np.pi), abs=0.01)
+    for estimate in (stepping_stone, thermodynamic):
+        assert estimate(found).log_value == pytest.approx(blind.log_evidence)

@@ -323,3 +323,12 @@ def test_averages_over_the_best_are_off_by_what_the_rest_may_hold(monkeypatch):
     best, weight = found.structures[:10], found.probability[:10] / found.probability[:10].sum()
     there = best[:, None] >> np.arange(10, dtype=np.uint64) & np.uint64(1)
     assert found.inclusion == pytest.approx(weight @ there, rel=1e-4)
+
+
+def test_errors_of_visits_are_no_less_than_what_the_evidences_say_and_the_rest_cannot_explain(monkeypatch):
+    monkeypatch.setattr(sampler, "HELD", 2.0)
+    found = sample_subsets(problem(10)[2], some_prior(10), NAMES[:10], **SHORT)
+    errors = found.monte_carlo
+    apart = np.abs(found.inclusion - errors.renormalised) - (1 - errors.covered)
+    assert (errors.inclusion_error >= apart).all()
+    assert (apart > 0).any()
