@@ -55,9 +55,7 @@ def posterior_of_runs(runs, varying=False):
         SurgeHull("linear", mass=HULL.mass, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93, "X_u": DRAG}),
         ("T_nabsn", "X_0"),
     )
-    known |= {
-        f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)
-    }
+    known |= {f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)}
     return make_posterior(model, records, known, ["u"])
 
 

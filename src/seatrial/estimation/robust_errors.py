@@ -176,9 +176,7 @@ def _by_blocks(posterior: Posterior, mode: Mode) -> RobustErrors:
 def _time_of_one(posterior: Posterior, mode: Mode) -> float:
     """Return the longest time, of all channels, that one independent residual of the simulation at the mode takes, s."""
     longest = 0.0
-    for one, at in zip(
-        (runs := split_runs(posterior)).runs, map(runs.places, range(len(runs.runs))), strict=True
-    ):
+    for one, at in zip((runs := split_runs(posterior)).runs, map(runs.places, range(len(runs.runs))), strict=True):
         output = one.likelihood.output if isinstance(one.likelihood, FilterError) else one.likelihood
         values = {name: np.array([value]) for name, value in zip(one.names, mode.values[at], strict=True)}
         shown = np.asarray(outputs_of_draws(output)(values, one.data, jax.random.key(0)))[0]
