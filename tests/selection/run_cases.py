@@ -39,7 +39,7 @@ def linear_runs(count, noise=NOISE, seed=0):
     return runs
 
 
-def posterior_of_runs(runs, varying=False):
+def posterior_of_runs(runs, varying=False, free_start=True):
     """Joint posterior; the noise is known, and each run has its own start, or its own drag where that varies."""
     labels = [f"run {i}" for i in range(len(runs))]
     records = [
@@ -53,7 +53,8 @@ def posterior_of_runs(runs, varying=False):
         known |= {"X_u": Normal(DRAG, 1.0), "spread_X_u": half_normal(2.0, lower=0.0)}
         return make_posterior(model, records, known, ["u"])
     model = surge_vehicle(FIXED_DRAG, ("T_nabsn", "X_0"))
-    known |= {f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)}
+    if free_start:
+        known |= {f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)}
     return make_posterior(model, records, known, ["u"])
 
 

@@ -72,6 +72,16 @@ def test_own_parameters_are_integrated_out():
         assert np.log(value) == pytest.approx(0.0, abs=0.05)
 
 
+def test_without_own_parameters():
+    """Starts as measured: what a run says of the shared parameters is its likelihood."""
+    joint = posterior_of_runs(linear_runs(3), free_start=False)
+    runs, mode = split_runs(joint), find_mode(joint, 0)
+    table = marginal_log_likelihoods(runs, mode, expand_runs(runs, mode.z), mode.z[None])
+    whole = float(joint.log_likelihood(mode.z))
+    assert table.shape == (1, 3)
+    assert table.sum() == pytest.approx(whole, rel=1e-12)
+
+
 def test_bands_and_scores():
     assert found().bands["u"].runs == 5
     assert mean_score(found(), "u", "coverage") == pytest.approx(0.9, abs=0.08)

@@ -76,6 +76,12 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     return CrossValidation(labels, tuple(found), tuple(_cautions(trials)))
 
 
+def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidation | None:
+    """Return the result if it has been made and is current; nothing is computed."""
+    kept = stored_cross_validation(campaign, trials)
+    return kept.read(kept.path) if kept.is_current() else None
+
+
 def _check_runs(campaign: Campaign, trials: Trials) -> None:
     if len(trials.fit) >= LEAST_RUNS:
         return

@@ -10,9 +10,11 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.cross_validation import current_cross_validation
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.predict import fit_complaints, held_back_alarms, pooled_of
 from seatrial.campaign.selection.select_structure import structure_rows
+from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
@@ -53,6 +55,7 @@ class Outcome:
         contenders: the chosen structure beside the runner-up; None where there is one structure.
         left_out: what the chosen structure lacks and its coefficients hide.
         summary: the machine-readable summary.
+        cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
     """
 
     campaign: Campaign
@@ -73,6 +76,7 @@ class Outcome:
     contenders: Contenders | None
     left_out: tuple[LeftOut, ...]
     summary: dict[str, Any]
+    cross_validation: CrossValidation | None = None
 
 
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
@@ -104,6 +108,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         screened=screened,
         screening_cautions=tuple(cautions),
         summary={},
+        cross_validation=current_cross_validation(found["candidates"], found["trials"]),
         **{name: found[name] for name in same},
     )
     summary = summarise(outcome)
@@ -115,6 +120,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
+    alarms += [] if outcome.cross_validation is None else outcome.cross_validation.alarms
     alarms += [*selection.alarms, *held_back_alarms(outcome.fits, outcome.pooled)]
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [text for record in records for text in record_cautions(record)]
@@ -187,6 +193,7 @@ def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
         "unit": str(row["unit"].values),
         "label": str(row["label"].values),
         **numbers,
+        "model_error_sd": estimate.wider(name),
         "lower_95": float(lower),
         "upper_95": float(upper),
     }
