@@ -137,7 +137,12 @@ def excitation(number: int, time: np.ndarray) -> np.ndarray:
 
 
 def simulated(
-    kind: Kind, truth: dict[str, np.ndarray], size: np.ndarray, time: np.ndarray, command: np.ndarray, random: np.random.Generator
+    kind: Kind,
+    truth: dict[str, np.ndarray],
+    size: np.ndarray,
+    time: np.ndarray,
+    command: np.ndarray,
+    random: np.random.Generator,
 ) -> np.ndarray:
     """Return the measured speed over ground of all vehicles without the sensor's noise, by Euler steps, shape (n, vehicles)."""
     h, count = STEP / FINE, size.size
@@ -203,9 +208,7 @@ def row(words: str, error: str, found: list[dict]) -> str:
     silent = ~failed & (inside < LEVEL - 0.05)
     stated, wider = np.array([list(one["covered"].values()) for one in found], float).mean((0, 1))
     kept = inside[~failed].mean() if (~failed).any() else np.nan
-    return (
-        f"| {words} | {error} | {inside.mean():.0%} | {failed.mean():.1%} | {kept:.0%} | {silent.mean():.1%} | {stated:.0%} | {wider:.0%} |"
-    )
+    return f"| {words} | {error} | {inside.mean():.0%} | {failed.mean():.1%} | {kept:.0%} | {silent.mean():.1%} | {stated:.0%} | {wider:.0%} |"
 
 
 def _write(rows: list[str]) -> None:

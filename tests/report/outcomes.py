@@ -1,6 +1,7 @@
 """A made-up outcome of an imported campaign, with names that try to break the page; nothing is computed to make it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
 from seatrial.campaign.store.baselines import FittedBaselines
+from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
 from seatrial.campaign.store.estimates import Direction, Estimate, Fit, Known, KnownParameter
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.run import Outcome
@@ -127,7 +129,19 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         make_contenders(campaign, selection),
         (),
         summary,
+        make_cross_validation(),
     )
+
+
+def make_cross_validation() -> CrossValidation:
+    """Two structures of which the evidence prefers the one that predicts runs left out worse."""
+    candidates = []
+    for label, evidence, size in (("M-0", -100.0, 1.0), ("M-1", -104.0, 20.0)):
+        scores = ChannelScores("u", (0.02, 0.02, 0.02), 0.9, 0.5, 0.7, "fail", f"70% of u lies inside {EVIL}")
+        one = Candidate(label, ("X_u",), OWN, "the campaign's own", (), log_evidence=evidence, channels=(scores,))
+        numbers = {"elpd": (size, size + 1.0, size + 1.5), "errors": (0.1,) * 3, "k_hat": (0.2,) * 3}
+        candidates.append(replace(one, **numbers))
+    return CrossValidation(("a", "b", "c"), tuple(candidates), ())
 
 
 def make_pooled(scale: float) -> tuple[Pooled, ...]:
@@ -273,6 +287,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
     columns = {
         "mode": truth,
         "laplace_sd": 0.1 * np.abs(truth),
+        "model_error_sd": np.where(np.arange(len(names)) % 3, np.nan, 0.3 * np.abs(truth)),
         "mean": draws.mean((0, 1)),
         "sd": draws.std((0, 1)),
         "prior_mean": 1.2 * truth,
@@ -299,6 +314,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
             "prior_kind": ("parameter", ["Uniform"] * len(names)),
         },
         attrs={
+            "model_error": "± with model error: made up",
             "acceptance": 0.23,
             "laplace_log_evidence": 1.0,
             "alarms": "[]",

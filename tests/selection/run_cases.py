@@ -14,6 +14,7 @@ DRAG = -6.0
 PRIOR = {"T_nabsn": (1.6e-3, 3e-4), "X_0": (0.0, 0.5)}
 TRUTH = {"T_nabsn": 1.5e-3, "X_0": 0.3}
 HULL = SurgeHull("linear", mass=MASS - 0.93, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93})
+FIXED_DRAG = SurgeHull("linear", mass=MASS - 0.93, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93, "X_u": DRAG})
 
 
 def speed(rev, start, thrust, constant, drag=DRAG):
@@ -38,7 +39,7 @@ def linear_runs(count, noise=NOISE, seed=0):
     return runs
 
 
-def posterior_of_runs(runs, varying=False):
+def posterior_of_runs(runs, varying=False, free_start=True):
     """Joint posterior; the noise is known, and each run has its own start, or its own drag where that varies."""
     labels = [f"run {i}" for i in range(len(runs))]
     records = [
@@ -51,16 +52,14 @@ def posterior_of_runs(runs, varying=False):
         model = surge_vehicle(HULL, ("X_u", "T_nabsn", "X_0"))
         known |= {"X_u": Normal(DRAG, 1.0), "spread_X_u": half_normal(2.0, lower=0.0)}
         return make_posterior(model, records, known, ["u"])
-    model = surge_vehicle(
-        SurgeHull("linear", mass=HULL.mass, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93, "X_u": DRAG}),
-        ("T_nabsn", "X_0"),
-    )
-    known |= {f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)}
+    model = surge_vehicle(FIXED_DRAG, ("T_nabsn", "X_0"))
+    if free_start:
+        known |= {f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)}
     return make_posterior(model, records, known, ["u"])
 
 
-def exact_left_out(runs):
-    """Log density of each run given the others: all measurements are jointly normal."""
+def design_of_runs(runs):
+    """Slope of all measurements along the unknowns in units of their priors' spread, the shared ones first, and what is expected."""
     columns, mean = [], []
     for i, (rev, start, _) in enumerate(runs):
         base = speed(rev, 0.0, 0.0, 0.0)
@@ -71,7 +70,12 @@ def exact_left_out(runs):
         shared = np.column_stack([thrust * PRIOR["T_nabsn"][1], constant * PRIOR["X_0"][1]])
         columns.append(np.column_stack([shared, own]))
         mean.append(speed(rev, start, PRIOR["T_nabsn"][0], PRIOR["X_0"][0]))
-    design, middle = np.concatenate(columns), np.concatenate(mean)
+    return np.concatenate(columns), np.concatenate(mean)
+
+
+def exact_left_out(runs):
+    """Log density of each run given the others: all measurements are jointly normal."""
+    design, middle = design_of_runs(runs)
     cov = design @ design.T + NOISE**2 * np.eye(len(design))
     measured = np.concatenate([run[2] for run in runs])
     whole = stats.multivariate_normal(middle, cov).logpdf(measured)

@@ -12,8 +12,8 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.run_posteriors import expand_runs, marginal_log_likelihoods, split_runs, weigh_runs
-from seatrial.selection.leave_one_run_out import LeftOutRun, difference, leave_one_run_out, mean_score, paired
-from tests.selection.run_cases import NOISE, PRIOR, START_SD, exact_left_out, linear_runs, posterior_of_runs
+from seatrial.selection.leave_one_run_out import difference, leave_one_run_out, mean_score, paired
+from tests.selection.run_cases import exact_left_out, linear_runs, posterior_of_runs
 
 KEY = jax.random.key(3)
 
@@ -30,13 +30,15 @@ def test_closed_form():
     errors = np.array([run.error for run in found().runs])
     assert errors.max() < 0.25
     assert np.all(np.abs(left - exact) < 4 * errors + 0.05)
-    assert found().k_hat < 0.7 and found().status == ""
+    assert found().k_hat < 0.7
+    assert not found().status
     assert found().std_error == pytest.approx(np.sqrt(5) * np.std([run.elpd for run in found().runs], ddof=1))
 
 
 def test_refits_agree():
     again = found(max_k_hat=-np.inf, draws=256)
-    assert all(run.refitted for run in again.runs) and not any(run.refitted for run in found().runs)
+    assert all(run.refitted for run in again.runs)
+    assert not any(run.refitted for run in found().runs)
     for one, other in zip(found().runs, again.runs, strict=True):
         assert one.elpd == pytest.approx(other.elpd, abs=4 * np.hypot(one.error, other.error) + 0.01)
 
@@ -70,6 +72,16 @@ def test_own_parameters_are_integrated_out():
         assert np.log(value) == pytest.approx(0.0, abs=0.05)
 
 
+def test_without_own_parameters():
+    """Starts as measured: what a run says of the shared parameters is its likelihood."""
+    joint = posterior_of_runs(linear_runs(3), free_start=False)
+    runs, mode = split_runs(joint), find_mode(joint, 0)
+    table = marginal_log_likelihoods(runs, mode, expand_runs(runs, mode.z), mode.z[None])
+    whole = float(joint.log_likelihood(mode.z))
+    assert table.shape == (1, 3)
+    assert table.sum() == pytest.approx(whole, rel=1e-12)
+
+
 def test_bands_and_scores():
     assert found().bands["u"].runs == 5
     assert mean_score(found(), "u", "coverage") == pytest.approx(0.9, abs=0.08)
@@ -79,7 +91,8 @@ def test_bands_and_scores():
 def test_paired_by_run():
     other = found(draws=256)
     apart = difference(found(), other)
-    assert abs(apart.delta) < 1.0 and not apart.is_clear
+    assert abs(apart.delta) < 1.0
+    assert not apart.is_clear
     assert paired([3.0, 5.0, 4.0], [1.0, 1.0, 1.0]) == pytest.approx((9.0, np.sqrt(3.0)))
     assert paired([3.0, 5.0, 4.0], [1.0, 1.0, 1.0]).is_clear
     with pytest.raises(InputError, match="the same runs"):
@@ -91,4 +104,3 @@ def test_refusals():
         leave_one_run_out(posterior_of_runs(linear_runs(2)), KEY)
     with pytest.raises(InputError, match="make_posterior"):
         leave_one_run_out(posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)}), KEY)
-    assert LeftOutRun.__dataclass_params__.frozen and NOISE > 0 and PRIOR and START_SD > 0

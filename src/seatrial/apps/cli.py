@@ -36,6 +36,7 @@ COMMANDS = {
     "profile": Command("infer:profile", "where the data alone allow each parameter to be"),
     "select": Command("infer:select", "which terms the data support"),
     "criteria": Command("infer:criteria", "structures by every information criterion"),
+    "crossvalidate": Command("crossvalidate:crossvalidate", "which model predicts runs that were left out"),
     "check": Command("check:check", "judge the records"),
     "tuning": Command("check:tuning", "whether the filter is tuned"),
     "calibrate": Command("check:calibrate", "whether the stated uncertainty is right"),

@@ -357,7 +357,10 @@ class Expanded(Protocol):
 
 
 def follow(
-    expand_at: Callable[[np.ndarray], Expanded], start: Float[np.ndarray, " d"], words: Callable[[np.ndarray], str]
+    expand_at: Callable[[np.ndarray], Expanded],
+    start: Float[np.ndarray, " d"],
+    words: Callable[[np.ndarray], str],
+    most: int = 300,
 ) -> tuple[Float[np.ndarray, " d"], float]:
     """Follow one start to its maximum; steps that end where the density is zero are refused by the trust region.
 
@@ -365,6 +368,7 @@ def follow(
         expand_at: expansion of the log density at a point.
         start: where it begins, shape (d,).
         words: names a point, for the error.
+        most: steps.
 
     Returns:
         the maximum, shape (d,), and the log density there.
@@ -392,7 +396,7 @@ def follow(
         method="trust-exact",
         jac=lambda z: derivative(z, "gradient"),
         hess=lambda z: derivative(z, "hessian"),
-        options={"gtol": 1e-6, "maxiter": 300},
+        options={"gtol": 1e-6, "maxiter": most},
     )
     return result.x, -float(result.fun)
 

@@ -60,6 +60,16 @@ class RobustErrors:
     basis: str
 
     @property
+    def words(self) -> str:
+        """What the second standard deviation is made of, or that there is none and why."""
+        if not self.pieces:
+            return f"± with model error: not judged; {self.basis}"
+        return (
+            f"± with model error: by how much the values move when one of {self.basis} is left out, widened as Student's t of "
+            f"{self.freedom} degrees of freedom asks so that 1.645 of it hold 90 %; given where it is larger by more than a half"
+        )
+
+    @property
     def freedom(self) -> int:
         """Degrees of freedom of Student's t."""
         return self.pieces - 1

@@ -281,15 +281,16 @@ class _OwnFit(NamedTuple):
     step: Array
 
 
+@program
+def _log_likelihoods(one: Posterior, z: Float[Array, "n d"]) -> Float[Array, " n"]:
+    return map_lanes(one.log_likelihood, z, LANES)
+
+
 @program(static_argnums=1)
 def _expand_own(one: Posterior, m: int, z: Float[Array, "n d"]) -> _OwnFit:
     """Expand the log density of one run in its last m parameters, their prior included, by forward derivatives."""
 
     def of_draw(z: Array) -> _OwnFit:
-        if not m:
-            value = one.log_likelihood(z)
-            return _OwnFit(value, value, jnp.zeros(()), jnp.zeros(0))
-
         def density_twice(own: Array) -> tuple[Array, Array]:
             whole = jnp.concatenate([z[:-m], own])
             value = one.log_likelihood(whole) + one.log_priors(whole)[-m:].sum()
@@ -312,10 +313,12 @@ def _expand_own(one: Posterior, m: int, z: Float[Array, "n d"]) -> _OwnFit:
 
 def _marginals(one: Posterior, m: int, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     """Log marginal likelihood of one run, its last m parameters integrated out; Newton steps go on where the last one gained much."""
+    if not m:
+        return _at_draws(partial(_log_likelihoods, one), z)
     z = z.copy()
     best = _OwnFit(*(np.array(part) for part in _at_draws(partial(_expand_own, one, m), z)))
     share = np.ones(len(z))
-    for _ in range(MOST_STEPS if m else 0):
+    for _ in range(MOST_STEPS):
         at = np.flatnonzero(np.isfinite(best.gain) & (best.gain > ENOUGH))
         if not at.size:
             break

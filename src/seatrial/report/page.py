@@ -9,6 +9,7 @@ from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
 from seatrial.report.sections.baselines import baselines_section
+from seatrial.report.sections.cross_validation import cross_validation_section
 from seatrial.report.sections.designs import known_section, next_section, trial_section
 from seatrial.report.sections.fits import fits_section, traces_section
 from seatrial.report.sections.models import models_section, terms_section
@@ -20,6 +21,7 @@ SECTIONS = {
     "coefficients": coefficients_section,
     "models": models_section,
     "terms": terms_section,
+    "leftout": cross_validation_section,
     "trial": trial_section,
     "fit": fits_section,
     "baselines": baselines_section,
@@ -35,6 +37,7 @@ CONTENTS = {
     "coefficients": "Coefficients",
     "models": "Models",
     "terms": "Which terms are real",
+    "leftout": "Runs left out",
     "trial": "The trial",
     "fit": "Fit and residuals",
     "baselines": "Beside simpler models",
@@ -65,8 +68,9 @@ def write_report(outcome: Outcome) -> Path:
 
 
 def render(outcome: Outcome) -> str:
-    """Return the page. Everything that is not markup made here is escaped: names come from users' files."""
+    """Return the page, without sections of which there is nothing. What is not markup made here is escaped: names are from users' files."""
     with own_settings():
         sections = {name: section(outcome) for name, section in SECTIONS.items()}
+    contents = {name: title for name, title in CONTENTS.items() if sections[name]}
     script = "trimming.js" if sections["trial"].get("trimmed") else ""
-    return render_html("page.html", script, contents=CONTENTS, **sections)
+    return render_html("page.html", script, contents=contents, **sections)

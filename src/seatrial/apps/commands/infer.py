@@ -150,6 +150,7 @@ def criteria(
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.predict import held_back_cautions, held_back_lines, predict_held_back
+    from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
@@ -159,7 +160,9 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         answer.say(f"{item.structure.label}")
         for name in item.names:
             row = item.data.sel(parameter=name)
-            answer.say(f"  {name:<16} {float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}")
+            numbers = f"{float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}"
+            answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name))}")
+        answer.say(f"  {item.wider_words}")
         for name, label, mean, sd, unit in item.own_values():
             answer.say(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
         held_back.append(predict_held_back(flow.get("candidates"), item, trials))

@@ -27,6 +27,7 @@ from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.priors import Prior
+from seatrial.estimation.robust_errors import RobustErrors, robust_errors
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,
@@ -49,7 +50,7 @@ CURVE = 241
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior",
+        "posterior, with model error",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
@@ -135,7 +136,7 @@ class _Ended(NamedTuple):
 def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
     """Run the chains of one structure to the next checkpoint, or to their end."""
     campaign, structure = study.campaign, item.structure
-    posterior, mode, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
+    posterior, mode, robust, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
     table = campaign.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
@@ -153,30 +154,34 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
             return _Unended(structure, arrays_of_run(run))
     draws = in_posterior(target, sampler.finish(run))
     mode = mode.only(posterior.places)
-    return _Ended(_dataset(posterior, mode, draws, campaign.hull.trim))
+    return _Ended(_dataset(posterior, mode, robust, draws, campaign.hull.trim))
 
 
-def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Target, Mode]:
-    """Posterior and mode of a structure, and both in the coordinates in which it is sampled."""
+def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:
+    """Posterior and mode of a structure, what leaving out data does to it, and both in the coordinates in which it is sampled."""
     campaign, posterior = study.campaign, study.posterior(structure)
     mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     own = mode.only(posterior.places)
     check_prior_contains_data(posterior, own, campaign.where, is_whole(campaign, structure))
-    return posterior, mode, *uncouple(posterior, mode)
+    return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 
 
-def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, float]) -> xr.Dataset:
+def _dataset(
+    posterior: Posterior, mode: Mode, robust: RobustErrors, draws: Draws, at: Mapping[str, float]
+) -> xr.Dataset:
     values = draws.values
     health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     sd = values.std(axis=(0, 1))
     cautions = information_complaints(posterior, mode, values.reshape(-1, len(names)), at)
+    wider = [robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)]
     per_parameter = {
         "mode": mode.values,
         "laplace_sd": mode.sd,
         "mean": values.mean(axis=(0, 1)),
         "sd": sd,
+        "model_error_sd": [np.nan if one is None else one for one in wider],
         "prior_mean": [p.prior.mean for p in parameters],
         "prior_sd": prior_sd,
         "prior_lower": [p.prior.bounds[0] for p in parameters],
@@ -201,6 +206,7 @@ def _dataset(posterior: Posterior, mode: Mode, draws: Draws, at: Mapping[str, fl
             "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
         },
         attrs={
+            "model_error": robust.words,
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),

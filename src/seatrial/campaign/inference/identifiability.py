@@ -4,7 +4,7 @@ The directions are the eigenvectors v of the information of the data alone, scal
 change of all parameters at once, in shares of their values, that makes the data one standard error less likely.
 """
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from functools import partial
 from typing import Any
 
@@ -49,7 +49,10 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         information = likelihood_information(posterior, values)
         cov = np.atleast_2d(np.cov(estimate.draws().T))
         found = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
-        return asdict(_known(found, information, estimate.structure.label))
+        known = _known(found, information, estimate.structure.label)
+        wider = {name: estimate.wider(name) or 0.0 for name in estimate.names}
+        parameters = tuple(replace(one, wider=wider[one.name]) for one in known.parameters)
+        return asdict(replace(known, parameters=parameters))
 
     return stored_known_after(campaign, estimate).read_or_make(judge)
 

@@ -4,8 +4,8 @@ Both take about a second. The mode's standard deviations are those of a normal p
 simulation and no prior, and is drawn aside by noise in the speed: `seatrial.estimation.equation_error` says by how much.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import jax
@@ -16,6 +16,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.predict import N_DRAWS, HeldBack, held_back_lines, predict_held_back
+from seatrial.campaign.store.estimates import with_model_error
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
@@ -29,6 +30,7 @@ from seatrial.estimation.equation_error import (
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prior_checks import check_prior_contains_data
+from seatrial.estimation.robust_errors import robust_errors
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
@@ -60,6 +62,8 @@ class FirstAnswer:
         caution: what is wrong with it; empty if nothing is.
         held_back: how it predicts what was not fitted; None where nothing is predicted.
         log_evidence: of the structure, by Laplace; None where there is none.
+        wider: standard deviations that survive an error of the model, where they are larger by more than a half.
+        wider_words: what these are made of; empty where nobody asked.
     """
 
     structure: Structure
@@ -70,6 +74,8 @@ class FirstAnswer:
     caution: str = ""
     held_back: HeldBack | None = None
     log_evidence: float | None = None
+    wider: Mapping[str, float] = field(default_factory=dict)
+    wider_words: str = ""
 
     def lines(self) -> list[str]:
         """A table of the answer."""
@@ -79,7 +85,8 @@ class FirstAnswer:
         said = [f"{self.structure.label}  {self.note}", *([f"  {'':<16}{head}"] if head else [])]
         for name, unit, pairs in self.rows:
             numbers = " ".join(f"{value:>12.5g} ± {sd:<8.3g}" for value, sd in pairs)
-            said.append(f"  {name:<16} {numbers} {unit}")
+            said.append(f"  {name:<16} {numbers} {unit}{with_model_error(self.wider.get(name))}".rstrip())
+        said += [f"  {self.wider_words}"] * bool(self.wider_words)
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*said, *(f"  {line}" for line in lines)]
 
@@ -137,6 +144,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
         progress(1, 1)
+    robust = robust_errors(posterior, mode)
     drawn, mode = draw_about_mode(campaign.seed, structure, posterior, mode), mode.only(posterior.places)
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
@@ -150,8 +158,17 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
+    wider = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows}
     return FirstAnswer(
-        structure, rows, ("mode",), note, caution=caution, held_back=held_back, log_evidence=float(mode.log_evidence)
+        structure,
+        rows,
+        ("mode",),
+        note,
+        caution=caution,
+        held_back=held_back,
+        log_evidence=float(mode.log_evidence),
+        wider={name: sd for name, sd in wider.items() if sd is not None},
+        wider_words=robust.words,
     )
 
 

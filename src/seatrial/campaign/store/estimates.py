@@ -85,6 +85,16 @@ class Estimate:
         chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
         return chosen.values.reshape(-1, chosen.sizes["parameter"])
 
+    def wider(self, name: str) -> float | None:
+        """Standard deviation of a parameter that survives an error of the model, SI; None where it is not larger by more than a half."""
+        value = float(self.data["model_error_sd"].sel(parameter=name))
+        return value if np.isfinite(value) else None
+
+    @property
+    def wider_words(self) -> str:
+        """What these standard deviations are made of, or why there are none."""
+        return self.data.attrs["model_error"]
+
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
         found = []
@@ -95,6 +105,11 @@ class Estimate:
             own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
             found.append((name, label, float(own.mean()), float(own.std()), unit))
         return found
+
+
+def with_model_error(wider: float | None) -> str:
+    """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none."""
+    return "" if wider is None else f", ± {wider:.3g} with model error"
 
 
 @dataclass(frozen=True)
@@ -110,6 +125,7 @@ class KnownParameter:
         left: `sd` over the prior's.
         partner: the parameter it is most strongly correlated with; empty if it is the only one.
         correlation: with that one.
+        wider: standard deviation that survives an error of the model; 0 where it is not larger by more than a half.
     """
 
     name: str
@@ -120,11 +136,14 @@ class KnownParameter:
     left: float
     partner: str
     correlation: float
+    wider: float = 0.0
 
     @property
     def known_to(self) -> str:
-        """`relative` in words."""
-        return "not at all" if self.relative >= VAIN else percent(self.relative)
+        """`relative` in words, and what it is with an error of the model where that is more."""
+        shares = [self.relative] + [self.relative * self.wider / self.sd] * (self.wider > 0 and self.sd > 0)
+        words = ["not at all" if share >= VAIN else percent(share) for share in shares]
+        return words[0] if len(words) == 1 or words[0] == words[1] else f"{words[0]}, {words[1]} with model error"
 
 
 @dataclass(frozen=True)

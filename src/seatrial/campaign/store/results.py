@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from seatrial.campaign.rehearsal.result import Rehearsal, read_rehearsal
 from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
+from seatrial.campaign.store.cross_validation import CrossValidation, read_cross_validation
 from seatrial.campaign.store.designs import (
     FreeTrial,
     Measures,
@@ -131,6 +132,10 @@ class Results:
     def future(self, label: str) -> StoredCriteria:
         """Read the leave-future-out of one structure."""
         return read_criteria(self.store.future(label))
+
+    def cross_validation(self) -> CrossValidation:
+        """Read how well each structure and model of the error predicts runs left out."""
+        return read_cross_validation(self.store.cross_validation, self._by("crossvalidate"))
 
     def known(self, label: str) -> Known:
         """Read what the data tell about each parameter of one structure."""

@@ -116,6 +116,11 @@ class Store:
         return self.results / "criteria" / f"{label}-future.nc"
 
     @property
+    def cross_validation(self) -> Path:
+        """How well each structure and model of the error predicts runs left out."""
+        return self.results / "cross_validation.json"
+
+    @property
     def filter(self) -> Path:
         """Filter traces."""
         return self.results / "filter.nc"

@@ -85,6 +85,7 @@ class StoredCoefficient:
     geweke: float
     lower_95: float
     upper_95: float
+    model_error_sd: float | None = None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_alarms, comparison_cautions
+from seatrial.campaign.inference.cross_validation import current_cross_validation
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.predict import (
     fit_complaints,
@@ -21,6 +22,7 @@ from seatrial.campaign.inference.predict import (
 )
 from seatrial.campaign.selection.select_structure import structure_rows
 from seatrial.campaign.store.baselines import FittedBaselines
+from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
@@ -66,6 +68,7 @@ class Outcome:
         contenders: the chosen structure beside the runner-up; None where there is one structure.
         left_out: what the chosen structure lacks and its coefficients hide.
         summary: the machine-readable summary.
+        cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
     """
 
     campaign: Campaign
@@ -88,6 +91,7 @@ class Outcome:
     contenders: Contenders | None
     left_out: tuple[LeftOut, ...]
     summary: dict[str, Any]
+    cross_validation: CrossValidation | None = None
 
 
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
@@ -121,6 +125,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         screened=screened,
         screening_cautions=tuple(cautions),
         summary={},
+        cross_validation=current_cross_validation(found["candidates"], found["trials"]),
         **{name: found[name] for name in same},
     )
     summary = summarise(outcome)
@@ -132,6 +137,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
+    alarms += [] if outcome.cross_validation is None else outcome.cross_validation.alarms
     unseen = held_back_alarms(outcome.fits, outcome.pooled)
     alarms += [*selection.alarms, *comparison_alarms(outcome.compared), *unseen]
     records = [*outcome.trials.fit, *outcome.trials.predict]
@@ -209,6 +215,7 @@ def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
         "unit": str(row["unit"].values),
         "label": str(row["label"].values),
         **numbers,
+        "model_error_sd": estimate.wider(name),
         "lower_95": float(lower),
         "upper_95": float(upper),
     }

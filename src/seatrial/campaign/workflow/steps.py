@@ -43,6 +43,7 @@ sensors = _Module("design.sensors")
 sweep = _Module("design.sweep")
 baselines = _Module("inference.baselines")
 calibration = _Module("inference.calibration")
+cross_validation = _Module("inference.cross_validation")
 estimate = _Module("inference.estimate")
 filter_trace = _Module("inference.filter_trace")
 identifiability = _Module("inference.identifiability")
@@ -428,6 +429,13 @@ BESIDE = (
         criteria.criteria_all,
         lambda campaign, estimates, *_: [criteria.stored_criteria(campaign, one) for one in estimates],
         "criteria/*.nc",
+    ),
+    Step(
+        "cross_validation",
+        ("candidates", "trials", "reporter"),
+        cross_validation.cross_validate,
+        lambda campaign, trials: [cross_validation.stored_cross_validation(campaign, trials)],
+        "cross_validation.json",
     ),
     Step(
         "calibration",

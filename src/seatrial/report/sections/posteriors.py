@@ -29,6 +29,7 @@ def coefficients_section(outcome: Outcome) -> dict[str, Any]:
     return {
         "groups": [group for group in groups if group[1]],
         "has_truth": bool(truth),
+        "wider_words": outcome.chosen.wider_words,
         "unit_mass": unit_mass,
         "max_r_hat": MAX_R_HAT,
         "min_ess": f"{MIN_ESS:.0f}",
@@ -97,6 +98,7 @@ def _row(outcome: Outcome, item: dict[str, Any], truth: Mapping[str, float]) -> 
     name, mean, sd = item["name"], item["mean"], item["sd"]
     value, spread, exponent = rounded(mean, sd)
     ess = min(item["ess_bulk"], item["ess_tail"])
+    wider = outcome.chosen.wider(name)
     row = {
         "name": name,
         "label": label_html(item["label"]),
@@ -111,6 +113,7 @@ def _row(outcome: Outcome, item: dict[str, Any], truth: Mapping[str, float]) -> 
         "ess": f"{ess:.0f}" if np.isfinite(ess) else "–",
         "r_hat_bad": not item["r_hat"] <= MAX_R_HAT,
         "ess_bad": not ess >= MIN_ESS,
+        "wider": "" if wider is None else rounded_like(wider, mean, sd),
         "truth": "",
         "truth_inside": True,
     }

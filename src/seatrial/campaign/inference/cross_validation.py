@@ -1,0 +1,211 @@
+"""Which structure, and which model of the error, predicts runs that were left out; kept on disk one by one.
+
+All structures under the campaign's own model of the error first; then, for those in contention, the other models of the error that the
+campaign can have (`error_models`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields, replace
+from functools import partial
+from typing import Any
+
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_models, scale_of, with_error_model
+from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.posterior import random_key, widest
+from seatrial.campaign.store.cross_validation import (
+    OWN,
+    SMALL,
+    Candidate,
+    ChannelScores,
+    CrossValidation,
+    gap,
+    read_cross_validation,
+)
+from seatrial.campaign.store.estimates import HasKey
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.estimation.mode import find_mode
+from seatrial.selection.leave_one_run_out import LEAST_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
+from seatrial.selection.structures import Structure
+
+MOST = 3
+"""Structures at most for which other models of the error are tried."""
+STATED = ErrorModel(OWN, "the campaign's own")
+
+
+def stored_cross_validation(campaign: Campaign, trials: HasKey) -> StoredResult[CrossValidation]:
+    """Return where the result is kept, as far as it is there, and what it depends on."""
+    layout = [field.name for kind in (Candidate, ChannelScores) for field in fields(kind)]
+    keys = {one.label: estimate_key(campaign, one, trials) for one in campaign.structures}
+    read = partial(read_cross_validation, made_by=f"seatrial crossvalidate {campaign.folder}")
+    return StoredResult(Store(campaign.folder).cross_validation, key_of("cross-validation", layout, keys), read)
+
+
+def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> CrossValidation:
+    """Leave each fitted run out in turn, of every structure and model of the error; current results are read.
+
+    Args:
+        campaign: configuration.
+        trials: records, of which the fitted ones are used.
+        reporter: told how far the work has come.
+
+    Raises:
+        InputError: fewer than three fitted runs.
+    """
+    _check_runs(campaign, trials)
+    kept = stored_cross_validation(campaign, trials)
+    found = list(kept.read(kept.path).candidates) if kept.is_current() else []
+    work = [(structure, STATED) for structure in campaign.structures]
+    study = Study(campaign, trials.fit)
+    labels = tuple(record.label for record in trials.fit)
+    keep = partial(_keep, kept, labels, _cautions(trials))
+    _compute(study, work, found, keep, reporter)
+    contending = _contending(campaign, found)
+    if contending:
+        others = error_models(campaign, widest(contending), _scale(study, contending, found))
+        for error in others:
+            changed = Study(_changed(campaign, contending, error), trials.fit)
+            first, *rest = [(structure, error) for structure in contending]
+            _compute(changed, [first], found, keep, reporter)
+            if not _is_worse(found, error):
+                _compute(changed, rest, found, keep, reporter)
+    return CrossValidation(labels, tuple(found), tuple(_cautions(trials)))
+
+
+def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidation | None:
+    """Return the result if it has been made and is current; nothing is computed."""
+    kept = stored_cross_validation(campaign, trials)
+    return kept.read(kept.path) if kept.is_current() else None
+
+
+def _check_runs(campaign: Campaign, trials: Trials) -> None:
+    if len(trials.fit) >= LEAST_RUNS:
+        return
+    count = len(trials.fit)
+    more = (
+        "list more of them under import.fit"
+        if campaign.imports is not None
+        else "run more trials and import their logs"
+    )
+    raise InputError(
+        campaign.where("import.fit"),
+        found=f"{count} fitted run{'s' * (count > 1)}: {', '.join(record.label for record in trials.fit)}",
+        expected=f"at least {LEAST_RUNS} fitted runs, each of which can be predicted from the others",
+        remedy=f"{more}; with fewer, `seatrial run` scores the runs under import.predict, which were not fitted",
+    )
+
+
+def _cautions(trials: Trials) -> list[str]:
+    pieces = [record.label for record in trials.fit if "piece" in record.provenance.options]
+    return (
+        [f"{', '.join(pieces)} are pieces of longer runs: what they share, each predicts of the others"]
+        if pieces
+        else []
+    )
+
+
+def _keep(
+    kept: StoredResult[CrossValidation], labels: Sequence[str], cautions: Sequence[str], found: Sequence[Candidate]
+) -> None:
+    kept.write({"runs": list(labels), "candidates": [asdict(one) for one in found], "cautions": list(cautions)})
+
+
+def _compute(
+    study: Study, work: Sequence[tuple[Structure, ErrorModel]], found: list[Candidate], keep: Any, reporter: Reporter
+) -> None:
+    """Compute what is missing, and keep all that is there after each."""
+    there = {(one.structure, one.error_model) for one in found}
+    missing = [(structure, error) for structure, error in work if (structure.label, error.name) not in there]
+    progress = reporter.progress("leave one run out") if missing else None
+    for done, (structure, error) in enumerate(missing):
+        if progress is not None:
+            progress(done, len(missing))
+        found.append(_candidate(study, structure, error))
+        keep(found)
+        if progress is not None:
+            progress(done + 1, len(missing))
+
+
+def _candidate(study: Study, structure: Structure, error: ErrorModel) -> Candidate:
+    campaign = study.campaign
+    named = Candidate(
+        structure.label, structure.terms, error.name, error.words, tuple(error.lines()) if error.estimation else ()
+    )
+    try:
+        posterior = study.posterior(structure)
+        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
+        left = leave_one_run_out(posterior, random_key(campaign.seed, f"leave out {structure.terms}"), mode)
+    except NumericalError as failure:
+        return replace(named, refused=str(failure))
+    except InputError as failure:
+        if error is STATED:
+            raise
+        return replace(named, refused=f"{failure.found}, but expected {failure.expected}")
+    own = mode.only(posterior.places)
+    coefficients = [one for one in zip(own.names, own.values, own.sd, strict=True) if one[0] in structure.terms]
+    return replace(
+        named,
+        elpd=tuple(run.elpd for run in left.runs),
+        errors=tuple(run.error for run in left.runs),
+        k_hat=tuple(run.k_hat for run in left.runs),
+        refitted=tuple(run.refitted for run in left.runs),
+        log_evidence=left.log_evidence,
+        channels=_channels(left),
+        coefficients=tuple((name, float(value), float(sd)) for name, value, sd in coefficients),
+        status=left.status,
+    )
+
+
+def _changed(campaign: Campaign, structures: Sequence[Structure], error: ErrorModel) -> Campaign:
+    """Return the campaign with a model of the error and no other structures, which then share all that is compiled."""
+    return replace(with_error_model(campaign, widest(structures), error), shortlist=tuple(structures))
+
+
+def _is_worse(found: Sequence[Candidate], error: ErrorModel) -> bool:
+    """Whether a model of the error is clearly worse for the structure that it was tried for, or cannot be had."""
+    one = next(one for one in reversed(found) if one.error_model == error.name)
+    stated = next(other for other in found if (other.structure, other.error_model) == (one.structure, OWN))
+    return bool(one.refused) or gap(stated, one).is_clear(SMALL)
+
+
+def _channels(left: LeaveOneRunOut) -> tuple[ChannelScores, ...]:
+    return tuple(
+        ChannelScores(
+            name,
+            tuple(run.scores[name].crps for run in left.runs),
+            mean_score(left, name, "explained"),
+            mean_score(left, name, "coverage_50"),
+            mean_score(left, name, "coverage"),
+            bands.level,
+            bands.reason,
+        )
+        for name, bands in left.bands.items()
+    )
+
+
+def _contending(campaign: Campaign, found: Sequence[Candidate]) -> list[Structure]:
+    """Return the structures for which other models of the error are tried: the best by score and by evidence, and what is not apart."""
+    own = [one for one in found if one.error_model == OWN and not one.refused]
+    if not own:
+        return []
+    best = max(own, key=lambda one: one.total)
+    likely = max(own, key=lambda one: one.log_evidence)
+    close = [one for one in own if not gap(best, one).is_clear(SMALL)]
+    labels = list(dict.fromkeys(one.structure for one in (best, likely, *sorted(close, key=lambda one: -one.total))))
+    by_label = {one.label: one for one in campaign.structures}
+    return [by_label[label] for label in labels[:MOST]]
+
+
+def _scale(study: Study, structures: Sequence[Structure], found: Sequence[Candidate]) -> Scale:
+    """Return how large things are, each coefficient as the first structure has it that has it at all."""
+    labels = [one.label for one in structures]
+    own = [one for one in found if one.error_model == OWN and one.structure in labels]
+    coefficients = {}
+    for one in sorted(own, key=lambda one: labels.index(one.structure)):
+        coefficients = {name: (value, sd) for name, value, sd in one.coefficients} | coefficients
+    model = study.campaign.model(widest(structures))
+    return scale_of(model, study.records, coefficients, {name: value for name, (value, _) in coefficients.items()})

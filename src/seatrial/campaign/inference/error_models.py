@@ -1,0 +1,269 @@
+"""Other models of what the vehicle's equations leave over, as small changes of a campaign, each with the lines that make it in its file.
+
+What a change needs and the campaign does not say, a prior, is derived from the size of what was measured and of what was estimated, and
+is told with the result. To add a model of the error, write the function that changes a campaign and add it to `ERROR_MODELS`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.priors import read_prior
+from seatrial.campaign.config.schema import PriorTable
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.record import Record
+from seatrial.core.signals import RATES, signal_unit
+from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name
+from seatrial.estimation.filter_error import process_name
+from seatrial.estimation.output_error import spread_name
+from seatrial.estimation.sensors import correlation_name
+from seatrial.selection.structures import Structure
+from seatrial.vehicles.model import VehicleModel, outside_force
+
+SMALLEST = 1e-4
+"""Least process noise or force that a prior allows, over the size of the motion."""
+SHARE = 0.5
+"""Size by which a coefficient may vary from run to run, over its value."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How large things are, from which priors that nobody stated are derived.
+
+    Attributes:
+        interval: between samples, s.
+        duration: of a run, s.
+        sizes: standard deviation of each measured channel within runs, SI.
+        coefficients: value and standard deviation of each at the mode of the campaign's own model, SI.
+        forces: that accelerate the vehicle by the size of its motion in one second, by axis, SI.
+    """
+
+    interval: float
+    duration: float
+    sizes: Mapping[str, float]
+    coefficients: Mapping[str, tuple[float, float]]
+    forces: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """One model of the error as a change of a campaign.
+
+    Attributes:
+        name: in tables.
+        words: what it says, as a sentence goes on.
+        estimation: keys of `[estimation]` with what they become.
+        priors: tables that are added, by parameter.
+    """
+
+    name: str
+    words: str
+    estimation: Mapping[str, Any] = field(default_factory=dict)
+    priors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def lines(self) -> list[str]:
+        """Return the lines that make it in a campaign file."""
+        said = ["[estimation]", *(f"{key} = {_toml(value)}" for key, value in self.estimation.items())]
+        for name, table in self.priors.items():
+            said += [f"[prior.{name}]", *(f"{key} = {_toml(value)}" for key, value in table.items())]
+        return said
+
+
+def scale_of(
+    model: VehicleModel,
+    records: Sequence[Record],
+    coefficients: Mapping[str, tuple[float, float]],
+    values: Mapping[str, float],
+) -> Scale:
+    """Return how large things are.
+
+    Args:
+        model: vehicle.
+        records: fitted runs.
+        coefficients: value and standard deviation of each, SI.
+        values: of all parameters of the model, SI.
+    """
+    channels = [name for name in records[0].measured if name in model.channel_units()]
+    sizes = {name: float(np.mean([np.nanstd(record.channel(name)) for record in records])) for name in channels}
+    return Scale(
+        float(np.median(np.concatenate([np.diff(record.time) for record in records]))),
+        float(np.median([np.ptp(record.time) for record in records])),
+        sizes,
+        coefficients,
+        {axis: _force(model, axis, sizes, values) for axis in model.pushed},
+    )
+
+
+def error_models(campaign: Campaign, structure: Structure, scale: Scale) -> list[ErrorModel]:
+    """Return the other models of the error that a campaign can have for one structure, without what it has already."""
+    model = campaign.model(structure)
+    found = [make(campaign, model, scale) for make in ERROR_MODELS]
+    return [one for one in found if one is not None]
+
+
+def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel) -> Campaign:
+    """Return the campaign with another model of the error."""
+    if not error.estimation:
+        return campaign
+    model, sensors = campaign.model(structure), campaign.sensors
+    units = {term.text: model.unit_of(term) for term in model.coefficients}
+    added = {
+        name: read_prior(PriorTable(**table), _unit(name, units, model), campaign.where(f"prior.{name}"), name=name)
+        for name, table in error.priors.items()
+    }
+    kept = dict(campaign.priors)
+    if "residuals" in error.estimation:
+        sensors = {channel: replace(one, residuals=None) for channel, one in sensors.items()}
+    if "likelihood" in error.estimation:
+        gone = (disturbance_name(""), disturbance_time_name(""), process_name(""))
+        kept = {name: prior for name, prior in kept.items() if not name.startswith(gone)}
+    settings = replace(campaign.estimation, **error.estimation)
+    return replace(campaign, estimation=settings, sensors=sensors, priors=kept | added)
+
+
+def _white(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """Independent errors of each sample."""
+    return _residuals(campaign, "white", "independent errors of each sample", {})
+
+
+def _coloured(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """Errors that are slow in every channel."""
+    table = {
+        "distribution": "log-uniform",
+        "lower": _round(0.5 * scale.interval),
+        "upper": _round(0.5 * scale.duration),
+    }
+    names = [correlation_name(channel) for channel in campaign.channels]
+    return _residuals(campaign, "coloured", "errors with a memory", dict.fromkeys(names, table))
+
+
+def _heavy(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """Errors of Student's t."""
+    return _residuals(campaign, "heavy", "independent errors with outliers", {})
+
+
+def _process(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """Pushes that the motion remembers, on every state."""
+    if campaign.estimation.likelihood == "filter-error" or _is_late(campaign):
+        return None
+    tables = {process_name(state): _log_uniform(scale.sizes.get(state, 1.0)) for state in model.states}
+    return ErrorModel("process noise", "pushes that the motion remembers", _filtered(), _missing(campaign, tables))
+
+
+def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """A force with a memory on every axis."""
+    if (
+        any(disturbance_name(axis) in campaign.priors for axis in model.pushed)
+        or not model.pushed
+        or _is_late(campaign)
+    ):
+        return None
+    tables = {}
+    for axis in model.pushed:
+        tables[disturbance_name(axis)] = _log_uniform(scale.forces[axis])
+        tables[disturbance_time_name(axis)] = {
+            "distribution": "log-uniform",
+            "lower": _round(scale.interval),
+            "upper": _round(0.5 * scale.duration),
+        }
+    return ErrorModel("disturbance", "a force with a memory", _filtered(), _missing(campaign, tables))
+
+
+def _offset(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """A constant force that each run has of its own."""
+    names = [term.text for term in model.coefficients if term.text.endswith("_0")]
+    return _varying(campaign, scale, "offset of each run", "a constant force that differs from run to run", names)
+
+
+def _all_varying(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """Every coefficient with a spread between runs."""
+    names = [term.text for term in model.coefficients]
+    return _varying(campaign, scale, "all vary by run", "coefficients that differ from run to run", names)
+
+
+ERROR_MODELS: tuple[Callable[[Campaign, VehicleModel, Scale], ErrorModel | None], ...] = (
+    _white,
+    _coloured,
+    _heavy,
+    _process,
+    _disturbed,
+    _offset,
+    _all_varying,
+)
+"""Each returns its change of a campaign, None where the campaign has it already or cannot have it."""
+
+
+def _residuals(campaign: Campaign, kind: str, words: str, tables: Mapping[str, Mapping[str, Any]]) -> ErrorModel | None:
+    kinds = {sensor.noise for sensor in campaign.sensor_models}
+    if campaign.estimation.likelihood == "output-error" and kinds == {kind}:
+        return None
+    changed = {"likelihood": "output-error"} if campaign.estimation.likelihood != "output-error" else {}
+    return ErrorModel(kind, words, {**changed, "residuals": kind}, _missing(campaign, tables))
+
+
+def _varying(campaign: Campaign, scale: Scale, name: str, words: str, names: Sequence[str]) -> ErrorModel | None:
+    added = [one for one in names if one in scale.coefficients]
+    if not added or set(added) <= set(campaign.estimation.varying):
+        return None
+    tables = {}
+    for one in added:
+        value, sd = scale.coefficients[one]
+        tables[spread_name(one)] = {
+            "distribution": "half-normal",
+            "scale": _round(max(SHARE * abs(value), sd)),
+            "lower": 0.0,
+        }
+    together = tuple(dict.fromkeys([*campaign.estimation.varying, *added]))
+    return ErrorModel(name, words, {"varying": together}, _missing(campaign, tables))
+
+
+def _filtered() -> dict[str, Any]:
+    return {"likelihood": "filter-error", "residuals": "white"}
+
+
+def _is_late(campaign: Campaign) -> bool:
+    """Whether a sensor answers late, which a filter does not know."""
+    return any(sensor.lag for sensor in campaign.sensor_models)
+
+
+def _missing(campaign: Campaign, tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the tables of what has no prior yet."""
+    return {name: table for name, table in tables.items() if name not in campaign.priors}
+
+
+def _log_uniform(size: float) -> dict[str, Any]:
+    return {"distribution": "log-uniform", "lower": _round(SMALLEST * size), "upper": _round(size)}
+
+
+def _force(model: VehicleModel, axis: str, sizes: Mapping[str, float], values: Mapping[str, float]) -> float:
+    """Return the force that changes the speed along its axis by its standard deviation in one second."""
+    state = RATES[AXES.index(axis)]
+    at = model.states.index(state)
+    rest, controls = (1.0,) * len(model.states), (0.0,) * len(model.controls)
+    free, pushed = (
+        float(model.derivative({**values, outside_force(axis): force}, rest, controls)[at]) for force in (0.0, 1.0)
+    )
+    return sizes.get(state, 1.0) / abs(pushed - free)
+
+
+def _unit(name: str, units: Mapping[str, str], model: VehicleModel) -> str:
+    if name.startswith(spread_name("")):
+        return units[name.removeprefix(spread_name(""))]
+    if name.startswith((disturbance_time_name(""), correlation_name(""))):
+        return "s"
+    if name.startswith(disturbance_name("")):
+        return model.unit_of(CoefficientName.parse(f"{name.removeprefix(disturbance_name(''))}_0"))
+    return signal_unit(name.removeprefix(process_name("")))
+
+
+def _round(x: float) -> float:
+    return float(f"{x:.2g}")
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:g}"
