@@ -208,7 +208,8 @@ def row(words: str, error: str, found: list[dict]) -> str:
     silent = ~failed & (inside < LEVEL - 0.05)
     stated, wider = np.array([list(one["covered"].values()) for one in found], float).mean((0, 1))
     kept = inside[~failed].mean() if (~failed).any() else np.nan
-    return f"| {words} | {error} | {inside.mean():.0%} | {failed.mean():.1%} | {kept:.0%} | {silent.mean():.1%} | {stated:.0%} | {wider:.0%} |"
+    shares = (inside.mean(), failed.mean(), kept, silent.mean(), stated, wider)
+    return f"| {words} | {error} | " + " | ".join(f"{share:.0%}" for share in shares) + " |"
 
 
 def _write(rows: list[str]) -> None:

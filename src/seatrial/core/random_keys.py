@@ -31,7 +31,7 @@ def fold_in(key: jax.Array, number: int) -> jax.Array:
         key: one key, not traced.
         number: from 0 to 2^32 - 1.
     """
-    if not jax.dtypes.issubdtype(key.dtype, jax.dtypes.prng_key) or str(jax.random.key_impl(key)) != "threefry2x32":
+    if not jax.numpy.issubdtype(key.dtype, jax.dtypes.prng_key) or str(jax.random.key_impl(key)) != "threefry2x32":
         return jax.random.fold_in(key, number)
     left, right = map(int, np.asarray(jax.random.key_data(key)))
     return jax.random.wrap_key_data(np.array(_threefry((left, right), (0, number)), np.uint32), impl="threefry2x32")

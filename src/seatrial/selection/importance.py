@@ -192,7 +192,7 @@ def draw_mixture(proposals: Sequence[ProposalComponent], key: jax.Array, n: int)
 
 def log_mixture(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     """Return the log density of the proposals, each with its share, at some positions."""
-    return logsumexp(_log_shares(proposals, z), 0)
+    return np.asarray(logsumexp(_log_shares(proposals, z), 0))
 
 
 def refit(proposals: Sequence[ProposalComponent], weights: Weights) -> list[ProposalComponent]:
