@@ -66,14 +66,14 @@ def test_a_right_model_passes_and_is_no_alarm(known):
     found, _ = predicted(known, run(known, "2", WAVE, 1), run(known, "3", WAVE[::-1], 2))
     assert [fit.level for fit in found.fits] == ["pass", "pass"]
     assert found.pooled[0].level == "pass"
-    assert held_back_alarms(*found) == []
+    assert held_back_alarms(found.fits, found.pooled) == []
 
 
 @pytest.mark.parametrize("factor", [57.29578, 60.0, 1000.0])
 def test_a_run_in_other_units_is_an_alarm(known, factor):
     record = run(known, "2", WAVE, 1)
     found, _ = predicted(known, replace(record, measurement=factor * record.measurement))
-    together, alone = held_back_alarms(*found)
+    together, alone = held_back_alarms(found.fits, found.pooled)
     assert together.startswith("held-back runs: 0% of u in 1 held-back run lies inside")
     assert "wrong unit" in alone
     assert f"u up to {factor * record.measurement.max():.3g} m/s" in found.fits[0].words
@@ -82,8 +82,8 @@ def test_a_run_in_other_units_is_an_alarm(known, factor):
 def test_a_run_of_three_samples_is_unjudged_alone_and_together(known):
     found, _ = predicted(known, run(known, "2", WAVE, 1, samples=3))
     assert (found.fits[0].level, found.pooled[0].level) == ("unjudged", "unjudged")
-    assert held_back_alarms(*found) == []
-    assert len(fit_complaints(*found)) == 2
+    assert held_back_alarms(found.fits, found.pooled) == []
+    assert len(fit_complaints(found.fits, found.pooled)) == 2
 
 
 def test_a_run_whose_inputs_never_move_is_unjudged(known):
@@ -122,7 +122,7 @@ def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_me
     """A fifth of the thrust lost in the held-back runs, as by another propeller: the motion is explained, its bands do not hold."""
     found, _ = predicted(known, *(run(known, label, WAVE, 1, thrust=0.8) for label in "23"))
     assert found.pooled[0].level == "fail"
-    assert "widen the bands" in held_back_alarms(*found)[0]
+    assert "widen the bands" in held_back_alarms(found.fits, found.pooled)[0]
     assert found.pooled[0].widen > 1.5
 
 

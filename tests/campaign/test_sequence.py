@@ -15,8 +15,9 @@ from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.workflow import next_trial as sequence
 from seatrial.campaign.workflow.next_trial import Proposal, propose, run_sequence, settling
 from seatrial.core.errors import InputError
+from seatrial.report.sections.summary import answer
 from tests.campaign.small import SMALL
-from tests.report.outcomes import make_outcome
+from tests.report.outcomes import make_outcome, make_pooled
 
 ONE = SMALL.replace('optional = ["X_u"]', "").replace('always = ["X_uabsu"', 'always = ["X_u", "X_uabsu"')
 
@@ -127,3 +128,15 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
     assert "would teach little" in propose(quiet).lines[-1]
+
+
+def test_a_model_that_fails_on_held_back_runs_stops_the_sequence_and_takes_the_headline(tmp_path):
+    """Errors two and a half times those stated: no next trial, neither proposed nor in the summary's words."""
+    outcome = replace(make_outcome(tmp_path), pooled=make_pooled(0.05))
+    assert propose(outcome).trial is None
+    stop = next(line for line in propose(outcome).lines if line.startswith("stop: "))
+    assert "the model fails where it was not fitted: held-back runs: " in stop
+    assert "widen the bands" in stop
+    headline = str(answer(outcome))
+    assert headline.startswith("The model fails on runs that it was not fitted to.")
+    assert "widen the bands" in headline

@@ -125,9 +125,11 @@ def _wrong(outcome: Outcome) -> tuple[str, ...]:
     ]
     if not found:
         return ()
+    failed = [fit for fit in outcome.fits if fit.held_back and fit.level == "fail"]
+    further = " or, where runs leave what was fitted, fit such runs" if any(fit.outside for fit in failed) else ""
     return (
         f"stop: {found[0]}",
-        "more trials would make its coefficients sharper, not truer: mend the model before the next one",
+        f"more trials would make its coefficients sharper, not truer: mend the model{further} before the next one",
     )
 
 
