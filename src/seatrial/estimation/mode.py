@@ -217,7 +217,7 @@ def _higher_peak(posterior: Posterior, mode: Mode, at: int) -> Mode | None:
     reach = NEAR * np.sqrt(mode.cov[at, at])
     near = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
     points = _ridge(mode, at, np.sort(np.concatenate([near, np.linspace(-FARTHEST, FARTHEST, AT_ONCE)])))
-    heights = evaluate(posterior, points)
+    heights = _heights(posterior, points)
     middle = heights[1:-1]
     peaks = 1 + np.flatnonzero((middle > heights[:-2]) & (middle >= heights[2:]))
     best, ends = mode, [mode.z]
@@ -234,7 +234,7 @@ def _profile(posterior: Posterior, mode: Mode, at: int) -> tuple[np.ndarray, np.
     """Return places along one component to where nothing is left of the density, and the density there over that at the mode."""
     for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1):
         to = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
-        weight = np.exp(evaluate(posterior, _ridge(mode, at, to)) - mode.log_density)
+        weight = np.exp(_heights(posterior, _ridge(mode, at, to)) - mode.log_density)
         if weight[0] + weight[-1] < NOTHING:
             break
     return to, weight
