@@ -59,14 +59,22 @@ def test_ours_beats_the_baselines_on_the_simulated_set(tmp_path):
     assert sd is not None
     assert abs(value - known) < 0.15
     assert set(ours.about) == {"X_tau_X", "X_u", "X_uabsu", "sigma_u", "tau_u"}
-    # White residuals: each stretch is simulated anew from its measured start.
-    white = write_set(
-        tmp_path,
-        a=('residuals = "coloured"', 'residuals = "white"'),
-        b=('tau_u = { distribution = "log-uniform", lower = 0.05, upper = 60.0 }', ""),
-    )
-    short = run_set(read_set(str(white)), choose(["ours"]), None, tmp_path / "white").entries[0].pooled["short"][0]
-    assert short.explained > 0.9
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("setting", "prior"),
+    [
+        ('residuals = "white"', ""),
+        ('likelihood = "filter-error"', 'process_u = { distribution = "log-uniform", lower = 1e-3, upper = 1.0 }'),
+    ],
+)
+def test_stretches_begin_anew_where_residuals_are_not_coloured(tmp_path, setting, prior):
+    tau = 'tau_u = { distribution = "log-uniform", lower = 0.05, upper = 60.0 }'
+    path = write_set(tmp_path, a=('residuals = "coloured"', setting), b=(tau, prior))
+    pooled = run_set(read_set(str(path)), choose(["ours"]), None, tmp_path / "out").entries[0].pooled
+    assert pooled["short"][0].explained > 0.9
+    assert pooled["step"][0].crps < pooled["short"][0].crps
 
 
 def test_the_simulated_vehicle_is_the_same_for_a_seed_and_has_its_terminal_speed():

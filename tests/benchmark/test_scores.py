@@ -7,6 +7,7 @@ import pytest
 import scipy
 
 from seatrial.benchmark.method import Problem, with_spread
+from seatrial.benchmark.run import chance_of
 from seatrial.benchmark.scores import binomial_range, pool, score_run
 from seatrial.benchmark.tasks import MOST_STEPS, RUN, SHORT, STEP, leads, stretches
 from seatrial.campaign.data.import_logs import Trials
@@ -77,6 +78,13 @@ def test_the_range_of_a_coverage():
     low, high = binomial_range(100.4, 0.9)
     inside = sum(scipy.stats.binom.pmf(k, 100, 0.9) for k in range(round(100 * low), round(100 * high) + 1))
     assert 0.95 <= inside < 0.98
+
+
+def test_chance_is_that_of_a_paired_test_of_runs():
+    ours, theirs = np.array([1.0, 1.3, 0.9, 1.6]), np.array([0.9, 1.1, 1.0, 1.2])
+    expected = scipy.stats.ttest_rel(ours, theirs, alternative="greater").pvalue
+    assert chance_of(ours - theirs, np.full(4, 50.0)) == pytest.approx(expected, rel=1e-12)
+    assert chance_of(np.array([0.1, 0.1, 0.1]), np.ones(3)) < 1e-12
 
 
 def test_stretches_begin_where_everything_is_measured():

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from seatrial import __version__
 from seatrial.benchmark.method import Fitted, Method, Problem
@@ -22,6 +23,9 @@ SCHEMA = 1
 """Number of the format of `result.json`."""
 TIE = 0.01
 """Relative difference of two CRPS up to which they count as equal."""
+
+FEWEST_RUNS = 3
+"""Held-back runs from which their spread says what chance does."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +107,24 @@ class Result:
         }
         if not better:
             return []
-        names = ", ".join(f"{name} ({crps:.3g})" for name, crps in sorted(better.items(), key=lambda one: one[1]))
+        names = ", ".join(
+            f"{name} ({crps:.3g}{self._by_chance(ours, name, task, channel)})"
+            for name, crps in sorted(better.items(), key=lambda one: one[1])
+        )
         has = "diverges" if own is None else f"has a CRPS of {own:.3g} {self.channels[channel]}"
         return [f"{ours.method}, {task}, {channel}: {has} and does not beat {names}"]
+
+    def _by_chance(self, ours: Entry, name: str, task: str, channel: str) -> str:
+        """Say how likely chance alone makes the other so much better, where three runs or more tell."""
+        other = next(one for one in self.entries if one.method == name)
+        pairs = [
+            (own.crps - one.crps, one.samples)
+            for own, one in zip(ours.runs[task], other.runs[task], strict=True)
+            if one.channel == channel and own.crps is not None and one.crps is not None
+        ]
+        if len(pairs) < FEWEST_RUNS:
+            return ""
+        return f", p = {chance_of(*np.array(pairs).T):.2g}"
 
     def coefficients(self) -> list["KnownCoefficient"]:
         """Return what each method found of the coefficients that the set knows."""
@@ -142,6 +161,19 @@ class Result:
             ],
             "not_beaten": self.beaten(),
         }
+
+
+def chance_of(differences: np.ndarray, samples: np.ndarray) -> float:
+    """Return the probability that chance alone makes the mean of differences so large, by how they differ between runs (Student's t).
+
+    Args:
+        differences: of two methods' CRPS, one for each run.
+        samples: of each run, which weigh it.
+    """
+    weights, count = samples / samples.sum(), len(samples)
+    total = float(weights @ differences)
+    variance = count / (count - 1) * float(np.sum((weights * (differences - total)) ** 2))
+    return float(scipy.stats.t.sf(total / np.sqrt(variance), count - 1)) if variance > 0 else float(total <= 0)
 
 
 def run_set(
