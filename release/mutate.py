@@ -110,6 +110,9 @@ SYMMETRIC = {
     "allclose",
     "array_equal",
     "fold_in",
+    "add",
+    "multiply",
+    "_correlation",
 }
 """Calls whose first two arguments may be exchanged, or must not be."""
 SHOWN = {"progress", "share", "report", "told", "print", "warn"}
