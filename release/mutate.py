@@ -49,13 +49,8 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/priors/truncated.py, TruncatedNormal.draw: inside = jnp.nextafter(self.lower + margin, inf), "
     "jnp.nextafter(self.upper - margin, -inf) => inside = jnp.nextafter(self.lower + margin, inf), "
     "jnp.nextafter(self.upper + margin, -inf)": "a margin that one draw in 1e12 reaches",
-    "src/seatrial/estimation/profile.py, _newton: stiff = np.maximum(np.abs(eigenvalues), 1e-4) + damping * max(1.0, "
-    "np.abs(eigenvalues).max()) => stiff = np.maximum(np.abs(eigenvalues), 1e-4) + damping * max(1.5, "
-    "np.abs(eigenvalues).max())": "another damping of the same climb",
     "src/seatrial/estimation/profile.py, climb: damping[row] = max(damping[row] / 10, 1e-6) => "
     "damping[row] = max((damping[row]), 1e-6)": "another damping of the same climb",
-    "src/seatrial/estimation/profile.py, _is_done: close = min(abs(inside.root - CROSSING), abs(outside.root - CROSSING)) < CLOSE "
-    "=> close = min(abs(inside.root + CROSSING), abs(outside.root - CROSSING)) < CLOSE": "at most one point more before the end is near",
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
     "np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]) => z = "
     "(np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]))": "the same regressors, computed twice",
