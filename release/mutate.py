@@ -49,23 +49,19 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/priors/truncated.py, TruncatedNormal.draw: inside = jnp.nextafter(self.lower + margin, inf), "
     "jnp.nextafter(self.upper - margin, -inf) => inside = jnp.nextafter(self.lower + margin, inf), "
     "jnp.nextafter(self.upper + margin, -inf)": "a margin that one draw in 1e12 reaches",
-    "src/seatrial/estimation/profile.py, _newton: stiff = np.maximum(np.abs(eigenvalues), 1e-4) + damping * max(1.0, "
-    "np.abs(eigenvalues).max()) => stiff = np.maximum(np.abs(eigenvalues), 1e-4) + damping * max(1.5, "
-    "np.abs(eigenvalues).max())": "another damping of the same climb",
     "src/seatrial/estimation/profile.py, climb: damping[row] = max(damping[row] / 10, 1e-6) => "
     "damping[row] = max((damping[row]), 1e-6)": "another damping of the same climb",
-    "src/seatrial/estimation/profile.py, _is_done: close = min(abs(inside.root - CROSSING), abs(outside.root - CROSSING)) < CLOSE "
-    "=> close = min(abs(inside.root + CROSSING), abs(outside.root - CROSSING)) < CLOSE": "at most one point more before the end is near",
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
-    "np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]) => z = "
-    "(np.asarray(_regressors(model)(jnp.asarray(speed), control)[1]))": "the same regressors, computed twice",
+    "np.asarray(_regressors(model, np.asarray(speed), control)[1]) => z = "
+    "(np.asarray(_regressors(model, np.asarray(speed), control)[1]))": "the same regressors, computed twice",
     "src/seatrial/estimation/sensors.py, lags_before: safe = jnp.where(small, 1.0, r) => safe = jnp.where(small, 1.5, r)": "what "
     "stands in for a divisor where the quotient is not used",
-    "src/seatrial/estimation/row_noise.py, _depth: return int((row - column).max(initial=0)) + 1 => "
+    "src/seatrial/estimation/rows.py, _depth: return int((row - column).max(initial=0)) + 1 => "
     "return int((row - column).max(initial=0)) + 2": "one diagonal more, of zeros",
-    "src/seatrial/estimation/simulation.py, delay_control: here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 0),), (n,)) "
-    "for start in (first, first - 1)) => here, before = (jax.lax.dynamic_slice(held, (jnp.maximum(start, 1),), (n,)) "
-    "for start in (first, first - 1))": "the first value is there once more than is read",
+    "src/seatrial/estimation/simulation.py, delay_control: here, before = (from_on(xp.maximum(start, 0)) for start in "
+    "(first, first - 1)) => here, before = (from_on(xp.maximum(start, 1)) for start in (first, first - 1))": "the first value is there once more than is read",
+    "src/seatrial/estimation/simulation.py, delay_control.from_on: return held[start : start + n] if xp is np else "
+    "jax.lax.dynamic_slice(held, (start,), (n,)) => return (jax.lax.dynamic_slice(held, (start,), (n,)))": "the same slice by JAX",
     "src/seatrial/design/utility_agreement.py, _spearman: return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), "
     "where=scale > 0) => return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 1)": "ranks of five designs "
     "and more that are not all alike spread by more than one",
@@ -110,6 +106,9 @@ SYMMETRIC = {
     "allclose",
     "array_equal",
     "fold_in",
+    "add",
+    "multiply",
+    "_correlation",
 }
 """Calls whose first two arguments may be exchanged, or must not be."""
 SHOWN = {"progress", "share", "report", "told", "print", "warn"}

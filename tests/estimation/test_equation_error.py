@@ -5,7 +5,9 @@ import pytest
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.equation_error import (
+    MOVED,
     Accelerations,
+    _complaint,
     _long_run,
     fit_equation_error,
     measured_accelerations,
@@ -158,3 +160,41 @@ def test_window_holds_more_samples_than_a_cubic_and_no_more_than_there_are(sampl
         cubic = np.polyfit(at, speed[i : i + 2 * half + 1], 3)
         assert found.speed[i] == pytest.approx(cubic[3], abs=1e-9)
         assert found.acceleration[i] == pytest.approx(cubic[2], abs=1e-7)
+
+
+def regressors(u, n):
+    return np.column_stack([u, u * np.abs(u), 0.9 * n * np.abs(n)]) / 31.4
+
+
+def test_refined_fit_has_the_regressors_of_its_own_motion_for_instruments():
+    """c = (Z'F)^-1 Z'y and s^2 (Z'F)^-1 Z'Z (F'Z)^-1, F along the measured speed and Z along the motion of c, by a plain loop."""
+    record = trial(0.02)
+    found, u, n = fit(record), record.channel("u"), record.channel("n")
+    x_u, x_uu, thrust = found.values * [1.0, 1.0, (2 * np.pi) ** 2]
+    motion = naive_speed(REV, np.full(6000, 0.01), u[0], x_u=x_u, x_uu=x_uu, thrust=thrust)[:6000]
+    f, z, y = regressors(u, n), regressors(motion, n), record.channel("udot")
+    inverse = np.linalg.inv(z.T @ f)
+    assert found.values == pytest.approx(inverse @ z.T @ y, rel=1e-3)
+    residual = y - f @ found.values
+    assert found.acceleration_sd == pytest.approx(np.sqrt(residual @ residual / 5997), rel=1e-6)
+    assert found.sd == pytest.approx(found.acceleration_sd * np.sqrt(np.diag(inverse @ z.T @ z @ inverse.T)), rel=1e-3)
+    assert found.plain_sd == pytest.approx(fit(record, refine=False).sd)
+
+
+@pytest.mark.parametrize(("moved", "told"), [(0.99, False), (-0.99, False), (1.01, True), (-1.01, True)])
+def test_a_bias_of_the_plain_fit_is_told_of_the_coefficient_that_moved_most(moved, told):
+    plain, sd = np.array([-1.0, 5.0]), np.array([0.1, 0.3])
+    said = _complaint(("a", "b"), plain, sd, plain + MOVED * sd * [0.5, moved])
+    assert bool(said) == told
+    assert not told or "b comes out as 5 ± 0.3" in said
+
+
+@pytest.mark.parametrize(("samples", "enough"), [(5, False), (6, True)])
+def test_two_accelerations_for_each_coefficient_are_enough(samples, enough):
+    u, rate, n = np.random.default_rng(4).normal([1.5, 0.0, 80.0], [0.3, 0.1, 9.0], (samples, 3)).T
+    few = [Accelerations("few", u, rate, n[:, None], np.full(samples, 0.1))]
+    if enough:
+        assert np.isfinite(fit_equation_error(MODEL, few, refine=False).values).all()
+    else:
+        with pytest.raises(InputError, match="5 accelerations for 3 coefficients"):
+            fit_equation_error(MODEL, few, refine=False)

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.first_guess import _inside, first_guess
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
@@ -114,3 +114,9 @@ def test_the_mode_is_found_where_draws_of_wide_priors_end_on_another_hill():
     assert helped.log_density > alone.log_density + 50
     for value, sd, (name, truth) in zip(helped.values, helped.sd, TRUTH.items(), strict=False):
         assert abs(value - truth) < 4 * sd, name
+
+
+def test_a_guess_outside_is_brought_in_by_a_thousandth_of_the_prior_s_deviation():
+    prior = Uniform(2e-3, 8e-3)
+    hair = 6e-6 / np.sqrt(12)
+    assert [_inside(x, prior) for x in (-1.0, 5e-3, 1.0)] == pytest.approx([2e-3 + hair, 5e-3, 8e-3 - hair], rel=1e-9)

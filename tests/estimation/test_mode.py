@@ -6,7 +6,7 @@ import pytest
 from seatrial.core.errors import NumericalError
 from seatrial.estimation import mode as module
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import LogNormal, Normal, Uniform
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
 KEY = jax.random.key(0)
@@ -135,3 +135,13 @@ def test_mode_without_what_is_absent_is_that_of_the_rest_alone():
     alone = find_mode(posterior({"a": priors["a"]}, seen), KEY)
     for one, other in zip(found, alone, strict=True):
         assert one == (pytest.approx(other, abs=1e-9) if isinstance(other, float | np.ndarray) else other)
+
+
+def test_curvature_where_the_likelihood_still_rises_is_that_of_the_density_in_z():
+    """Priors hold the mode back, so that how values bend with z counts too: against second derivatives of the whole."""
+    target = posterior(
+        {"a": Uniform(0.0, 2.0), "b": LogNormal(1.0, 2.0)},
+        lambda v, data: -0.5 * ((v["a"] - 1.9) / 0.4) ** 2 - 0.5 * ((v["a"] * v["b"] - 5.0) / 0.8) ** 2,
+    )
+    mode = find_mode(target, KEY)
+    np.testing.assert_allclose(mode.precision, -jax.hessian(target.log_density)(jnp.asarray(mode.z)), rtol=1e-6)

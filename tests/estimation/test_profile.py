@@ -8,7 +8,21 @@ from scipy.optimize import minimize_scalar
 
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.profile import DROP, Profile, Slope, _newton, bounded_slope, climb, profile_likelihood
+from seatrial.estimation.profile import (
+    CLOSE,
+    CROSSING,
+    DROP,
+    Profile,
+    Slope,
+    _is_done,
+    _newton,
+    _next_start,
+    _Path,
+    _Point,
+    bounded_slope,
+    climb,
+    profile_likelihood,
+)
 from tests.estimation_cases import golden_posterior, linear_gaussian, posterior, short_posterior
 
 KEY = jax.random.key(0)
@@ -182,3 +196,66 @@ def test_damped_step_by_hand(point, held, step, gain):
     found = _newton(slope, np.array(point), np.array([2.0, 1.5]), np.diag([-4.0, -0.125]), held, 0.25)
     assert found[0] == pytest.approx(step)
     assert found[1] == pytest.approx(gain)
+
+
+def path_of(points, sign=1.0):
+    """A path of the second parameter through such values of it and roots r; the first is half the second."""
+    return _Path(1, sign, [_Point(np.array([0.5 * x, x]), -0.5 * r**2, r) for x, r in points])
+
+
+UNIT = Slope(None, np.array([1.0, 3.0]), np.array([-50.0, -9.0]), np.array([50.0, 9.0]))
+
+
+@pytest.mark.parametrize(
+    ("points", "sign", "expected"),
+    [
+        ([(0.0, 0.0)], 1.0, [0.0, 1.5]),
+        ([(0.0, 0.0)], -1.0, [0.0, -1.5]),
+        ([(0.0, 0.0), (2.0, 0.5)], 1.0, [2.02, 4.04]),
+        ([(0.0, 0.0), (-2.0, 0.1)], -1.0, [-3.0, -6.0]),
+        ([(0.0, 1.4), (2.0, 1.9)], 1.0, [1.22, 2.44]),
+        ([(0.0, 0.0), (6.0, 0.5)], 1.0, [6.06, 9.0]),
+        ([(0.0, 1.0), (2.0, 3.0)], 1.0, [0.5 * (CROSSING - 1), CROSSING - 1]),
+        ([(0.0, 1.0), (2.0, 3.0), (4.0, 9.0)], 1.0, [0.5, 1.0]),
+        ([(0.0, CROSSING - 1e-2), (2.0, 9.0)], 1.0, [0.02, 0.04]),
+        ([(0.0, 0.0), (2.0, CROSSING + 1e-3)], 1.0, [0.98, 1.96]),
+        ([(0.0, 1.0), (2.0, np.inf)], 1.0, [0.0, 1.0]),
+    ],
+    ids=[
+        "first step up",
+        "first step down",
+        "half a unit of r and a little",
+        "no more than twice as far",
+        "just beyond the crossing",
+        "no further than the bound",
+        "on a line to the crossing",
+        "halved now and then",
+        "away from the inner point",
+        "away from the outer point",
+        "halved alone where nothing is likely",
+    ],
+)
+def test_where_a_path_goes_next_by_hand(points, sign, expected):
+    """The first step is half a scale; then so far that r grows by 0.5, the other parameter on the line through the last two points."""
+    assert _next_start(UNIT, path_of(points, sign)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("points", "sign", "done"),
+    [
+        ([(0.0, 0.0), (8.9, 1.0)], 1.0, False),
+        ([(0.0, 0.0), (9.0, 1.0)], 1.0, True),
+        ([(0.0, 0.0), (9.0, 1.0)], -1.0, False),
+        ([(0.0, 0.0), (-9.0, 1.0)], -1.0, True),
+        ([(0.0, CROSSING - 0.9 * CLOSE), (2.0, 3.0)], 1.0, True),
+        ([(0.0, CROSSING - 1.1 * CLOSE), (2.0, 3.0)], 1.0, False),
+        ([(0.0, 1.0), (2.0, CROSSING + 0.9 * CLOSE)], 1.0, True),
+        ([(0.0, 1.0), (2.0, CROSSING + 1.1 * CLOSE)], 1.0, False),
+        ([(0.0, 1.0), (2.9e-6, np.inf)], 1.0, True),
+        ([(0.0, 1.0), (3.1e-6, np.inf)], 1.0, False),
+    ],
+)
+def test_a_path_ends_at_its_bound_or_a_thousandth_of_r_or_a_millionth_of_its_scale_from_the_crossing(
+    points, sign, done
+):
+    assert _is_done(UNIT, path_of(points, sign)) == done

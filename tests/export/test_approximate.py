@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.export.targets.holoocean import HoloOcean, actuator_limits, lamb_factors, torpedo_motion, torpedo_of
+from seatrial.export.targets.holoocean import (
+    HoloOcean,
+    _limit_changes,
+    actuator_limits,
+    lamb_factors,
+    torpedo_motion,
+    torpedo_of,
+)
 from seatrial.vehicles.actuators import Actuator
 from tests.export.cases import COUNT, FLIPPED, assert_equal, published, rich, states, with_terms, written
 
@@ -224,4 +231,50 @@ def test_numbers_that_holoocean_has_of_its_own_and_the_spheroid_in_words():
     for kind in ("KT", "KQ"):
         assert agent["actuator"][f"{kind}_0"] == agent["actuator"][f"{kind}_max"]
     torpedo, said = torpedo_of(vehicle, 1000.0), HoloOcean(density=1000.0).carries(vehicle).changed[0]
+    assert agent["sensors"] == [{"sensor_type": "DynamicsSensor", "configuration": {"UseCOM": True, "UseRPY": False}}]
+    assert agent["control_scheme"] == 1
     assert f"{2 * torpedo.half_length:.3g} m long and {2 * torpedo.radius:.3g} m thick" in said
+
+
+def test_torpedo_has_the_vehicle_s_thrust_torque_righting_arm_and_mean_fin():
+    """Its fins stand at its end, u^2 times area and density each; its centre of gravity counts from that of buoyancy."""
+    vehicle = with_terms(published(), N_uudelta_r=-6.0, M_uudelta_s=-8.0, T_nabsn=6e-4, K_nabsn=-1e-5)
+    hull = replace(vehicle.hull, centre_of_gravity=(0.0, 0.0, 0.03), centre_of_buoyancy=(0.0, 0.0, 0.01))
+    torpedo = torpedo_of(replace(vehicle, hull=hull), 1000.0)
+    assert torpedo.low == pytest.approx(0.02)
+    assert 1000.0 * torpedo.fin_area * torpedo.half_length == pytest.approx(7.0)
+    assert torpedo.thrust == pytest.approx((1 - hull.thrust_deduction) * 6e-4)
+    assert torpedo.torque == -1e-5
+    gentle = torpedo_of(with_terms(vehicle, X_u=-0.5, Y_v=-0.5), 1000.0)
+    assert max(gentle.surge_time, gentle.sway_time) < 1e3
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ({"low": 0.0}, "a centre of gravity 0 m below that of buoyancy"),
+        ({"low": 0.01}, None),
+        ({"share": 0.51}, "an added mass of 0.51 of the mass in surge"),
+        ({"share": 0.49}, None),
+        ({"share": 0.0}, "an added mass of 0 of the mass in surge"),
+    ],
+)
+def test_what_is_no_torpedo_from_both_sides(change, found):
+    """A centre of gravity at that of buoyancy, itself not at the origin; an added mass of no spheroid."""
+    given = {"low": 0.02, "share": 0.03} | change
+    vehicle = published()
+    hull = replace(vehicle.hull, centre_of_gravity=(0.0, 0.0, 0.01 + given["low"]), centre_of_buoyancy=(0.0, 0.0, 0.01))
+    vehicle = replace(vehicle, hull=hull, coefficients={**vehicle.coefficients, "X_udot": -given["share"] * hull.mass})
+    if found is None:
+        HoloOcean().check(vehicle)
+    else:
+        with pytest.raises(InputError, match=found):
+            HoloOcean().check(vehicle)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "told"), [(-100.0, 100.0, False), (-100.0, 90.0, True), (-np.inf, 90.0, False)]
+)
+def test_limits_that_differ_either_way_are_told(lower, upper, told):
+    said = _limit_changes(replace(published(), actuators={"n": Actuator(0.1, lower, upper)}))
+    assert said == (["limits of n alike either way"] if told else [])
