@@ -8,7 +8,7 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import make_posterior
-from seatrial.estimation.robust_errors import jackknife, robust_errors
+from seatrial.estimation.robust_errors import RobustErrors, jackknife, robust_errors
 from seatrial.vehicles.surge import surge_vehicle
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import (
@@ -109,6 +109,17 @@ def test_blocks_of_one_run(memory, least, most):
     assert least < ratio.min()
     assert ratio.max() < most
     assert (found.wider("T_nabsn", 1.0) is None) == (memory == 0.0)
+
+
+@pytest.mark.parametrize(("pieces", "expected"), [(3, 1.8), (10, 1.1)])
+def test_widening_for_few_pieces(pieces, expected):
+    """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""
+    found = RobustErrors(("a", "b"), np.array([2.0, 1.4]), pieces, f"{pieces} runs")
+    assert found.widening == pytest.approx(expected, abs=0.05)
+    assert found.wider("a", 0.1) == pytest.approx(0.2 * found.widening)
+    assert found.wider("b", 0.1) is None
+    assert found.wider("c", 0.1) is None
+    assert f"{pieces - 1} degrees of freedom" in found.words
 
 
 def test_what_tells_nothing():
