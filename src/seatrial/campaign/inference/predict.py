@@ -181,7 +181,9 @@ def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[str]
 def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[str]:
     """What else keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
     together = [f"held-back runs: {one.reason}" for one in pooled if one.level in ("caution", "unjudged")]
-    return together + _sentences([fit for fit in fits if not _is_alarm(fit)])
+    beyond = {fit.record: fit.outside for fit in fits if fit.outside}
+    left = [f"held-back run {record} leaves what was fitted: {'; '.join(words)}" for record, words in beyond.items()]
+    return together + _sentences([fit for fit in fits if not _is_alarm(fit)]) + left
 
 
 def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
