@@ -86,6 +86,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         answer.say(f"next: {line}")
     answer.say(f"report: {write_report(outcome)}")
     told = [*(one.reason for one in (*outcome.fits, *outcome.pooled)), *(one.sentence for one in outcome.compared)]
+    told += ["; ".join(fit.outside) for fit in outcome.fits if fit.outside]
     return answer.finish(
         summary["alarms"], [text for text in summary["cautions"] if not any(reason in text for reason in told)]
     )
