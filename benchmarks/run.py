@@ -36,6 +36,7 @@ MEASUREMENTS = {
     "sampler_growth.chains": (1,),
     "kernels.growth": (1,),
     "filter_growth.seconds": (1,),
+    "filter_error.seconds": (1,),
     "subsets.speed": (1, 2),
     "subsets.package": (1,),
     "structure_recovery.recovered": (1,),

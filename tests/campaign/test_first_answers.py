@@ -38,6 +38,40 @@ def test_the_mode_and_its_spread(tmp_path):
     assert len(answer.lines()) == 1 + len(answer.rows)
 
 
+DISTURBED = (
+    ("[estimation]\n", '[estimation]\nlikelihood = "filter-error"\n'),
+    (
+        "[truth]",
+        """[prior.disturbance_X]
+distribution = "log-uniform"
+lower = 0.01
+upper = 10.0
+
+[prior.disturbance_time_X]
+distribution = "log-uniform"
+lower = 0.1
+upper = 30.0
+
+[truth]""",
+    ),
+)
+
+
+@pytest.mark.thorough
+def test_a_disturbance_is_found_small_where_there_is_none(tmp_path):
+    """The vehicle moves as the model says: coefficients are as near the truth as ever, and the force is a part of the drag of 9 N."""
+    campaign = load_campaign(write_small(tmp_path, *NO_X_U, *DISTURBED))
+    trials = get_trials(campaign)
+    (answer,) = posterior_modes(campaign, replace(trials, predict=(replace(trials.fit[0], label="2"),)))
+    assert max(apart(campaign, answer, 0)) < 4
+    found = {name: (unit, pairs[0][0]) for name, unit, pairs in answer.rows}
+    assert list(found) == ["X_uabsu", "T_nabsn", "sigma_u", "disturbance_X", "disturbance_time_X"]
+    assert found["disturbance_X"][0] == "kg m/s^2"
+    assert found["disturbance_X"][1] < 1.0
+    assert answer.held_back is not None
+    assert answer.held_back.fits[0].coverage > 0.8
+
+
 def test_the_mode_predicts_what_was_held_back(tmp_path):
     campaign = load_campaign(write_small(tmp_path, *NO_X_U))
     trials = get_trials(campaign)
