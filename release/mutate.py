@@ -65,6 +65,8 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/design/utility_agreement.py, _spearman: return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), "
     "where=scale > 0) => return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 1)": "ranks of five designs "
     "and more that are not all alike spread by more than one",
+    "src/seatrial/filters/unscented.py, UnscentedKalmanFilter.predict: deviations = [_minus(image, mean) for image in images] => "
+    "deviations = [_minus(mean, image) for image in images]": "only products of two deviations are taken",
     "src/seatrial/filters/run.py, _pass: begin = (_arrays(start), tuple(control[0]), step[0], grows[0], zero, zero) => "
     "begin = (_arrays(start), tuple(control[0]), step[0], grows[1], zero, zero)": "the growth before the first sample, to which "
     "nothing is predicted",

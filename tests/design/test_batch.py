@@ -105,3 +105,15 @@ def test_fewer_trials_are_the_best_of_those_planned():
     for n in range(4):
         before = found[list(batch.designs[:n])].sum(0)
         assert together[n] == pytest.approx(max(criterion(before + found[d]).mean() for d in batch.designs[n:]))
+
+
+def test_trials_are_exchanged_until_no_exchange_helps():
+    """Four of nine designs of one direction each: after a round of exchanges another is needed to reach the best of all."""
+    slopes = 3 * np.random.default_rng(205).normal(size=(9, 3))
+    found = np.einsum("di,dj->dij", slopes, slopes)[:, None]
+
+    def gain(f):
+        return np.linalg.slogdet(np.eye(3) + f)[1]
+
+    best = max(gain(found[list(c), 0].sum(0)) for c in combinations_with_replacement(range(9), 4))
+    assert plan_batch(found, gain, 4).utility[-1] == pytest.approx(best)

@@ -46,3 +46,26 @@ def test_an_input_that_never_moved_in_the_fit(value):
     still = record(0, 1.2)
     still.control[:] = value
     assert any(words.startswith("delta_r up to") for words in outside_fitted([still], record(30, 1.2)))
+
+
+def speeds(values):
+    """A record whose rudder never moves, with such speeds at its first samples and 1 m/s elsewhere."""
+    u = np.append(values, np.full(500 - len(values), 1.0))
+    columns = {"delta_r": np.zeros(500), "u": u, "psi": 0.01 * TIME}
+    return make_record(TIME, columns, CHANNELS, Provenance("own", ""), "1")
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([2.09] * 5, ()),
+        ([2.11] * 5, ("u up to 2.11 m/s where the fit saw 2",)),
+        ([2.11] * 4, ()),
+        ([0.91] * 5, ()),
+        ([0.89] * 5, ("u down to 0.89 m/s where the fit saw 1",)),
+        ([2.2] * 5 + [0.7] * 5, ("u down to 0.7 m/s where the fit saw 1", "u up to 2.2 m/s where the fit saw 2")),
+    ],
+)
+def test_a_range_is_left_by_a_tenth_of_it_and_by_a_hundredth_of_the_samples(values, said):
+    """Fitted from 1 to 2 m/s: 0.1 m/s beyond is told, and five of 500 samples; the furthest comes first."""
+    assert outside_fitted([speeds([2.0])], speeds(values)) == said

@@ -21,7 +21,7 @@ from seatrial.selection.subsets.sampler import (
     sample_subsets,
     subset_posterior,
 )
-from seatrial.selection.subsets.structure_chains import ALIKE, RUNG, _alike, rungs_between
+from seatrial.selection.subsets.structure_chains import ALIKE, RUNG, _alike, _partners, rungs_between
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
 RULES = RuleMasks(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
@@ -332,3 +332,14 @@ def test_errors_of_visits_are_no_less_than_what_the_evidences_say_and_the_rest_c
     apart = np.abs(found.inclusion - errors.renormalised) - (1 - errors.covered)
     assert (errors.inclusion_error >= apart).all()
     assert (apart > 0).any()
+
+
+def test_partners_are_drawn_half_evenly_and_half_by_resemblance_or_rules():
+    """Cumulative, up to one for any other unit and none for itself; a single unit has nobody to change with."""
+    alike = np.array([[1.0, 0.3, 0.1], [0.3, 1.0, 0.2], [0.1, 0.2, 1.0]])
+    shared = np.array([[False, False, True], [False, False, False], [True, False, False]])
+    near = np.array([[0.0, 0.3, 1.0], [0.3, 0.0, 0.2], [1.0, 0.2, 0.0]])
+    chance = 0.25 * (1 - np.eye(3)) + 0.5 * near / near.sum(1, keepdims=True)
+    expected = np.column_stack([chance[:, 0], chance[:, :2].sum(1), np.ones(3), np.ones(3)])
+    np.testing.assert_allclose(_partners(alike, shared), expected, atol=1e-8)
+    np.testing.assert_array_equal(_partners(np.ones((1, 1)), np.zeros((1, 1), bool)), [[0.0, 1.0]])
