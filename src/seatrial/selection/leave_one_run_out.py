@@ -301,8 +301,9 @@ def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"]
         raise NumericalError("leave one run out: no draw about the posterior mode has a finite density")
     with np.errstate(all="ignore"):  # where one draw holds all weight there is no tail to fit
         smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
-    smoothed = np.asarray(smoothed)
-    return smoothed - float(logsumexp(smoothed)), float(k_hat) if np.isfinite(k_hat) else NO_TAIL
+    sound = bool(np.isfinite(k_hat) and np.isfinite(smoothed).all())
+    kept = np.asarray(smoothed) if sound else log_weight
+    return kept - float(logsumexp(kept)), float(k_hat) if sound else NO_TAIL
 
 
 def _without(count: int, run: int) -> np.ndarray:
