@@ -1,10 +1,17 @@
 """Runs left out, as a stored command: what is said first, which error model is recommended, and campaigns that cannot have it."""
 
+import tomllib
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
+import seatrial as st
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.cross_validation import cross_validate, current_cross_validation
+from seatrial.campaign.inference.error_models import error_models, scale_of, with_error_model
+from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.cross_validation import (
     OWN,
     Candidate,
@@ -12,6 +19,8 @@ from seatrial.campaign.store.cross_validation import (
     CrossValidation,
     decode_cross_validation,
 )
+from seatrial.core.errors import InputError
+from tests.campaign.small import write_small
 
 
 def candidate(label, elpd, evidence, crps, error=OWN, lines=()):
@@ -81,3 +90,71 @@ def test_as_json():
 def test_bands_are_judged(level, kind):
     judged = replace(LIKELY, channels=(replace(LIKELY.channels[0], level=level),))
     assert f"each run left out in turn: {kind};" in found(judged).lines()[1]
+
+
+RPM = 2 * np.pi / 60
+
+
+def three_runs(count=3):
+    """Runs of the small campaign's true vehicle, each with another input, and noise that is white."""
+    model = st.load_vehicle("remus100_surge").build(free=["X_u", "X_uabsu", "T_nabsn"])
+    truth = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.05}
+    records = []
+    for i in range(count):
+        family = st.Family("n", 750 * RPM, duration=30.0, active=20.0, sample_time=0.1, kind="doublet")
+        schedule = family.schedule((100 + 50 * i) * RPM, 10.0)
+        record = st.simulate(model, truth, schedule, ["u"], start={"u": 1.542}, key=i)
+        records.append(replace(record, label=f"run {i}"))
+    return Trials(tuple(records), (), "three runs")
+
+
+def test_fewer_than_three_runs_are_refused(tmp_path):
+    campaign = load_campaign(write_small(tmp_path))
+    with pytest.raises(InputError, match="at least 3 fitted runs") as refused:
+        cross_validate(campaign, three_runs(2))
+    assert "run more trials" in refused.value.remedy
+
+
+def test_lines_of_every_error_model_are_what_it_does(tmp_path):
+    """The lines read as TOML are the settings and priors with which it was computed; nobody has to guess a prior."""
+    campaign, trials = load_campaign(write_small(tmp_path)), three_runs()
+    model, coefficients = (
+        campaign.model(campaign.full),
+        {"X_u": (-1.2, 0.3), "X_uabsu": (-2.9, 0.2), "T_nabsn": (6e-4, 1e-5)},
+    )
+    values = {name: value for name, (value, _) in coefficients.items()}
+    scale = scale_of(model, trials.fit, coefficients, values)
+    found = {one.name: one for one in error_models(campaign, campaign.full, scale)}
+    assert list(found) == ["coloured", "heavy", "process noise", "disturbance", "all vary by run"]
+    for error in found.values():
+        tables = tomllib.loads("\n".join(error.lines()))
+        changed = with_error_model(campaign, campaign.full, error)
+        for key, value in tables["estimation"].items():
+            kept = getattr(changed.estimation, key)
+            assert (list(kept) if isinstance(kept, tuple) else kept) == value
+        added = set(changed.priors) - set(campaign.priors)
+        assert added == set(tables.get("prior", {}))
+        build_posterior(changed, campaign.full, trials.fit)
+    # the vehicle of 31.4 kg is pushed to its own speed's spread in one second
+    assert scale.forces["X"] == pytest.approx(31.4 * scale.sizes["u"], rel=1e-2)
+
+
+@pytest.mark.proof
+def test_white_noise_recommends_nothing_else(tmp_path):
+    campaign = load_campaign(write_small(tmp_path))
+    made = cross_validate(campaign, three_runs())
+    assert [one.name for one in made.own] == ["M-0", "M-1"]
+    assert {one.error_model for one in made.candidates} == {
+        OWN,
+        "coloured",
+        "heavy",
+        "process noise",
+        "disturbance",
+        "all vary by run",
+    }
+    assert made.recommended is None
+    assert not made.alarms
+    assert max(one.k_hat[0] for one in made.own) < 0.7
+    again = current_cross_validation(campaign, three_runs())
+    assert again is not None
+    assert again.candidates == made.candidates

@@ -37,6 +37,8 @@ from seatrial.sampling.target import AT_ONCE, LANES
 
 LEAST = 1e-2
 """Least curvature of a run's own parameter that is believed; that of its prior is 1."""
+BELIEVED = 0.5
+"""Largest gain, nats, that is believed of an expansion away from the best: far from it curvature says nothing of the height there."""
 ENOUGH, MOST_STEPS = 1e-3, 12
 """Gain of a Newton step along a run's own parameters, nats, from which another is made, and how many at most."""
 
@@ -306,7 +308,7 @@ def _expand_own(one: Posterior, m: int, z: Float[Array, "n d"]) -> _OwnFit:
         step = (vectors / curvatures) @ (vectors.T @ gradient)
         gain = 0.5 * gradient @ step
         volume = 0.5 * m * jnp.log(2 * jnp.pi) - 0.5 * jnp.log(curvatures).sum()
-        return _OwnFit(value, value + gain + volume, gain, step)
+        return _OwnFit(value, value + jnp.minimum(gain, BELIEVED) + volume, gain, step)
 
     return map_lanes(of_draw, z, LANES)
 

@@ -46,6 +46,8 @@ PREDICTED = 200
 """Draws by which a run that was left out is predicted."""
 MOST_STEPS = 12
 """Newton steps from the mode of all runs to that of all but one: more are only taken about the kinks that a delay makes."""
+NO_TAIL = 10.0
+"""Tail index that is stated where so few draws carry all weight that none can be found."""
 WIDER = 1.0
 """Least precision of a proposal: that of the prior in the coordinates in which it is drawn."""
 
@@ -297,9 +299,11 @@ def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"]
     top = log_weight.max()
     if not np.isfinite(top):
         raise NumericalError("leave one run out: no draw about the posterior mode has a finite density")
-    smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
-    smoothed = np.asarray(smoothed)
-    return smoothed - float(logsumexp(smoothed)), float(k_hat)
+    with np.errstate(all="ignore"):  # where one draw holds all weight there is no tail to fit
+        smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
+    sound = bool(np.isfinite(k_hat) and np.isfinite(smoothed).all())
+    kept = np.asarray(smoothed) if sound else log_weight
+    return kept - float(logsumexp(kept)), float(k_hat) if sound else NO_TAIL
 
 
 def _without(count: int, run: int) -> np.ndarray:

@@ -211,11 +211,9 @@ def _varying(campaign: Campaign, scale: Scale, name: str, words: str, names: Seq
     tables = {}
     for one in added:
         value, sd = scale.coefficients[one]
-        tables[spread_name(one)] = {
-            "distribution": "half-normal",
-            "scale": _round(max(SHARE * abs(value), sd)),
-            "lower": 0.0,
-        }
+        # A constant force is near zero, and its size says nothing of how far runs differ: what its prior allows does.
+        size = float(campaign.prior(one).sd) if one.endswith("_0") else max(SHARE * abs(value), sd)
+        tables[spread_name(one)] = {"distribution": "half-normal", "scale": _round(size), "lower": 0.0}
     together = tuple(dict.fromkeys([*campaign.estimation.varying, *added]))
     return ErrorModel(name, words, {"varying": together}, _missing(campaign, tables))
 
