@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import seatrial as st
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.report.drawing import Drawing
 from seatrial.report.figures.style import PALETTE
 from seatrial.report.sections import designs, models, posteriors

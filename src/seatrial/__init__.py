@@ -16,7 +16,7 @@ _HOME = {
     "get_trials": "seatrial.campaign.data.import_logs",
     "estimate_all": "seatrial.campaign.inference.estimate",
     "select_structure": "seatrial.campaign.selection.select_structure",
-    "run_loop": "seatrial.campaign.workflow.run",
+    "run_loop": "seatrial.campaign.workflow.loop",
     "write_report": "seatrial.report.page",
     "configure": "seatrial.core.engine",
     "CoefficientName": "seatrial.core.coefficients",
@@ -144,7 +144,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.design.sweep import design_first
     from seatrial.campaign.inference.estimate import estimate_all
     from seatrial.campaign.selection.select_structure import select_structure
-    from seatrial.campaign.workflow.run import run_loop
+    from seatrial.campaign.workflow.loop import run_loop
     from seatrial.core.coefficients import CoefficientName
     from seatrial.core.engine import EngineWarning, configure
     from seatrial.core.errors import InputError, NumericalError, SeatrialError

@@ -9,7 +9,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.selection.screening import screening_of
-from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.loop import run_loop
 from seatrial.core.errors import InputError
 from tests.campaign.yaw_campaign import SWAY, YAW, write_yaw
 

@@ -17,7 +17,7 @@ import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.loop import run_loop
 from tests.campaign.small import NO_X_U, write_small
 
 

@@ -15,7 +15,7 @@ from seatrial.campaign.data.simulate import import_example, truth_example
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.errors import InputError
 from seatrial.report.page import write_report

@@ -15,7 +15,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store, stamp_of, write_stamped_json
 from seatrial.campaign.workflow import steps
-from seatrial.campaign.workflow.run import run_loop
+from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.steps import LOOP, STEPS, Workflow
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small, write_summary

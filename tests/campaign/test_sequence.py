@@ -12,8 +12,9 @@ from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
 from seatrial.campaign.inference.omitted_effects import left_out
-from seatrial.campaign.workflow import next_trial as sequence
-from seatrial.campaign.workflow.next_trial import Proposal, propose, run_sequence, settling
+from seatrial.campaign.workflow import loop as sequence
+from seatrial.campaign.workflow.loop import run_sequence
+from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.report.sections.summary import answer
 from tests.campaign.small import SMALL
@@ -36,12 +37,14 @@ def test_a_sequence_runs_what_is_proposed_until_the_goal_allows_no_more(tmp_path
         return SimpleNamespace(trials=SimpleNamespace(fit=range(1 + len(later_trials(campaign)))))
 
     monkeypatch.setattr(sequence, "run_loop", run_loop)
-    monkeypatch.setattr(sequence, "propose", lambda outcome: Proposal(Chosen("step", 5.0, 4.0), ("standing", "run it")))
+    monkeypatch.setattr(
+        sequence, "propose", lambda outcome: Proposal(Chosen("step", 5.0, 4.0), ("standing",), ("run it",))
+    )
     outcome, proposal = run_sequence(campaign)
     assert len(outcome.trials.fit) == 3
     assert later_trials(campaign) == (Chosen("step", 5.0, 4.0),) * 2
     assert proposal.lines == ("standing", "stop: 3 trials are run, the most that [goal] allows")
-    monkeypatch.setattr(sequence, "propose", lambda outcome: Proposal(None, ("stop: the goal is met",)))
+    monkeypatch.setattr(sequence, "propose", lambda outcome: Proposal(None, (), ("stop: the goal is met",)))
     assert run_sequence(campaign)[1].trial is None
     assert len(later_trials(campaign)) == 2
 

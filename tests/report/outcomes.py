@@ -16,7 +16,7 @@ from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
 from seatrial.campaign.store.estimates import Direction, Estimate, Fit, Known, KnownParameter
 from seatrial.campaign.store.structures import Contenders, Screened
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep

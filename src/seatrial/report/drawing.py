@@ -37,7 +37,7 @@ from seatrial.report.labels import label_mathtext
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from seatrial.campaign.workflow.run import Outcome
+    from seatrial.campaign.workflow.outcome import Outcome
 
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(?:url\(#|href="#)([^)"]*)')

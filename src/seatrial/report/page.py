@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings

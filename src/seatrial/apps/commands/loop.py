@@ -11,8 +11,8 @@ def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     """Write report.html from the results; whatever is missing is computed first."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.loop import run_loop
         from seatrial.campaign.workflow.next_trial import propose
-        from seatrial.campaign.workflow.run import run_loop
 
         outcome = run_loop(campaign, reporter)
         return _tell_and_report(answer, outcome, propose(outcome))
@@ -24,7 +24,7 @@ def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Run the whole loop, resuming where it stopped, and write report.html; simulated trials go on to the goal."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.workflow.next_trial import run_sequence
+        from seatrial.campaign.workflow.loop import run_sequence
 
         return _tell_and_report(answer, *run_sequence(campaign, reporter))
 
@@ -45,8 +45,8 @@ def next_trial(
         from seatrial.campaign.data.simulate import add_trial, check_simulated
         from seatrial.campaign.design.schedule import write_schedule
         from seatrial.campaign.store.stored_result import Store
+        from seatrial.campaign.workflow.loop import run_loop
         from seatrial.campaign.workflow.next_trial import propose
-        from seatrial.campaign.workflow.run import run_loop
 
         if execute:
             check_simulated(campaign)

@@ -10,17 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.simulate import Chosen, add_trial, chosen_of
+from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.inference.predict import held_back_alarms
 from seatrial.campaign.store.structures import Contenders
-from seatrial.campaign.workflow.run import ENOUGH, Outcome, run_loop
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.remedies import percent
 from seatrial.selection.verdict import DECIDED
+
+ENOUGH = 0.2
+"""Entropy reduction, nats, below which another trial of the family is not worth running."""
 
 
 @dataclass(frozen=True)
@@ -29,26 +30,33 @@ class Proposal:
 
     Attributes:
         trial: what to run; None to stop.
-        lines: where the campaign stands, what to run and what it promises, or why to stop.
+        standing: where the campaign stands.
+        advice: what to run and what it promises, or why to stop.
     """
 
     trial: Chosen | None
-    lines: tuple[str, ...]
+    standing: tuple[str, ...]
+    advice: tuple[str, ...]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All of it in words."""
+        return (*self.standing, *self.advice)
 
 
 def propose(outcome: Outcome) -> Proposal:
     """Weigh the goal, the doubt about the structure and what the best designs promise."""
     standing, wrong = _standing(outcome), _wrong(outcome)
     if wrong:
-        return Proposal(None, (*standing, *wrong))
+        return Proposal(None, standing, wrong)
     goal, unmet, doubt = outcome.campaign.goal, _unmet(outcome), _in_doubt(outcome)
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
         if not counting:
-            return Proposal(None, (*standing, "stop: the goal is met"))
+            return Proposal(None, standing, ("stop: the goal is met",))
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
-            return Proposal(None, (*standing, f"stop: {trials} run, which is all that [goal] asks for"))
+            return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
     found = outcome.contenders
     if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
         sweep = outcome.next.best
@@ -61,7 +69,7 @@ def propose(outcome: Outcome) -> Proposal:
     gain = float(sweep.gain[sweep.best])
     if gain < ENOUGH and not counting:
         why = f"stop: another trial of this kind would teach little ({gain:.2f} nat): change sensors, limits or manoeuvres"
-        return Proposal(None, (*standing, why))
+        return Proposal(None, standing, (why,))
     return _run(outcome, sweep, sweep.best, standing, f"it lowers the entropy of the coefficients by {gain:.2f} nat")
 
 
@@ -142,29 +150,6 @@ def _run(outcome: Outcome, sweep: Sweep, at: tuple[int, int], standing: tuple[st
         for name, sd in after.items()
         if name in known
     )
-    lines = (*standing, f"run a {words}", f"{promise}; expected: {shrink}")
     noise = noise_words(outcome.campaign, outcome.chosen)
-    return Proposal(chosen, (*lines, noise) if noise else lines)
-
-
-# Trial after trial on a simulated vehicle, each decided on what those before have taught, until the goal is met.
-
-
-def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outcome, Proposal]:
-    """Run the loop, and while it is a simulated campaign with a goal run what it proposes; a kill loses the work in flight.
-
-    Returns:
-        what was found after the last trial, and what to do next.
-    """
-    while True:
-        outcome = run_loop(campaign, reporter)
-        proposal = propose(outcome)
-        goal = campaign.goal
-        if not campaign.is_simulated or goal is None or proposal.trial is None:
-            return outcome, proposal
-        for line in proposal.lines:
-            reporter.say(line)
-        if len(outcome.trials.fit) >= goal.trials:
-            end = f"stop: {goal.trials} trial{'s are' if goal.trials != 1 else ' is'} run, the most that [goal] allows"
-            return outcome, Proposal(None, (proposal.lines[0], end))
-        add_trial(campaign, proposal.trial)
+    advice = (f"run a {words}", f"{promise}; expected: {shrink}", *((noise,) if noise else ()))
+    return Proposal(chosen, standing, advice)

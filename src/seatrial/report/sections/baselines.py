@@ -3,7 +3,7 @@
 from typing import Any
 
 from seatrial.campaign.inference.baselines import NOTHING_HELD_BACK, refused_words
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.baseline_comparison import Comparison, PooledScore
 from seatrial.report.labels import sentence_html

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.report.drawing import labels_of
 from seatrial.report.labels import sentence_html
 

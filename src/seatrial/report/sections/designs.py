@@ -11,7 +11,7 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.store.estimates import BY_ITSELF, Direction, Known
 from seatrial.campaign.workflow.next_trial import propose
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.manoeuvres.schedule import schedule_of

@@ -7,7 +7,7 @@ import numpy as np
 
 from seatrial.campaign.inference.predict import trial_verdicts
 from seatrial.campaign.store.estimates import Fit
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.estimation.fit_verdict import NARROW, POOR

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.store.structures import ENOUGH, undecided_words
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.report.drawing import Drawing, draw, labels_of
 from seatrial.report.figures.structures import probability_bars

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.workflow.run import Outcome
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.report.drawing import Drawing, draw, labels_of, truth_of, units_of
 from seatrial.report.figures.posterior import PriorShape, correlations, marginal, pair
 from seatrial.report.labels import label_html, label_mathtext

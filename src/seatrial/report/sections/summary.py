@@ -10,7 +10,8 @@ from markupsafe import Markup
 from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.predict import held_back_alarms
 from seatrial.campaign.store.stored_result import FILE_NAME, Store
-from seatrial.campaign.workflow.run import ENOUGH, Outcome
+from seatrial.campaign.workflow.next_trial import ENOUGH
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import is_there
 from seatrial.manoeuvres.shapes import SHAPES

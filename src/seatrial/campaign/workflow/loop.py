@@ -1,14 +1,13 @@
-"""The whole loop: design, simulate or import, estimate, select, and say what to run next."""
+"""The whole loop: design, simulate or import, estimate, select, and say what to run next; once, or trial after trial."""
 
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
-from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.data.simulate import add_trial
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_alarms, comparison_cautions
 from seatrial.campaign.inference.cross_validation import current_cross_validation
@@ -21,77 +20,13 @@ from seatrial.campaign.inference.predict import (
     pooled_of,
 )
 from seatrial.campaign.selection.select_structure import structure_rows
-from seatrial.campaign.store.baselines import FittedBaselines
-from seatrial.campaign.store.cross_validation import CrossValidation
-from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
-from seatrial.campaign.store.structures import Contenders, Screened
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.workflow.next_trial import Proposal, propose
+from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.baseline_comparison import Comparison
-from seatrial.estimation.pooled_coverage import Pooled
-from seatrial.manoeuvres.family import Family
-from seatrial.selection.verdict import Selection
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-ENOUGH = 0.2
-"""Entropy reduction, nats, below which another trial of the family is not worth running."""
-MEND = "stop: the model fails on runs that it was not fitted to; mend it before the next trial"
-"""What is said in place of the next trial where that is so."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Everything the loop found, as the report draws it.
-
-    Attributes:
-        campaign: configuration.
-        trials: records.
-        estimates: posterior of each structure.
-        selection: which structure the data support.
-        chosen: estimate of the most probable structure.
-        filter: traces of the full structure.
-        fits: how well each record is predicted.
-        predictions: the curves.
-        pooled: how well each channel of all held-back records together is predicted.
-        baselines: simple predictors, fitted to the same records; None where no record is held back.
-        compared: the chosen structure beside them, channel by channel.
-        known: what the data tell about each parameter of the chosen structure.
-        promised: what the best design would tell about those of the full one; None without such designs.
-        first: designs from the priors; None where trials were imported that nothing was designed for.
-        next: designs from the posterior of the chosen structure.
-        screened: every structure in closed form; None where that cannot be done.
-        screening_cautions: of that, or why it could not be done.
-        contenders: the chosen structure beside the runner-up; None where there is one structure.
-        left_out: what the chosen structure lacks and its coefficients hide.
-        summary: the machine-readable summary.
-        cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
-    """
-
-    campaign: Campaign
-    trials: Trials
-    estimates: tuple[Estimate, ...]
-    selection: Selection
-    chosen: Estimate
-    filter: "xr.Dataset"
-    fits: tuple[Fit, ...]
-    predictions: "xr.Dataset"
-    pooled: tuple[Pooled, ...]
-    baselines: FittedBaselines | None
-    compared: tuple[Comparison, ...]
-    known: Known
-    promised: Known | None
-    first: Designs | None
-    next: Designs
-    screened: Screened | None
-    screening_cautions: tuple[str, ...]
-    contenders: Contenders | None
-    left_out: tuple[LeftOut, ...]
-    summary: dict[str, Any]
-    cross_validation: CrossValidation | None = None
 
 
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
@@ -128,13 +63,34 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         cross_validation=current_cross_validation(found["candidates"], found["trials"]),
         **{name: found[name] for name in same},
     )
-    summary = summarise(outcome)
-    stored_summary(outcome.campaign, outcome.estimates).write(summary)
-    return replace(outcome, summary=summary)
+    outcome = replace(outcome, summary=summarise(outcome))
+    outcome.summary["next_trial"]["words"] = "; ".join(propose(outcome).advice)
+    stored_summary(outcome.campaign, outcome.estimates).write(outcome.summary)
+    return outcome
+
+
+def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outcome, Proposal]:
+    """Run the loop, and while it is a simulated campaign with a goal run what it proposes; a kill loses the work in flight.
+
+    Returns:
+        what was found after the last trial, and what to do next.
+    """
+    while True:
+        outcome = run_loop(campaign, reporter)
+        proposal = propose(outcome)
+        goal = campaign.goal
+        if not campaign.is_simulated or goal is None or proposal.trial is None:
+            return outcome, proposal
+        for line in proposal.lines:
+            reporter.say(line)
+        if len(outcome.trials.fit) >= goal.trials:
+            end = f"stop: {goal.trials} trial{'s are' if goal.trials != 1 else ' is'} run, the most that [goal] allows"
+            return outcome, Proposal(None, proposal.standing[:1], (end,))
+        add_trial(campaign, proposal.trial)
 
 
 def summarise(outcome: Outcome) -> dict[str, Any]:
-    """Coefficients of the chosen structure, probabilities, verdicts, warnings and the next trial, JSON-able, SI."""
+    """Coefficients of the chosen structure, probabilities, verdicts, warnings and the numbers of the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
     alarms += [] if outcome.cross_validation is None else outcome.cross_validation.alarms
@@ -147,7 +103,6 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions += [effect.sentence for effect in outcome.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
     cautions += held_back_cautions(campaign, outcome.trials)
-    proposed = next_trial(outcome.next)
     return {
         "name": campaign.name,
         "chosen": chosen.structure.label,
@@ -161,15 +116,15 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "fits": [fit.__dict__ for fit in outcome.fits],
         "pooled": [one.__dict__ for one in outcome.pooled],
         "baselines": [asdict(one) for one in outcome.compared],
-        "next_trial": {**proposed, "words": MEND} if unseen else proposed,
+        "next_trial": _next_trial(outcome.next),
     }
 
 
-def next_trial(designs: Designs) -> dict[str, Any]:
-    """The next trial in numbers, SI, and in words, in the units of the boundary."""
+def _next_trial(designs: Designs) -> dict[str, Any]:
+    """The best design of the next trial in numbers, SI."""
     sweep = designs.best
     row, column = sweep.best
-    trial = {
+    return {
         "family": sweep.family.kind,
         "control": sweep.family.control,
         "unit": signal_unit(sweep.family.control),
@@ -180,24 +135,6 @@ def next_trial(designs: Designs) -> dict[str, Any]:
         "sd_before": dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
         "sd_after": dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
     }
-    return {**trial, "words": next_words(trial, sweep.family)}
-
-
-def next_words(trial: dict[str, Any], family: Family) -> str:
-    """Say what to run next, or why not; takes the numbers of `next_trial`."""
-    gain = trial["gain_nat"]
-    if gain < ENOUGH:
-        return (
-            f"another {family.words} would teach little ({gain:.2f} nat): "
-            "change the sensors, the limits or the manoeuvre instead"
-        )
-    promise = ", ".join(
-        f"{name} from {sd:.3g} to {trial['sd_after'][name]:.3g}" for name, sd in trial["sd_before"].items()
-    )
-    return (
-        f"run a {design_words(family, trial['amplitude'], trial['period'])}: expected to reduce the entropy of the "
-        f"coefficients by {gain:.2f} nat; standard deviations {promise}"
-    )
 
 
 def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:

@@ -1,0 +1,69 @@
+"""Everything that the loop found, as the report draws it."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.store.baselines import FittedBaselines
+from seatrial.campaign.store.cross_validation import CrossValidation
+from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
+from seatrial.campaign.store.structures import Contenders, Screened
+from seatrial.estimation.baseline_comparison import Comparison
+from seatrial.estimation.pooled_coverage import Pooled
+from seatrial.selection.verdict import Selection
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Everything the loop found, as the report draws it.
+
+    Attributes:
+        campaign: configuration.
+        trials: records.
+        estimates: posterior of each structure.
+        selection: which structure the data support.
+        chosen: estimate of the most probable structure.
+        filter: traces of the full structure.
+        fits: how well each record is predicted.
+        predictions: the curves.
+        pooled: how well each channel of all held-back records together is predicted.
+        baselines: simple predictors, fitted to the same records; None where no record is held back.
+        compared: the chosen structure beside them, channel by channel.
+        known: what the data tell about each parameter of the chosen structure.
+        promised: what the best design would tell about those of the full one; None without such designs.
+        first: designs from the priors; None where trials were imported that nothing was designed for.
+        next: designs from the posterior of the chosen structure.
+        screened: every structure in closed form; None where that cannot be done.
+        screening_cautions: of that, or why it could not be done.
+        contenders: the chosen structure beside the runner-up; None where there is one structure.
+        left_out: what the chosen structure lacks and its coefficients hide.
+        summary: the machine-readable summary.
+        cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
+    """
+
+    campaign: Campaign
+    trials: Trials
+    estimates: tuple[Estimate, ...]
+    selection: Selection
+    chosen: Estimate
+    filter: "xr.Dataset"
+    fits: tuple[Fit, ...]
+    predictions: "xr.Dataset"
+    pooled: tuple[Pooled, ...]
+    baselines: FittedBaselines | None
+    compared: tuple[Comparison, ...]
+    known: Known
+    promised: Known | None
+    first: Designs | None
+    next: Designs
+    screened: Screened | None
+    screening_cautions: tuple[str, ...]
+    contenders: Contenders | None
+    left_out: tuple[LeftOut, ...]
+    summary: dict[str, Any]
+    cross_validation: CrossValidation | None = None
