@@ -15,7 +15,7 @@ _HOME = {
     "design_first": "seatrial.campaign.design.sweep",
     "get_trials": "seatrial.campaign.data.import_logs",
     "estimate_all": "seatrial.campaign.inference.estimate",
-    "select_structure": "seatrial.campaign.selection.select_structure",
+    "select_structure": "seatrial.campaign.selection.evidence",
     "run_loop": "seatrial.campaign.workflow.loop",
     "write_report": "seatrial.report.page",
     "configure": "seatrial.core.engine",
@@ -143,7 +143,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.data.import_logs import get_trials
     from seatrial.campaign.design.sweep import design_first
     from seatrial.campaign.inference.estimate import estimate_all
-    from seatrial.campaign.selection.select_structure import select_structure
+    from seatrial.campaign.selection.evidence import select_structure
     from seatrial.campaign.workflow.loop import run_loop
     from seatrial.core.coefficients import CoefficientName
     from seatrial.core.engine import EngineWarning, configure

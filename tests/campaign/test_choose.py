@@ -8,7 +8,7 @@ import pytest
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.selection.select_structure import agreement_words, select_structure
+from seatrial.campaign.selection.evidence import agreement_words, select_structure
 from tests.campaign.small import write_small
 from tests.selection.targets import far_peaks, one_peak, spike_on_slab
 

@@ -9,7 +9,7 @@ from seatrial.campaign.design.compare_utilities import compare_measures
 from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.campaign.design.global_search import search_design, search_lines
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.sensors import sensor_table
+from seatrial.campaign.design.sensor_choice import sensor_table
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError

@@ -16,7 +16,7 @@ from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.identifiability import known_before
 from seatrial.campaign.prior.predictive import predict_from_prior
-from seatrial.campaign.selection.select_structure import select_structure
+from seatrial.campaign.selection.evidence import select_structure
 from tests.campaign.small import write_small
 
 TWO_MORE = (

@@ -29,9 +29,9 @@ from seatrial.campaign.data.import_logs import Trials, trials_key
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.campaign.selection import select_structure
+from seatrial.campaign.selection import evidence
+from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import screening_key
-from seatrial.campaign.selection.select_structure import evidence_key
 from seatrial.campaign.store.stored_result import as_json, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
@@ -199,9 +199,9 @@ def test_the_configuration_needs_no_step_of_a_campaign():
 
 
 def test_an_evidence_has_the_size_that_the_campaign_says(monkeypatch):
-    monkeypatch.setattr(select_structure, "do", lambda posterior, piece, keys, settings, report: settings)
+    monkeypatch.setattr(evidence, "do", lambda posterior, piece, keys, settings, report: settings)
     campaign = SimpleNamespace(seed=3, selection=SelectionSettings(512, 3, 40960))
     study = SimpleNamespace(campaign=campaign, posterior=lambda structure: None)
     part = SimpleNamespace(structure=SimpleNamespace(terms=("X_u",)), piece=None)
-    found = select_structure._compute(study, part, lambda done, total: None)
+    found = evidence._compute(study, part, lambda done, total: None)
     assert (found.smc.particles, found.repeats, found.draws) == (512, 3, 40960)

@@ -25,8 +25,8 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.calibration import estimate_key
 from seatrial.campaign.rehearsal.run import rehearsal_key
+from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import screening_key
-from seatrial.campaign.selection.select_structure import evidence_key
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.progress import SILENT
 from seatrial.core.record import Channel, Provenance, make_record

@@ -18,7 +18,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.inference.estimate import estimate_all
-from seatrial.campaign.selection.select_structure import select_structure, structure_rows
+from seatrial.campaign.selection.evidence import select_structure, structure_rows
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import NO_X_U, write_small

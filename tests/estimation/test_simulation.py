@@ -2,8 +2,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from seatrial.estimation.command_delay import delay_control
 from seatrial.estimation.sensors import Sensor
-from seatrial.estimation.simulation import Feedback, Simulator, delay_control
+from seatrial.estimation.simulation import Feedback, Simulator
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import naive_speed

@@ -33,6 +33,7 @@ from seatrial.core.batching import bucket_length
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.record import Record
+from seatrial.estimation.command_delay import delay_control
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import OutputError, initial_name
@@ -40,7 +41,6 @@ from seatrial.estimation.prediction import ANY, noise_sd
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.replicate import motions
 from seatrial.estimation.sensors import correlation_name
-from seatrial.estimation.simulation import delay_control
 from seatrial.estimation.trial_data import TrialData
 
 RUN_DRAWS, STRETCH_DRAWS = 200, 40

@@ -18,11 +18,11 @@ from scipy.optimize import minimize
 from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
+from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.filter_slopes import filter_slopes
 from seatrial.estimation.information import expand_everywhere
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
-from seatrial.estimation.simulation import DELAY
 from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
+from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error, process_name
 from seatrial.estimation.first_guess import first_guess
@@ -33,7 +34,7 @@ from seatrial.estimation.output_error import (
 from seatrial.estimation.posterior import Parameter, Posterior, check_priors
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
-from seatrial.estimation.simulation import CURRENT, DELAY
+from seatrial.estimation.simulation import CURRENT
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel

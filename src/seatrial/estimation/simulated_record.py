@@ -14,6 +14,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES, QUATERNION, RATES, signal_unit
+from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.posterior import as_key
@@ -26,7 +27,7 @@ from seatrial.estimation.record_posterior import (
 )
 from seatrial.estimation.replicate import replicate
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name
-from seatrial.estimation.simulation import CURRENT, DELAY
+from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel
 

@@ -9,19 +9,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.array_module import array_module
+from seatrial.estimation.command_delay import DELAY, delay_control
 from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
 from seatrial.numerics.integrate import Law, Move, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
-DELAY = "delay"
-"""Parameter name of the time between a command and its action, s."""
 CURRENT = "current"
 """Parameter name of a constant current along the vehicle's course, m/s, positive from astern."""
 
@@ -144,7 +140,7 @@ class Simulator:
 
     def late(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
         """Return controls as they act: after the delay, where that is a parameter."""
-        return tuple(delay_control(column, values["delay"] / step[0]) for column in control) if self.delay else control
+        return tuple(delay_control(column, values[DELAY] / step[0]) for column in control) if self.delay else control
 
     def show(self, values: Mapping[str, Any], state: tuple, held: tuple, memories: tuple, lags: tuple) -> list[tuple]:
         """Return what each sensor shows at a sample without its noise, and what it remembers."""
@@ -181,7 +177,7 @@ class Simulator:
     def _closed(self, values: Mapping[str, Any], feedback: Feedback, step: Float[Array, " n"]) -> tuple[Law, tuple]:
         """Return the law of a feedback, and what it remembers: its memory, and its commands so far, the last one first."""
         at = [sensor.channel for sensor in self.sensors].index(feedback.output)
-        samples = float(values["delay"]) / float(step[0]) if self.delay else 0.0
+        samples = float(values[DELAY]) / float(step[0]) if self.delay else 0.0
         whole = int(samples)
         share = samples - whole
 
@@ -198,20 +194,3 @@ class Simulator:
             return in_force(commands), (memories, (decided, commands), memory)
 
         return law, (feedback.begin, (feedback.command(feedback.begin),) * (whole + 2))
-
-
-def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Float[Array, " n"]:
-    """One control as it was a number of samples ago, the first value held before the start.
-
-    The mean over each step of a command that is held between samples: exact, and continuous in the delay.
-    """
-    n, xp = control.shape[0], array_module(control, samples)
-    whole = xp.floor(samples)
-    share, first = samples - whole, n - whole.astype(int)
-    held = xp.concatenate([xp.full(n, control[0]), control])
-
-    def from_on(start: Any) -> Any:
-        return held[start : start + n] if xp is np else jax.lax.dynamic_slice(held, (start,), (n,))
-
-    here, before = (from_on(xp.maximum(start, 0)) for start in (first, first - 1))
-    return (1.0 - share) * here + share * before

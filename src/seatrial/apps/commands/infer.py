@@ -72,7 +72,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     """Decide which terms the data support."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.selection.select_structure import agreement_words
+        from seatrial.campaign.selection.evidence import agreement_words
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_select_picture
 
@@ -126,7 +126,7 @@ def criteria(
             future_edges,
             nested_pairs,
         )
-        from seatrial.campaign.selection.select_structure import current_selection
+        from seatrial.campaign.selection.evidence import current_selection
         from seatrial.campaign.workflow.steps import Workflow
 
         lengths = {"from_time": _seconds(first, "--first"), "block": _seconds(block, "--block")}

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
+from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
-from seatrial.estimation.simulation import CURRENT, DELAY
+from seatrial.estimation.simulation import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
 

@@ -16,9 +16,10 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
+from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.replicate import draw_unit_noise
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
-from seatrial.estimation.simulation import CURRENT, DELAY, Feedback, Simulator
+from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
 from seatrial.estimation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
 from seatrial.manoeuvres.schedule import Schedule

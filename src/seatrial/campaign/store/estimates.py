@@ -291,7 +291,7 @@ MANY_REFUSED = 0.05
 """Share of the prior beyond which a reader is told."""
 
 
-MAX_R_HAT, MIN_ESS, MIN_MOVED = 1.3, DRAWS, 0.05
+REPLICATE_MAX_R_HAT, REPLICATE_MIN_ESS, REPLICATE_MIN_MOVED = 1.3, DRAWS, 0.05
 """What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short chains 99 effective
 draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where nothing is wrong with them."""
 
@@ -332,10 +332,10 @@ class Calibrated:
         """Replicates whose draws did not mix well, by the method's own diagnostics."""
         r_hat, ess, diverged, moved = self.health.T
         return (
-            (r_hat > MAX_R_HAT)
-            | (ess < MIN_ESS)
+            (r_hat > REPLICATE_MAX_R_HAT)
+            | (ess < REPLICATE_MIN_ESS)
             | (diverged > 0.0)
-            | (moved < MIN_MOVED)
+            | (moved < REPLICATE_MIN_MOVED)
             | np.isnan(self.health).all(1)
         )
 

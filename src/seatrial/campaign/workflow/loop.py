@@ -19,7 +19,7 @@ from seatrial.campaign.inference.predict import (
     held_back_curves,
     pooled_of,
 )
-from seatrial.campaign.selection.select_structure import structure_rows
+from seatrial.campaign.selection.evidence import structure_rows
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome

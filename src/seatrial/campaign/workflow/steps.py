@@ -39,7 +39,7 @@ compare_utilities = _Module("design.compare_utilities")
 free_form = _Module("design.free_form")
 global_search = _Module("design.global_search")
 relay = _Module("design.relay")
-sensors = _Module("design.sensors")
+sensor_choice = _Module("design.sensor_choice")
 sweep = _Module("design.sweep")
 baselines = _Module("inference.baselines")
 calibration = _Module("inference.calibration")
@@ -53,9 +53,9 @@ profile = _Module("inference.profile")
 prior = _Module("prior.predictive")
 rehearsal = _Module("rehearsal.run")
 criteria = _Module("selection.criteria")
+evidence = _Module("selection.evidence")
 runner_up = _Module("selection.runner_up")
 screening = _Module("selection.screening")
-select_structure = _Module("selection.select_structure")
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def _seen_estimates(stored: Sequence[StoredResult], campaign: Campaign, trials: 
 def _seen_selection(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Any:
     """Return the selection itself, which says what is chosen."""
     _must_be_current(stored)
-    return select_structure.current_selection(campaign, trials)
+    return evidence.current_selection(campaign, trials)
 
 
 def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Iterator[StoredResult]:
@@ -297,8 +297,8 @@ LOOP = (
     Step(
         "selection",
         ("candidates", "trials", "reporter"),
-        select_structure.select_structure,
-        lambda campaign, trials: [select_structure.stored_selection(campaign, trials)],
+        evidence.select_structure,
+        lambda campaign, trials: [evidence.stored_selection(campaign, trials)],
         "selection.json",
         _seen_selection,
         listed="select",
@@ -408,7 +408,7 @@ BESIDE = (
         "measures.nc",
     ),
     Step("batch", ("campaign", "together", "reporter"), batch.plan_together),
-    Step("sensors", ("campaign", "reporter"), sensors.sensor_table),
+    Step("sensors", ("campaign", "reporter"), sensor_choice.sensor_table),
     Step(
         "rehearsal",
         ("campaign", "vehicles", "reporter"),
