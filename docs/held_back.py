@@ -27,8 +27,8 @@ RESULTS = "<!-- results -->"
 """Where the table begins in the page."""
 STEP, DURATION, FINE = 0.1, 60.0, 5
 """Interval of the samples and length of a run, s; steps of the simulation in one interval."""
-NOISE, MASS = 0.02, 31.41
-"""Standard deviation of the speed sensor, m/s; effective mass, kg."""
+NOISE, MASS, DEDUCTION = 0.02, 31.41, 0.1
+"""Standard deviation of the speed sensor, m/s; effective mass, kg; share of the thrust that the hull takes."""
 TRIM = 125.0
 """Speed of the propeller about which it is moved, rad/s."""
 LEVEL = 0.9
@@ -156,7 +156,11 @@ def simulated(
         for j in range(FINE):
             turning = n if kind.lag else np.full(count, wanted)
             acting = kind.thrust(turning, size)
-            force = truth["T_nabsn"] * acting * np.abs(acting) + truth["X_u"] * u + truth["X_uabsu"] * u * np.abs(u)
+            force = (
+                (1 - DEDUCTION) * truth["T_nabsn"] * acting * np.abs(acting)
+                + truth["X_u"] * u
+                + truth["X_uabsu"] * u * np.abs(u)
+            )
             u = u + h * (force + kind.force(t + j * h, u, size, phase)) / MASS
             if kind.lag:
                 n = n + h * (wanted - n) / size

@@ -120,7 +120,7 @@ def _compute(
     """Compute what is missing, and keep all that is there after each."""
     there = {(one.structure, one.error_model) for one in found}
     missing = [(structure, error) for structure, error in work if (structure.label, error.name) not in there]
-    progress = reporter.progress("leave one run out") if missing else None
+    progress = reporter.progress(f"leave one run out, {missing[0][1].name}") if missing else None
     for done, (structure, error) in enumerate(missing):
         if progress is not None:
             progress(done, len(missing))
