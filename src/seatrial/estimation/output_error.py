@@ -105,12 +105,14 @@ class OutputError:
     def noise(self, values: Mapping[str, Any], sensor: Sensor, data: ChannelData) -> White | Heavy | Coloured:
         """Model of one channel's residuals under these parameters."""
         sd = values[noise_name(sensor.channel)]
-        if sensor.noise == "white":
-            return White(sd, data.counts)
-        if sensor.noise == "heavy":
-            return Heavy(sd, values[dof_name(sensor.channel)], data.counts)
-        memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
-        return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
+        match sensor.noise:
+            case "white":
+                return White(sd, data.counts)
+            case "heavy":
+                return Heavy(sd, values[dof_name(sensor.channel)], data.counts)
+            case "coloured":
+                memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
+                return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""

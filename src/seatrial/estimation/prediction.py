@@ -151,10 +151,12 @@ def predict(
 def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
     """Return the standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
     sd = np.asarray(values[noise_name(sensor.channel)])
-    if sensor.noise != "heavy":
-        return sd
-    dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
-    return sd * np.sqrt(dof / (dof - 2.0))
+    match sensor.noise:
+        case "white" | "coloured":
+            return sd
+        case "heavy":
+            dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
+            return sd * np.sqrt(dof / (dof - 2.0))
 
 
 @lru_cache(maxsize=16)

@@ -70,12 +70,18 @@ def draw_unit_noise(
 ) -> Float[Array, " n"]:
     """Draw the noise of one channel in units of its parameter `sigma`; arguments as `replicate`."""
     shape = channel.measured.shape
-    if sensor.noise == "heavy":
-        return jax.random.t(key, values[dof_name(sensor.channel)], shape)
-    white = jax.random.normal(key, shape)
-    if sensor.noise == "white":
-        return white
-    memory = jnp.exp(-channel.gaps / values[correlation_name(sensor.channel)])[channel.kind]
+    match sensor.noise:
+        case "white":
+            return jax.random.normal(key, shape)
+        case "heavy":
+            return jax.random.t(key, values[dof_name(sensor.channel)], shape)
+        case "coloured":
+            return _coloured(jax.random.normal(key, shape), values[correlation_name(sensor.channel)], channel)
+
+
+def _coloured(white: Float[Array, " n"], correlation_time: Any, channel: ChannelData) -> Float[Array, " n"]:
+    """Return an Ornstein-Uhlenbeck process of unit variance from white noise."""
+    memory = jnp.exp(-channel.gaps / correlation_time)[channel.kind]
 
     def advance(before: Array, sample: tuple) -> tuple[Array, Array]:
         e, rho, present = sample
