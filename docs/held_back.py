@@ -144,7 +144,7 @@ def simulated(
     command: np.ndarray,
     random: np.random.Generator,
 ) -> np.ndarray:
-    """Return the measured speed over ground of all vehicles without the sensor's noise, by Euler steps, shape (n, vehicles)."""
+    """Return the measured speed over ground of all vehicles without the sensor's noise, by midpoint steps, shape (n, vehicles)."""
     h, count = STEP / FINE, size.size
     current = size * random.standard_normal(count) if kind.current else np.zeros(count)
     phase = random.uniform(0, 2 * np.pi, count)
@@ -156,12 +156,14 @@ def simulated(
         for j in range(FINE):
             turning = n if kind.lag else np.full(count, wanted)
             acting = kind.thrust(turning, size)
-            force = (
-                (1 - DEDUCTION) * truth["T_nabsn"] * acting * np.abs(acting)
-                + truth["X_u"] * u
-                + truth["X_uabsu"] * u * np.abs(u)
-            )
-            u = u + h * (force + kind.force(t + j * h, u, size, phase)) / MASS
+            thrust = (1 - DEDUCTION) * truth["T_nabsn"] * acting * np.abs(acting)
+
+            def rate(at: float, u: np.ndarray, thrust: np.ndarray = thrust) -> np.ndarray:
+                drag = truth["X_u"] * u + truth["X_uabsu"] * u * np.abs(u)
+                return (thrust + drag + kind.force(at, u, size, phase)) / MASS
+
+            at = t + j * h
+            u = u + h * rate(at + h / 2, u + h / 2 * rate(at, u))
             if kind.lag:
                 n = n + h * (wanted - n) / size
             if kind.current:
