@@ -68,8 +68,8 @@ KINDS = {
     "cubic": Kind("cubic drag", 2.0, force=lambda t, u, size, phase: -size * u**3),
 }
 ERRORS = {
-    "white": {"sigma_u": st.LogUniform(0.002, 0.5)},
-    "coloured": {"sigma_u": st.LogUniform(0.002, 0.5), "tau_u": st.LogUniform(0.05, 30.0)},
+    "white": {"sigma_u": st.LogUniform(0.002, 0.5), "u_0": st.Normal(1.5, 0.3)},
+    "coloured": {"sigma_u": st.LogUniform(0.002, 0.5), "tau_u": st.LogUniform(0.05, 30.0), "u_0": st.Normal(1.5, 0.3)},
     "disturbance": {
         "sigma_u": st.LogUniform(0.002, 0.5),
         "disturbance_X": st.LogUniform(0.01, 10.0),
