@@ -135,13 +135,15 @@ def run_residuals(
     time, measured, mean, motion_sd = (column[there] for column in (time, measured, mean, motion_sd))
     sd = np.hypot(motion_sd, noise_sd)
     error = measured - mean
-    if not np.isfinite(mean).all():
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares, spread = float(error @ error), float(motion_sd @ motion_sd)
+    if not (np.isfinite(squares) and np.isfinite(spread)):
         return RunResiduals(np.full(measured.size, np.inf), 0.0, 0.0, np.inf, 0.0, 0.0)
     return RunResiduals(
         z=error / sd,
         independent=effective_samples(time, error / sd),
         motion_share=float(np.mean((motion_sd / sd) ** 2)) if measured.size else 0.0,
-        squares=float(error @ error),
+        squares=squares,
         total=float(np.sum((measured - measured.mean()) ** 2)) if measured.size else 0.0,
         noise=noise_sd**2 * measured.size,
     )
