@@ -18,7 +18,7 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop
-from tests.campaign.small import NO_X_U, write_small
+from tests.campaign.small import write_small
 
 
 def command(name: str, folder: Path) -> list[str]:
@@ -53,7 +53,7 @@ def assert_same_datasets(whole: Path, killed: Path, *names: str) -> None:
 
 @pytest.mark.thorough
 def test_killed_in_the_chains_and_in_the_evidence_the_loop_ends_with_the_same_bits(tmp_path):
-    whole, killed = write_small(tmp_path / "whole", *NO_X_U), write_small(tmp_path / "killed", *NO_X_U)
+    whole, killed = write_small(tmp_path / "whole"), write_small(tmp_path / "killed")
     run_loop(load_campaign(whole))
     for sign in ("posterior-M-0", "evidence-M-0-0"):
         kill_in_the_midst("run", killed, sign)

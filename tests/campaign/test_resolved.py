@@ -186,7 +186,9 @@ def imported(path: Path) -> set[str]:
 
 
 def test_only_the_configuration_knows_the_tables_of_a_file():
-    outside = [path for path in SOURCE.rglob("*.py") if CONFIG not in path.parents]
+    """A set of the benchmark is a campaign file with more tables, which its reader adds."""
+    benchmark = SOURCE / "benchmark" / "set_file.py"
+    outside = [path for path in SOURCE.rglob("*.py") if CONFIG not in path.parents and path != benchmark]
     tables = {"seatrial.campaign.config.schema", "seatrial.campaign.config.file_keys"}
     assert {path.name: found for path in outside if (found := imported(path) & tables)} == {}
 

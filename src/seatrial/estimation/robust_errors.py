@@ -61,12 +61,14 @@ class RobustErrors:
 
     @property
     def words(self) -> str:
-        """What the second standard deviation is made of, or that there is none and why."""
+        """What the second standard deviation is made of, that no value needs one, or that there is none and why."""
         if not self.pieces:
             return f"± with model error: not judged; {self.basis}"
+        if not (self.ratio > TELLING).any():
+            return f"± with model error: leaving out each of {self.basis} in turn moves no value by much more than its ± allows"
         return (
-            f"± with model error: by how much the values move when one of {self.basis} is left out, widened as Student's t of "
-            f"{self.freedom} degrees of freedom asks so that 1.645 of it hold 90 %; given where it is larger by more than a half"
+            f"± with model error: by how much the values move when each of {self.basis} is left out in turn, widened for so few of "
+            f"them (Student's t, {self.freedom} degrees of freedom); given where it is larger by more than a half"
         )
 
     @property

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf, isfinite
+from typing import Any
 
 from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.file_keys import FileKeys
@@ -110,6 +111,11 @@ def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequenc
                 if name in map(correlation_name, channels)
                 else nearest(name, allowed),
             )
+
+
+def prior_of_keys(keys: Mapping[str, Any], unit: str, where: str, name: str) -> Prior:
+    """Build the prior of the keys of a table that the program writes itself; arguments and errors as `read_prior`."""
+    return read_prior(PriorTable(**keys), unit, where, name=name)
 
 
 def read_prior(table: PriorTable, unit: str, where: str, *, name: str = "", inertia: float = 1.0) -> Prior:

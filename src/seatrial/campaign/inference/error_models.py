@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.priors import read_prior
-from seatrial.campaign.config.schema import PriorTable
+from seatrial.campaign.config.priors import prior_of_keys
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES, signal_unit
@@ -111,7 +110,7 @@ def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel
     model, sensors = campaign.model(structure), campaign.sensors
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     added = {
-        name: read_prior(PriorTable(**table), _unit(name, units, model), campaign.where(f"prior.{name}"), name=name)
+        name: prior_of_keys(table, _unit(name, units, model), campaign.where(f"prior.{name}"), name)
         for name, table in error.priors.items()
     }
     kept = dict(campaign.priors)
