@@ -64,7 +64,7 @@ def _has_version(head: bytes) -> bool:
 
     try:
         return len(head) >= 20 and matfile_version(BytesIO(head)) is not None
-    except (MatReadError, ValueError):
+    except (MatReadError, ValueError, IndexError):
         return False
 
 
