@@ -52,6 +52,10 @@ FILES: dict[str, File] = {
             "sd": (SI, "posterior standard deviation"),
             "mode": (SI, "posterior mode"),
             "laplace_sd": (SI, "standard deviation of the normal about the mode"),
+            "model_error_sd": (
+                SI,
+                "standard deviation with model error; NaN where it is not larger by more than a half",
+            ),
             "mcse": (SI, "Monte Carlo standard error of the mean"),
             "r_hat": ("1", "rank R-hat; below 1.01"),
             "ess_bulk": ("1", "effective draws of the mean; above 400"),

@@ -26,6 +26,8 @@ SMALLEST = 1e-4
 """Least process noise or force that a prior allows, over the size of the motion."""
 SHARE = 0.5
 """Size by which a coefficient may vary from run to run, over its value."""
+MOST_VARYING = 3
+"""Coefficients that all vary: each run's own are integrated out for every draw, which for four takes a quarter of an hour."""
 
 
 @dataclass(frozen=True)
@@ -178,8 +180,10 @@ def _offset(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel
 
 
 def _all_varying(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """Every coefficient with a spread between runs."""
+    """Every coefficient with a spread between runs, where they are few."""
     names = [term.text for term in model.coefficients]
+    if len(names) > MOST_VARYING:
+        return None
     return _varying(campaign, scale, "all vary by run", "coefficients that differ from run to run", names)
 
 
