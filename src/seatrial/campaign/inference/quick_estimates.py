@@ -39,6 +39,8 @@ WINDOW = 2.0
 """Width of the window that smooths speeds where no acceleration is measured and none is given, s."""
 BRIDGED = 0.25
 """Distance from the nearest measured speed, in windows, up to which a smoothed one is used."""
+MOST_ROBUST = 8
+"""Structures of which the standard deviations with model error are told at first sight; of more they would take longer than the modes."""
 MODE = (
     "first answers: the posterior mode, and standard deviations as if the posterior were normal about it, which has not been "
     "checked; `seatrial estimate` without --by draws the whole posterior"
@@ -144,7 +146,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     finally:
         progress(1, 1)
-    robust = robust_errors(posterior, mode)
+    robust = robust_errors(posterior, mode) if len(campaign.structures) <= MOST_ROBUST else None
     drawn, mode = draw_about_mode(campaign.seed, structure, posterior, mode), mode.only(posterior.places)
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
@@ -158,7 +160,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    wider = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows}
+    wider = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
     return FirstAnswer(
         structure,
         rows,
@@ -168,7 +170,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
         wider={name: sd for name, sd in wider.items() if sd is not None},
-        wider_words=robust.words,
+        wider_words=robust.words if robust else "",
     )
 
 
