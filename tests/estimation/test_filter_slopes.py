@@ -22,6 +22,8 @@ from tests.estimation.test_disturbance import PUSHED, surge_law
 from tests.estimation.test_filter_error import MEASURED, REV, TIME, N, record
 from tests.estimation_cases import make_trial
 
+pytestmark = pytest.mark.proof
+
 
 def posterior_of(values, records, **options):
     """A posterior whose priors do not matter, at its parameters' order."""

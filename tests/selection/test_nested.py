@@ -11,6 +11,8 @@ from seatrial.selection.nested import nested_evidence
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, posterior
 from tests.selection.test_evidence import box, half_forbidden
 
+pytestmark = pytest.mark.proof
+
 KEY = jax.random.key(1)
 PAIR = linear_gaussian(2)
 

@@ -51,11 +51,11 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
     def compute() -> dict[str, Any]:
         return _as_json(_select(campaign, trials, _evidences(campaign, trials, reporter)))
 
-    def forget() -> None:
-        for path in Store(campaign.folder).checkpoint("evidence").parent.glob("evidence-*.npz"):
-            path.unlink()
-
-    return _selection(campaign, trials, stored_selection(campaign, trials).read_or_make(compute, forget))
+    selection = _selection(campaign, trials, stored_selection(campaign, trials).read_or_make(compute))
+    # Also where it was there already: a kill may have come between writing it and this.
+    for path in Store(campaign.folder).checkpoint("evidence").parent.glob("evidence-*.npz"):
+        path.unlink()
+    return selection
 
 
 def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
