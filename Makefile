@@ -4,9 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
-CAMPAIGNS := tests/apps tests/campaign tests/core tests/docs tests/report
+PAGES := tests/apps tests/campaign tests/core tests/docs tests/report
+CAMPAIGNS := $(PAGES) tests/logs tests/benchmark tests/vehicles tests/filters
 
-.PHONY: run test test-campaigns test-library quick proof lint types imports examples bench figures docs dist lock clean
+.PHONY: run test test-campaigns test-library quick proof proof-campaigns proof-library lint types imports examples bench figures notebooks docs dist lock clean
 
 run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
@@ -28,7 +29,13 @@ quick: $(VENV)/ready
 
 # Long sweeps that rarely break: golden numbers, reference posteriors, calibrations, damaged logs, the study at full size, code of the docs.
 proof: $(VENV)/ready
-	$(BIN)/python -m pytest -m proof --durations=25
+	$(MAKE) --no-print-directory -j2 --output-sync=target proof-campaigns proof-library
+
+proof-campaigns: $(VENV)/ready
+	$(BIN)/python -m pytest -m proof --durations=25 $(PAGES)
+
+proof-library: $(VENV)/ready
+	$(BIN)/python -m pytest -m proof --durations=25 tests studies $(PAGES:%=--ignore=%)
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
@@ -55,6 +62,10 @@ $(PEERS)/ready: benchmarks/requirements.txt | $(VENV)/ready
 
 figures: $(VENV)/ready
 	$(BIN)/python docs/figures.py
+
+# Pages of docs/notebooks with what their code shows.
+notebooks: $(VENV)/ready
+	$(BIN)/python docs/notebooks.py
 
 # HTML in docs/_build, from local files only; a warning is an error.
 docs: $(VENV)/ready

@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -25,7 +26,7 @@ SHARED = "demo"
 LEAST_SHARE = 0.8
 """Share of the lines that a page shows which must still be printed."""
 _NUMBER = re.compile(r"[-+±]?\d[\d.,]*(e[-+]?\d+)?")
-_PROGRESS = re.compile(r".*(: done in [\d.]+ s| after [\d.]+ s, about .* left)$")
+_PROGRESS = re.compile(r"compiling programs for .*|.*(: done in [\d.]+ s| after [\d.]+ s, about .* remaining)$")
 
 
 @dataclass
@@ -69,7 +70,7 @@ def _run_commands(block: Block) -> Work:
         if told and _share_found(told, lines) < LEAST_SHARE:
             work.changed.append(f"{block.where}: `{command}` prints something else now\n" + "\n".join(lines))
         most = int(block.remarks.get("first", len(lines)))
-        work.lines += [f"$ {command}", *lines[:most], *["..."] * (len(lines) > most)]
+        work.lines += [*f"$ {command}".splitlines(), *lines[:most], *["..."] * (len(lines) > most)]
     return work
 
 
@@ -96,7 +97,7 @@ def _load_toml(block: Block) -> str:
 
 def _run_command(command: str) -> tuple[int, str]:
     """Run one line of shell; exit code and what it prints."""
-    words = command.split("#")[0].split()
+    words = shlex.split(command.replace("\\\n", " "), comments=True)
     if words[:2] == ["seatrial", "serve"]:
         return 1, "it serves until it is stopped: skip the block"
     if words[:1] == ["seatrial"]:
@@ -108,7 +109,7 @@ def _run_command(command: str) -> tuple[int, str]:
 def _seatrial(arguments: list[str]) -> None:
     from seatrial.apps.cli import main
 
-    before, sys.argv = sys.argv, ["seatrial", *(word.strip("'\"") for word in arguments)]
+    before, sys.argv = sys.argv, ["seatrial", *arguments]
     try:
         main()
     finally:

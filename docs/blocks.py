@@ -69,10 +69,12 @@ def read_blocks(page: Path) -> list[Block]:
 
 
 def commands(block: Block) -> list[tuple[str, tuple[str, ...]]]:
-    """Commands of a console, sh or bash block, each with the output that stands below it."""
+    """Commands of a console, sh or bash block, each with the output that stands below it; a backslash at the end goes on below."""
     found: list[tuple[str, list[str]]] = []
     for line in block.lines:
-        if block.language == "console" and not line.startswith("$ "):
+        if found and found[-1][0].endswith("\\") and not found[-1][1]:
+            found[-1] = (f"{found[-1][0]}\n{line}", [])
+        elif block.language == "console" and not line.startswith("$ "):
             found[-1][1].append(line)
         elif line.strip() and not line.lstrip().startswith("#"):
             found.append((line.removeprefix("$ "), []))

@@ -16,7 +16,10 @@ GENERATED = ("decisions", "vehicles", "reference", "_build")
 """Folders without claims of their own: choices with their numbers of the day, and pages that are written from the code."""
 SHOWN_BY = ("tests/", "src/", "make ", "python ", "seatrial ", "source: ")
 """How an entry begins: a test, the line of code that sets a limit, a command, or a reference."""
-_NAMES = r"[A-Za-z]\w*_\w*|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1|Python 3\.\d+ to 3\.\d+|code \d+|chapter \d+|M-\d|2B"
+_NAMES = (
+    r"[A-Za-z]\w*_\w*|Apache 2\.0|WSL 2|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1"
+    r"|Python 3\.\d+ to 3\.\d+|code \d+|chapter \d+|M-\d|2B"
+)
 _NOT_A_FIGURE = re.compile(rf"`[^`]*`|^\$\$.*|!?\[[^]]*\]\([^)]*\)|\$[^$]*\$|\((?:19|20)\d\d\)|^\d+\. |{_NAMES}")
 
 

@@ -1,41 +1,79 @@
-"""Draw the pictures of the README: runs the REMUS 100 demonstration (or reads it) and writes SVG files beside this one."""
+"""Draw loop.svg and report.png: run the REMUS 100 demonstration (or read its results) and photograph its report with Chromium."""
 
 import re
+import sys
 from pathlib import Path
 
 import seatrial as st
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.report.drawing import Drawing
-from seatrial.report.figures.style import PALETTE
-from seatrial.report.sections import designs, models, posteriors
+from seatrial.report.drawing import Drawing, draw, labels_of, truth_of, units_of
+from seatrial.report.figures.posterior import draw_marginal
+from seatrial.report.figures.style import NARROW, PALETTE, new_figure
+from seatrial.report.labels import label_mathtext
+from seatrial.report.sections.designs import sweep_drawings
+from seatrial.report.sections.parameters import prior_of
+from seatrial.report.term_figures import term_figures
 
 DOCS = Path(__file__).parent
 DEMO = DOCS.parent / "outputs" / "remus100"
 COLUMNS, GAP, TITLE = 2, 16, 22
+BROWSER = Path("/usr/bin/chromium")
+SCREEN = {"width": 1100, "height": 900}
+"""Of the report's first screen, pixels."""
 
 
 def main() -> None:
-    """Write all pictures."""
+    """Write both pictures; without Chromium only the first, and say so."""
     st.configure()
-    if not (DEMO / "campaign.toml").exists():
-        st.init_campaign(DEMO, "remus100")
-    outcome = st.run_loop(st.load_campaign(DEMO))
+    demo = Path(sys.argv[1]) if len(sys.argv) > 1 else DEMO
+    if not (demo / "campaign.toml").exists():
+        st.init_campaign(demo, "remus100")
+    outcome = st.run_loop(st.load_campaign(demo))
     (DOCS / "loop.svg").write_text(sheet(panels(outcome)), encoding="utf-8")
+    if not BROWSER.exists():
+        sys.exit(f"there is no {BROWSER}: docs/report.png was not drawn again")
+    photograph(st.write_report(outcome), DOCS / "report.png")
+
+
+def photograph(report: Path, picture: Path) -> None:
+    """Write the first screen of a report as PNG."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as tool:
+        browser = tool.chromium.launch(executable_path=str(BROWSER), args=["--no-sandbox"])
+        page = browser.new_page(viewport=SCREEN, color_scheme="light")
+        page.goto(report.resolve().as_uri())
+        page.screenshot(path=str(picture))
+        browser.close()
 
 
 def panels(outcome: Outcome) -> list[tuple[str, Drawing]]:
     """The loop in four pictures, with their headings."""
-    marginals = posteriors.posteriors_section(outcome)["figures"]
-    quadratic = outcome.chosen.names.index("X_uabsu")
+    terms = term_figures(outcome.campaign.units, outcome.selection, None, None)[0]
     return [
-        (
-            "1. Which doublet teaches most (entropy reduction, nat)",
-            designs.sweep_drawings(outcome, outcome.first, "first")[0],
-        ),
-        ("2. What the trial taught about quadratic drag", marginals[quadratic]),
-        ("3. Which terms the data support", models.models_section(outcome)["figures"][1]),
-        ("4. What to run next", designs.sweep_drawings(outcome, outcome.next, "next")[1]),
+        ("1. Which doublet teaches most (entropy reduction, nat)", sweep_drawings(outcome, outcome.first, "first")[0]),
+        ("2. What the trial taught about quadratic drag", posterior_of(outcome, "X_uabsu")),
+        ("3. Which terms the data support", draw(terms.figure, "terms", terms.heading)),
+        ("4. What to run next", sweep_drawings(outcome, outcome.next, "next")[1]),
     ]
+
+
+def posterior_of(outcome: Outcome, name: str) -> Drawing:
+    """Draw one parameter of the chosen structure over its prior."""
+    row = outcome.chosen.data.sel(parameter=name)
+    item = next(item for item in outcome.summary["coefficients"] if item["name"] == name)
+    figure, (axes,) = new_figure(NARROW, [128], left=14, right=14, bottom=38)
+    draw_marginal(
+        axes,
+        outcome.chosen.draws([name])[:, 0],
+        label_mathtext(labels_of(outcome)[name]),
+        units_of(outcome)[name],
+        prior=prior_of(outcome, name),
+        interval=(item["lower_95"], item["upper_95"]),
+        normal=(float(row["mode"]), float(row["laplace_sd"])),
+        truth=truth_of(outcome).get(name),
+    )
+    return draw(figure, "posterior", f"Posterior of {name}")
 
 
 def sheet(drawings: list[tuple[str, Drawing]]) -> str:

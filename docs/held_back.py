@@ -92,10 +92,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--vehicles", type=int, default=200)
     parser.add_argument("--kinds", nargs="*", default=list(KINDS))
-    count = parser.parse_args().vehicles
+    asked = parser.parse_args()
+    count = asked.vehicles
     st.configure()
     rows = []
-    for kind in parser.parse_args().kinds:
+    for kind in asked.kinds:
         for error in ERRORS:
             path = STATE / f"{kind}-{error}-{count}.json"
             if not path.exists():
@@ -110,7 +111,7 @@ def main() -> None:
 
 def vehicles(kind: str, count: int) -> Iterator[tuple[dict[str, float], list[st.Record]]]:
     """Yield the true coefficients and six runs of each vehicle."""
-    random = np.random.default_rng(abs(hash_of(kind)))
+    random = np.random.default_rng(hash_of(kind))
     about = KINDS[kind]
     truth = {name: value * (1 + 0.1 * random.standard_normal(count)) for name, value in TRUE.items()}
     size = about.size * random.uniform(1 / 3, 1, count)

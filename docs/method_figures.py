@@ -1,5 +1,6 @@
-"""Draw the pictures of the explanations: `seatrial select DIR` on a demonstration, then `python docs/method_figures.py DIR`."""
+"""Draw the pictures of the explanations: `seatrial select` and `profile` on a demonstration, then `python docs/method_figures.py DIR`."""
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -9,7 +10,9 @@ import numpy as np
 
 from seatrial.core.dataset_file import open_dataset
 
-PLACE = Path(__file__).parent / "explanation"
+DOCS = Path(__file__).parent
+PLACE = DOCS / "explanation"
+BLUE, GREY = "#2a6f97", "#9aa5b1"
 EFFECTIVE_MASS, THRUST, SPEED = 30.48 + 0.93, 0.9, 1.5418615
 TRUTH = np.array([-1.21, -2.93, 6.28e-4])
 STEP, TRIALS = 0.05, 200
@@ -19,9 +22,15 @@ def main() -> None:
     """Write all pictures."""
     plt.rcParams.update({"svg.hashsalt": "seatrial", "svg.fonttype": "none", "font.size": 9, "axes.spines.top": False})
     demo = Path(sys.argv[1])
-    ridge(open_dataset(demo / "results" / "posterior" / "M-2.nc"))
+    posterior = open_dataset(demo / "results" / "posterior" / "M-2.nc")
+    ridge(posterior)
+    chains(posterior)
     errors()
-    shutil.copy(demo / "select.svg", PLACE / "select.svg")
+    memory()
+    held_back()
+    baselines()
+    for name in ("select", "profile"):
+        shutil.copy(demo / f"{name}.svg", PLACE / f"{name}.svg")
 
 
 def ridge(draws) -> None:
@@ -58,6 +67,101 @@ def errors() -> None:
         )
     left.set_ylabel("estimate of X_u, kg/s (line: the truth)")
     _save(figure, "errors")
+
+
+def chains(draws) -> None:
+    """Four chains of quadratic drag."""
+    figure, axes = plt.subplots(figsize=(5.2, 2.4))
+    for line, shade in zip(
+        draws["draws"].sel(parameter="X_uabsu").values[:4], ("a9d6e5", "61a5c2", "2a6f97", "013a63"), strict=True
+    ):
+        axes.plot(line[:300], color=f"#{shade}", linewidth=0.7)
+    axes.set(xlabel="draw after warm-up", ylabel="X_uabsu, kg/m")
+    _save(figure, "chains")
+
+
+def memory() -> None:
+    """Stated and actual errors of a slope under noise with a memory, by white and by coloured residuals."""
+    rng, samples = np.random.default_rng(2), 400
+    regressor = np.where(np.arange(samples) % 100 < 50, 1.0, -1.0)
+    correlations = np.array([0.0, 0.5, 0.8, 0.9, 0.95])
+    scatter, white, coloured, regained = [], [], [], []
+    lags = np.abs(np.subtract.outer(np.arange(samples), np.arange(samples)))
+    for rho in correlations:
+        weights = np.linalg.inv(rho**lags) @ regressor
+        noise = rng.normal(size=(TRIALS * 5, samples))
+        noise[:, 1:] *= np.sqrt(1 - rho**2)
+        for k in range(1, samples):
+            noise[:, k] += rho * noise[:, k - 1]
+        scatter.append((noise @ regressor / samples).std())
+        regained.append((noise @ weights / (regressor @ weights)).std())
+        white.append(1 / np.sqrt(samples))
+        coloured.append(1 / np.sqrt(regressor @ weights))
+    figure, axes = plt.subplots(figsize=(5.2, 2.8))
+    axes.plot(correlations, scatter, "o", color="black", label="white residuals: errors made")
+    axes.plot(correlations, white, color="black", label="white residuals: ± stated")
+    axes.plot(correlations, regained, "o", color=BLUE, label="coloured residuals: errors made")
+    axes.plot(correlations, coloured, color=BLUE, label="coloured residuals: ± stated")
+    axes.set(
+        xlabel="correlation of the noise from one sample to the next", ylabel="error of the coefficient", ylim=(0, None)
+    )
+    axes.legend(frameon=False)
+    _save(figure, "memory")
+
+
+def held_back() -> None:
+    """What bands and coefficients hold when the model is wrong, from the table of held_back.md."""
+    rows = [
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "| coloured |" in line
+    ]
+    figure, axes = plt.subplots(figsize=(5.2, 3.3))
+    place = np.arange(len(rows))[::-1]
+    for column, marker, label in (
+        (2, "o", "new samples in their 90 % band"),
+        (7, "s", "coefficients in their ±"),
+        (8, "d", "in the wider ±"),
+    ):
+        axes.plot(
+            [float(row[column].rstrip("%")) for row in rows],
+            place,
+            marker,
+            color="black" if column == 2 else BLUE,
+            mfc="none" if column == 8 else None,
+            label=label,
+        )
+    axes.axvline(90, color=GREY, linewidth=0.8)
+    axes.set(yticks=place, yticklabels=[row[0] for row in rows], xlabel="%", ylabel="the model lacks", xlim=(0, 103))
+    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.4, 1))
+    _save(figure, "held-back")
+
+
+def baselines() -> None:
+    """CRPS of every method over that of ours, whole runs of each channel of the benchmark."""
+    sets = "\n".join(_lines("benchmark.md")).split("\n### ")[1:]
+    ratios: dict[str, list[float]] = {}
+    for one in sets:
+        rows = [
+            [cell.strip() for cell in line.split("|")[1:-1]] for line in one.splitlines() if re.match(r"\| [a-z]", line)
+        ]
+        scores = {(row[0], row[1]): float(row[2].split(", ")[1]) for row in rows if len(row) == 7 and ", " in row[2]}
+        for (method, channel), score in scores.items():
+            if method != "ours":
+                ratios.setdefault(method, []).append(score / scores["ours", channel])
+    figure, axes = plt.subplots(figsize=(5.2, 3.0))
+    for place, values in enumerate(ratios.values()):
+        axes.plot(np.clip(values, 0.2, 30), np.full(len(values), -place), "|", color=BLUE, markersize=11)
+    axes.axvline(1, color="black", linewidth=0.8)
+    axes.set(
+        xscale="log",
+        yticks=-np.arange(len(ratios)),
+        yticklabels=list(ratios),
+        xlabel="CRPS over that of seatrial (line: equal; right: seatrial is better)",
+    )
+    _save(figure, "baselines")
+
+
+def _lines(page: str) -> list[str]:
+    return (DOCS / page).read_text(encoding="utf-8").splitlines()
 
 
 def _simulate(coefficients: np.ndarray, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

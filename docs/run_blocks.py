@@ -37,12 +37,15 @@ class Tally:
 
 
 def pages() -> list[Path]:
-    """The tutorial, the README, and every other page, those of the reference written first; decisions and vehicles have no blocks."""
+    """The tutorial, the README, and every other page, those of the reference written first; decisions and vehicles have no blocks,
+    and `notebooks.py` runs the notebooks."""
     write_pages(DOCS / "reference")
     others = sorted(
         path
         for path in DOCS.rglob("*.md")
-        if "_build" not in path.parts and path.parent.name not in ("decisions", "vehicles") and path != TUTORIAL
+        if "_build" not in path.parts
+        and path.parent.name not in ("decisions", "vehicles", "notebooks")
+        and path != TUTORIAL
     )
     return [TUTORIAL, ROOT / "README.md", *others]
 

@@ -1,11 +1,15 @@
 """Settings of every test: hypothesis draws the same examples each time and keeps nothing on disk; files may lie anywhere."""
 
+import gc
+
 import pytest
 from hypothesis import settings
 
 from seatrial.core import engine
 
 engine.configure()
+gc.set_threshold(200_000, 20, 100)
+"""JAX clears up at every collection of garbage: that was a seventh of the time of all tests."""
 settings.register_profile("reproducible", derandomize=True, deadline=None, database=None)
 settings.load_profile("reproducible")
 

@@ -13,9 +13,12 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[campaign]": schema.CampaignTable,
     "[vehicle]": schema.VehicleTable,
     "[vehicle.actuators.CONTROL]": schema.ActuatorTable,
+    "[[vehicle.thrusters]]": schema.ThrusterTable,
+    "[vehicle.thrust_laws.NAME]": schema.ThrustLawTable,
     "[structure]": schema.StructureTable,
     "[prior.NAME]": schema.PriorTable,
     "[sensors.CHANNEL]": schema.SensorTable,
+    "[mounts.NAME]": schema.MountTable,
     "[limits.NAME]": schema.LimitsTable,
     "[design]": schema.DesignTable,
     "Ranges: design.amplitude, design.period, design.relay.threshold": schema.RangeTable,
@@ -25,19 +28,42 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[goal]": schema.GoalTable,
     "[import]": schema.ImportTable,
     "[[import.files]]": schema.FileTable,
+    "[import.trim.RUN]": schema.TrimTable,
     "[import.files.time]": schema.TimeTable,
     "[import.files.channels.CHANNEL]": schema.ColumnTable,
     "[filter]": schema.FilterTable,
     "[estimation]": schema.EstimationTable,
     "[selection]": schema.SelectionTable,
+    "[compute]": schema.ComputeTable,
+    "[compute.slurm]": schema.SlurmTable,
 }
 INTRODUCTION = """# campaign.toml
 
-A campaign is a folder with this file in it. A quantity with a dimension is a string with a unit, such as `"200 rpm"`; plain numbers are SI
-in the coefficient's own unit. Unknown keys, and keys without effect, are refused. `[truth]` holds the coefficients of the simulated
-vehicle by name (SI), every term of `always` among them; it may hold `delay`, `current`, and of each sensor `bias_u`, `lag_u`, `sigma_u`,
-`tau_u` or `dof_u`, as an estimate knows them, and `lag_n`, the lag of an actuator (s), which no structure has. Without `[truth]` and
-`[import]` a campaign designs, before there are any data. A key without a default must be given.
+A campaign is a folder with this file in it. Every key is listed below, table by table, as the code reads it (`python docs/campaign_keys.py`
+writes this page). `seatrial init DIR --template NAME` writes a commented file to start from.
+
+- A quantity with a dimension is text with a unit, such as `"200 rpm"`. A plain number is SI, in the unit of the coefficient.
+- A key without a default is optional unless "required" stands there.
+- An unknown key, or one that has no effect beside the others, is refused with its line and a remedy.
+- `{ a = 1, b = 2 }` on one line is the same as a table of its own.
+
+The smallest file that designs a trial has `[campaign]`, `[vehicle]`, `[structure]`, a `[prior.NAME]` for each term, `[sensors.CHANNEL]` and
+`[design]`. With `[import]` it reads logs, with `[truth]` it simulates them; it may not have both. All other tables are optional.
+
+## `[truth]`
+
+The vehicle that is simulated: the value of each coefficient by name, SI. Every term of `always` needs one; an optional
+term that is left out is 0. These are allowed too:
+
+| key | unit | meaning |
+|---|---|---|
+| `delay` | s | time between command and action |
+| `current` | m/s | steady current along the course |
+| `bias_CHANNEL` | that of the channel | constant error of a sensor |
+| `lag_CHANNEL` | s | time constant of a sensor |
+| `sigma_CHANNEL` | that of the channel | its noise, if it is not that of `[sensors]` |
+| `tau_CHANNEL`, `dof_CHANNEL` | s, 1 | correlation time of that noise, or degrees of freedom of its heavy tails |
+| `lag_CONTROL` | s | time constant of an actuator, which no structure has |
 """
 
 
@@ -61,6 +87,7 @@ def page() -> str:
             unit, meaning = _meaning(table, key)
             kind = _kind(field.annotation)
             kind = kind.replace("text", "quantity") if unit else kind
+            kind += _bounds(field)
             parts.append(f"| `{key}` | {kind} | {unit} | {_default(field)} | {meaning} |")
         parts.append("")
         if table is schema.DesignTable:
@@ -98,6 +125,25 @@ def _kind(annotation: Any) -> str:
     if inner:
         return " or ".join(dict.fromkeys(_kind(one) for one in inner if one is not type(None)))
     return "table"
+
+
+def _bounds(field: Any) -> str:
+    """Return the bounds of a number, such as ", 2 to 64"."""
+    bound = {
+        key: value
+        for one in field.metadata
+        for key in ("ge", "gt", "le", "lt")
+        if (value := getattr(one, key, None)) is not None
+    }
+    low = bound.get("ge", bound.get("gt"))
+    high = bound.get("le", bound.get("lt"))
+    high = None if high == 2**63 else high  # as large as a number can be
+    if low is None and high is None:
+        return ""
+    if high is None:
+        return f", {low:,} or more" if "ge" in bound else f", above {low:,}"
+    end = f"{high:,}" if "le" in bound else f"below {high:,}"
+    return f", {low:,} to {end}" if low is not None else f", up to {end}" if "le" in bound else f", {end}"
 
 
 def _default(field: Any) -> str:

@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from generate import campaign_file, coefficients, command_line, results
+from generate import campaign_file, coefficients, command_line, result_schema, results
 
 PAGES: dict[str, Callable[[], str]] = {
     "command_line": command_line.page,
     "campaign_file": campaign_file.page,
     "coefficients": coefficients.page,
     "results": results.page,
+    "json": result_schema.page,
 }
 """By file name, how each is made."""
 

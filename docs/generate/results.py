@@ -81,7 +81,7 @@ FILES: dict[str, File] = {
             "mean": ("SI of the coefficient", "estimate so far"),
             "sd": ("SI of the coefficient", "its standard deviation"),
             "state": ("SI", "estimated state"),
-            "innovation": ("SI of the channel", "measured less foretold"),
+            "innovation": ("SI of the channel", "measured minus predicted"),
             "coefficient": ("", "names"),
             "state_name": ("", "names"),
             "channel": ("", "names"),
@@ -156,6 +156,8 @@ PLAIN = """## Text files
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |
 | `selection.json` | select | evidence, error and probability of each structure, inclusion of each term, verdicts |
 | `summary.json` | run, report | coefficients with mean, sd and unit, verdicts, cautions, alarms, next trial |
+| `coefficients.csv` | estimate, run | each parameter of each structure, SI: mean, sd, 95 % interval, mode, health of its draws |
+| `averaged.csv` | run, report | each parameter averaged over all structures, absent counting as zero; `inclusion` is its probability |
 | `checkpoints/` | long work | what has been done so far; empty once it is done |
 
 Beside `results/` lie `campaign.toml`, `report.html` and the pictures that commands name.

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.manoeuvres.shapes import NANOSECOND
+from seatrial.manoeuvres.shapes import NANOSECOND, Part
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,11 @@ class TriangularWave:
         """See `Shape.shortest`: from one turn to the next."""
         return period / 2
 
-    def longest(self, active: float) -> float:
+    def longest(self, active: Any) -> Any:
         """See `Shape.longest`."""
         return active
+
+    def part(self, k: int, of: int) -> Part:
+        """See `Shape.part`: the next control follows by a quarter of the period, and so on at half the period."""
+        share = 0.5 ** (k // 2)
+        return Part(self, delay=(k % 2) * share / 4, period=share)

@@ -69,8 +69,12 @@ _HOME = {
     "EngineWarning": "seatrial.core.engine",
     "profile_likelihood": "seatrial.estimation.profile",
     "inspect_log": "seatrial.logs.inspect",
+    "predict_from_prior": "seatrial.campaign.prior.predictive",
+    "to_arviz": "seatrial.arviz_tree",
 }
 """Module of every public name, and its name there where that is another."""
+_MODULES = {"plot": "seatrial.plot"}
+"""Modules that are names themselves."""
 _LIGHT = ("seatrial.core.", "seatrial.logs.")
 """Where nothing computes with JAX."""
 __all__ = [
@@ -123,26 +127,32 @@ __all__ = [
     "make_posterior",
     "make_record",
     "make_vehicle",
+    "plot",
     "posterior_of_density",
     "predict",
+    "predict_from_prior",
     "profile_likelihood",
     "read_log",
     "run_loop",
     "sample",
     "select_structure",
     "simulate",
+    "to_arviz",
     "truncated_normal",
     "vehicle_names",
     "write_report",
 ]
 
 if TYPE_CHECKING:
+    from seatrial import plot
+    from seatrial.arviz_tree import to_arviz
     from seatrial.campaign.config.campaign import Campaign
     from seatrial.campaign.config.load import load_campaign
     from seatrial.campaign.config.templates import init_campaign
     from seatrial.campaign.data.import_logs import get_trials
     from seatrial.campaign.design.sweep import design_first
     from seatrial.campaign.inference.estimate import estimate_all
+    from seatrial.campaign.prior.predictive import predict_from_prior
     from seatrial.campaign.selection.evidence import select_structure
     from seatrial.campaign.workflow.loop import run_loop
     from seatrial.core.coefficients import CoefficientName
@@ -181,6 +191,8 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if name not in _HOME:
         raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
     module, _, there = _HOME[name].partition(":")

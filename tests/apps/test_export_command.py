@@ -48,7 +48,7 @@ def test_a_mistake_is_said_and_nothing_is_written(monkeypatch, capsys, tmp_path,
 def test_a_published_vehicle_by_name(monkeypatch, capsys, tmp_path):
     code, out, _ = run(monkeypatch, capsys, "export", "remus100_hall_anstee", "--to", "gz", "--density", "1000 kg/m^3")
     assert code == Exit.OK
-    assert "cannot carry: K_nabsn" in out
+    assert "not supported: K_nabsn" in out
     assert "loss in predicted motion" in out
     made = tmp_path / "export" / "remus100_hall_anstee" / "gz"
     assert results(made) == ["model.config", "model.sdf", "world.sdf"]

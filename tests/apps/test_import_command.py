@@ -44,7 +44,7 @@ def test_ends_are_written_for_one_run_or_all(folder):
     assert run(folder, "--run", "2", "--start", "2 s", "--end", "5000 ms").exit_code == 0
     for_all = run(folder, "--start", "1 s")
     assert for_all.exit_code == 0
-    assert "run 2 keeps ends of its own" in for_all.output
+    assert "run 2 keeps its own start and end" in for_all.output
     content = tomllib.loads((folder / "campaign.toml").read_text())["import"]
     assert content["trim"] == {"2": {"start": "2 s", "end": "5000 ms"}}
     assert (content["start"], content["end"]) == ("1 s", "18 s")

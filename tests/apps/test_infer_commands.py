@@ -37,7 +37,7 @@ def test_a_regression_is_printed_and_not_kept(monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.thorough
-def test_everything_the_records_say(monkeypatch, capsys, tmp_path):
+def test_modes_and_chains_of_every_structure(monkeypatch, capsys, tmp_path):
     write_small(tmp_path)
     code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "--by", "mode", "-q")
     assert code == Exit.OK, err
@@ -46,6 +46,11 @@ def test_everything_the_records_say(monkeypatch, capsys, tmp_path):
     assert code == Exit.OK, err
     assert out.count("strongest correlation") == 2
     assert "known/M-1.json" in " ".join(results(tmp_path))
+
+
+@pytest.mark.proof
+def test_profiles_evidence_and_criteria_are_told_and_kept(monkeypatch, capsys, tmp_path):
+    write_small(tmp_path)
     code, out, err = run(monkeypatch, capsys, "profile", tmp_path, "--parameter", "X_u", "-q")
     assert code == Exit.OK, err
     assert out.startswith("X_u")

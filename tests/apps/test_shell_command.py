@@ -43,7 +43,7 @@ def test_piped_lines_are_run_one_after_another_whatever_fails(tmp_path):
     assert others[-1].startswith("remus100_surge")  # and nothing after `quit`
     assert "Did you mean 'estimate'" in done.stderr
     assert "no closing quotation" in done.stderr
-    assert "serve goes on until it is left" in done.stderr
+    assert "serve runs until it is stopped" in done.stderr
     assert "Traceback" not in done.stderr
     assert shell(tmp_path / "boat", "help\n").returncode == Exit.OK
 
@@ -84,7 +84,7 @@ class Terminal:
         os.write(self.ours, text.encode())
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_ctrl_c_ends_the_command_and_not_the_session(tmp_path):
     folder = write_small(tmp_path / "boat", *NO_X_U)
     terminal = Terminal(folder, tmp_path / "home")

@@ -46,7 +46,7 @@ def test_baselines_on_the_simulated_set(tmp_path):
     assert any("by chance" in line for line in lines(result))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_ours_beats_the_baselines_on_the_simulated_set(tmp_path):
     found = read_set(str(write_set(tmp_path)))
     result = run_set(found, choose(["ours", "lag", "persistence", "mean"]), None, tmp_path / "out")
@@ -60,12 +60,16 @@ def test_ours_beats_the_baselines_on_the_simulated_set(tmp_path):
     assert set(ours.about) == {"X_tau_X", "X_u", "X_uabsu", "sigma_u", "tau_u"}
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("setting", "prior"),
     [
         ('residuals = "white"', ""),
-        ('likelihood = "filter-error"', 'process_u = { distribution = "log-uniform", lower = 1e-3, upper = 1.0 }'),
+        pytest.param(
+            'likelihood = "filter-error"',
+            'process_u = { distribution = "log-uniform", lower = 1e-3, upper = 1.0 }',
+            marks=pytest.mark.proof,
+        ),
     ],
 )
 def test_stretches_begin_anew_where_residuals_are_not_coloured(tmp_path, setting, prior):

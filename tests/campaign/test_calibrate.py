@@ -138,6 +138,7 @@ def test_good_mixing_is_not_blamed():
     assert "30% of the moves made at least" in spoken([(np.nan, np.nan, np.nan, 0.3)] * 40)
 
 
+@pytest.mark.proof
 def test_diagnostics_of_each_kind_of_method(small):
     """Chains have R-hat, effective draws and divergences; a population has its moves."""
     posterior = module.Study(small[0], small[1].fit).posterior(small[0].structures[0])

@@ -82,4 +82,4 @@ def test_without_held_back_runs_nothing_is_claimed(tmp_path):
     assert fit_all_baselines(campaign, Trials((), (), "key")) is None
     assert compare_with_baselines(None, []) == ()
     (line,) = comparison_lines(None, ())
-    assert "not judged" in line
+    assert "no run is held back" in line

@@ -29,7 +29,7 @@ def test_a_second_peak_is_weighed_and_the_methods_agree(tmp_path, monkeypatch):
     assert (found.alarms, found.evidences[0].diagnostics["modes"]) == ((), 2)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_spike_on_a_slab_is_weighed_and_no_verdict_is_claimed(tmp_path, monkeypatch):
     """By the slab alone, a hundredth of its evidence, the full structure would lose to one of evidence between the two."""
     (full, exact), slab = spike_on_slab(), spike_on_slab(weight=np.exp(3.0), spike=0.1, away=0.0)

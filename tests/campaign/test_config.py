@@ -3,7 +3,7 @@
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.templates import init_campaign, template_names
+from seatrial.campaign.config.templates import TEMPLATES, init_campaign
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 
@@ -75,7 +75,7 @@ def test_a_folder_without_a_campaign_names_init(tmp_path):
         load_campaign(tmp_path)
 
 
-@pytest.mark.parametrize("template", template_names())
+@pytest.mark.parametrize("template", TEMPLATES)
 def test_templates_are_valid_and_never_overwrite(tmp_path, template):
     init_campaign(tmp_path / "new", template)
     load_campaign(tmp_path / "new")

@@ -147,7 +147,7 @@ def test_energy_needs_a_propeller_and_its_power(tmp_path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ("[limits.v]\nupper = '1 m/s'", "the designed control, a state or a track: n, u, distance, advance"),
+        ("[limits.v]\nupper = '1 m/s'", "a control, a state or a track: n, u, distance, advance"),
         ("[limits.u]\nrate = '1 m/s'", "rates are limited of controls only"),
         ("[limits.u]", "no bound"),
         ("[limits.u]\nlower = '2 m/s'\nupper = '1 m/s'", "lower below upper"),
@@ -173,6 +173,7 @@ def test_numbers_that_would_be_passed_over(tmp_path, old, new, place):
         load_campaign(tmp_path)
 
 
+@pytest.mark.proof
 def test_cheap_measures_are_held_against_the_expected_gain(tmp_path):
     """Vehicles known to a few per cent: the posterior is normal, so that all measures of information are nearly one."""
     (tmp_path / "campaign.toml").write_text(NARROW)

@@ -58,7 +58,7 @@ upper = 30.0
 )
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_disturbance_is_found_small_where_there_is_none(tmp_path):
     """The vehicle moves as the model says: coefficients are as near the truth as ever, and the force is a part of the drag of 9 N."""
     campaign = load_campaign(write_small(tmp_path, *NO_X_U, *DISTURBED))
@@ -130,4 +130,4 @@ def test_what_a_regression_leaves_out_is_said(tmp_path):
         )
     )
     full, _ = regressions(campaign, get_trials(campaign))
-    assert "takes as absent, which draws its values aside: delay" in full.caution
+    assert "a regression of accelerations ignores delay, which biases its values" in full.caution

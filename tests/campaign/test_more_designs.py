@@ -140,7 +140,7 @@ def test_what_is_said_of_a_trial_that_is_ended_is_of_that_trial(tmp_path):
     assert value[-1] == pytest.approx(best.family.trim * 30 / np.pi)
 
 
-@pytest.mark.parametrize("name", ["extended", "unscented"])
+@pytest.mark.parametrize("name", ["extended", pytest.param("unscented", marks=pytest.mark.proof)])
 def test_other_filters_agree_where_the_belief_is_narrow(tmp_path, name):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()

@@ -139,6 +139,9 @@ def test_a_command_says_where_it_reads_outside(here, capsys):
     assert "outside" not in capsys.readouterr().err
 
 
+SCHEDULES = ("DesignTable.schedule", "ImportTable.schedule")
+
+
 def test_every_key_that_names_a_file_is_known():
     """A new key of text whose name says that it names a file has to go through `find`."""
     words = ("path", "file", "folder", "curve", "known_from", "schedule", "directory")
@@ -150,7 +153,13 @@ def test_every_key_that_names_a_file_is_known():
             waiting += _tables(field.annotation)
             if any(word in name for word in words) and "Table" not in text:
                 found.add(f"{table.__name__}.{name}")
-    assert found == {"FileTable.path", "ColumnTable.curve", "VehicleTable.known_from"}
+    assert found == {
+        "FileTable.path",
+        "ColumnTable.curve",
+        "ThrustLawTable.curve",
+        "VehicleTable.known_from",
+        *SCHEDULES,
+    }
 
 
 def _tables(annotation):

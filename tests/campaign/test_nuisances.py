@@ -116,14 +116,26 @@ def records():
     return [make_trial(np.arange(80) * 0.1, rev, label, u=speed + 0.05 * rng.normal(size=80)) for label in "ab"]
 
 
+def asked_for(name, folder):
+    sensor, estimation, expected = ASKED[name]
+    loaded = load_campaign(campaign(folder, sensor, estimation))
+    return build_posterior(loaded, loaded.structures[0], records()), sorted(COEFFICIENTS + expected)
+
+
 @pytest.mark.parametrize("name", ASKED)
 def test_parameters_asked_for(tmp_path, name):
-    sensor, estimation, expected = ASKED[name]
-    loaded = load_campaign(campaign(tmp_path, sensor, estimation))
-    posterior = build_posterior(loaded, loaded.structures[0], records())
-    assert sorted(posterior.names) == sorted(COEFFICIENTS + expected)
-    z = posterior.sample_prior(jax.random.key(0), 20)
-    densities = np.asarray(jax.vmap(posterior.log_density)(z))
+    posterior, expected = asked_for(name, tmp_path)
+    assert sorted(posterior.names) == expected
+
+
+MOST = "own bias", "varying", "disturbance"
+"""Those that are computed each time; the others are proofs."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.proof] * (one not in MOST)) for one in ASKED])
+def test_where_the_prior_lies_there_is_a_density(tmp_path, name):
+    posterior, _ = asked_for(name, tmp_path)
+    densities = np.asarray(jax.jit(jax.vmap(posterior.log_density))(posterior.sample_prior(jax.random.key(0), 20)))
     assert np.isfinite(densities).any()
     assert not np.isnan(densities).any()
 

@@ -93,6 +93,7 @@ def test_a_control_without_a_trim_value(tmp_path):
         design_first(yaw(tmp_path, ('u = "1.5 m/s"', 'v = "0 m/s"')))
 
 
+@pytest.mark.proof
 def test_the_relay_is_closed_on_every_vehicle_by_itself(tmp_path):
     """With each draw's own loop, r goes to the threshold and back; the rule is kept with the schedule."""
     campaign = yaw(tmp_path)

@@ -151,10 +151,10 @@ def test_a_record_is_held_or_not(tmp_path):
     assert good.held > 0.95
     assert np.isfinite(good.measured).all()
     assert prior_alarms(good) == []
-    assert any("it holds them" in line for line in prior_lines(good))
+    assert any("the prior covers them" in line for line in prior_lines(good))
     bad = predicted(tmp_path / "bad", IMPORT, (THRUST, "lower = 2.0e-6\nupper = 12.0e-6"))
     assert bad.held < 0.1
-    assert any("does not hold the measured speeds" in text for text in prior_alarms(bad))
+    assert any("misses the measured speeds" in text for text in prior_alarms(bad))
 
 
 def test_initial_speed_and_noise_are_drawn_where_they_are_unknown(tmp_path):
@@ -202,4 +202,4 @@ def test_a_wide_prior_is_called_wide_and_the_coefficient_named(tmp_path):
     found = predicted(tmp_path, (LINEAR, "lower = -3.6\nupper = 0.0"), (f'"uniform"\n{THRUST}', wide))
     (caution,) = prior_cautions(found)
     assert "the prior is wide" in caution
-    assert "T_nabsn does most" in caution
+    assert "mostly because of T_nabsn" in caution

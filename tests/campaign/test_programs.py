@@ -43,6 +43,7 @@ def test_every_command_needs_few_programs(tmp_path, programs):
     assert programs(predict_from_prior, campaign) <= 4
 
 
+@pytest.mark.proof
 def test_a_design_needs_no_more_programs_for_more_structures(tmp_path, programs):
     campaign = load_campaign(write_small(tmp_path, lasting(37.1), *TWO_MORE))
     assert len(campaign.structures) == 4
@@ -50,13 +51,14 @@ def test_a_design_needs_no_more_programs_for_more_structures(tmp_path, programs)
     assert programs(design, campaign) <= 3
 
 
+@pytest.mark.proof
 def test_a_design_of_another_length_in_the_bucket_needs_no_program(tmp_path, programs):
     first, second = (load_campaign(write_small(tmp_path / str(s), lasting(s))) for s in (41.1, 41.5))
     design(first)
     assert programs(design, second) == 0
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_all_structures_share_what_is_compiled(tmp_path, programs):
     """The widest structure and another are done first; two more then need nothing more."""
     campaign = load_campaign(write_small(tmp_path, lasting(43.1), *TWO_MORE))

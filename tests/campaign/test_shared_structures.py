@@ -51,6 +51,7 @@ def test_all_structures_have_the_same_tree(study):
 
 
 @pytest.mark.parametrize("index", [1, 2, 3])
+@pytest.mark.proof
 def test_density_is_that_of_its_own_and_standard_normal_in_what_is_absent(study, index):
     own, shared, order = pair(study, index)
     z = np.asarray(own.sample_prior(KEY, 8))
@@ -71,6 +72,7 @@ def test_density_is_that_of_its_own_and_standard_normal_in_what_is_absent(study,
 
 
 @pytest.mark.parametrize("index", [1, 3])
+@pytest.mark.proof
 def test_mode_and_its_normal_approximation_are_those_of_its_own(study, index):
     own, shared, order = pair(study, index)
     ours, theirs = find_mode(own, KEY), find_mode(shared, KEY).only(shared.places)

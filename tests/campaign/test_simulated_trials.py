@@ -122,8 +122,8 @@ def test_designs_are_run_from_their_schedules(tmp_path):
         ("desing", None, None, False, 'did you mean "design"'),
         ("design", "mine.csv", None, False, "found:    both"),
         (None, None, "sea", False, "neither, with --label"),
-        (None, "mine.csv", "trial-2", False, "a name that decided trials have"),
-        (None, "mine.csv", "a/b", False, "no file's"),
+        (None, "mine.csv", "trial-2", False, "a name that seatrial gives its own trials"),
+        (None, "mine.csv", "a/b", False, "no file can have"),
         (None, "none.csv", None, False, "no such file"),
     ],
 )
@@ -257,7 +257,7 @@ def test_a_damaged_law_of_a_self_oscillation_is_told(tmp_path, relay):
         ask_for(made, "self_oscillation", None)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_every_design_is_run_as_it_was_found(tmp_path):
     made = campaign(tmp_path)
     free, _ = design_free_trial(made, 6)
@@ -273,7 +273,7 @@ def test_every_design_is_run_as_it_was_found(tmp_path):
     np.testing.assert_allclose(records["searched"].channel("n"), wanted, rtol=1e-8)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_designed_self_oscillation_closes_its_loop_on_the_true_vehicle(tmp_path):
     """Its control differs from the one that was foreseen, and turns round only where the measured rate allows it."""
     (tmp_path / "campaign.toml").write_text(YAW)

@@ -8,7 +8,7 @@ from seatrial.campaign.inference.quick_estimates import posterior_modes
 from tests.campaign.test_check import write
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_pieces_are_fitted_jointly(tmp_path):
     write(tmp_path / "a", "1.0")
     path = tmp_path / "a" / "campaign.toml"

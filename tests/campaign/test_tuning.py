@@ -50,9 +50,11 @@ def test_too_large_a_process_noise_is_named(small):
 
 
 def test_process_noise_is_what_is_gained_in_one_second(small):
-    """The same number as a float of SI and as a quantity, for a state and for a coefficient."""
+    """The same number as a float of SI and as a quantity, for a state and for a coefficient; of a smaller structure, its own."""
     campaign = load_campaign(write_small(small[0], ("[estimation]", f'{DRIFT}"3 cm/s", X_u = 0.2 }}\n[estimation]')))
-    assert campaign.process_sds() == pytest.approx([0.03, 0.0, 0.0, 0.2])
+    full, smaller = (campaign.model(campaign.structures[at]) for at in (0, -1))
+    assert campaign.process_sds(full) == pytest.approx([0.03, 0.0, 0.0, 0.2])
+    assert campaign.process_sds(smaller).size == len(smaller.states) + len(smaller.coefficients) == 3
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,9 @@ def test_configure_is_told_and_obeyed(tmp_path, first):
     assert run_python(f"{first}; seatrial.configure(); {ONES}", tmp_path) == "float64"
 
 
-@pytest.mark.parametrize("use", ["seatrial.load_campaign", "import seatrial.estimation.mode"])
+@pytest.mark.parametrize(
+    "use", ["seatrial.load_campaign", pytest.param("import seatrial.estimation.mode", marks=pytest.mark.proof)]
+)
 def test_what_computes_computes_in_double_precision(tmp_path, use):
     assert run_python(f"import seatrial; {use}; {ONES}", tmp_path) == "float64"
     assert run_python(f"import jax, seatrial; {use}; {ONES}", tmp_path) == "float64"
@@ -134,7 +136,7 @@ COMPILED = "jax.config.update('jax_persistent_cache_min_compile_time_secs', 0.0)
     [
         ("import seatrial, jax; seatrial.load_campaign", False),
         (f"{IMPORTS[2]}; seatrial.configure(cache=False)", False),
-        (f"{IMPORTS[0]}; seatrial.configure()", True),
+        pytest.param(f"{IMPORTS[0]}; seatrial.configure()", True, marks=pytest.mark.proof),
         (f"{IMPORTS[2]}; seatrial.configure()", True),
     ],
 )

@@ -24,7 +24,7 @@ def test_an_input_error_travels_whole():
     [
         (errno.EROFS, "folder of your own"),
         (errno.EACCES, "folder of your own"),
-        (errno.ENOSPC, "make room"),
+        (errno.ENOSPC, "free some space"),
         (errno.ENOENT, "moved or deleted"),
         (errno.ENOTDIR, "move it away"),
         (errno.EIO, "permissions"),

@@ -42,6 +42,12 @@ def test_blocks_and_their_remarks(tmp_path):
     assert (hidden.language, hidden.lines, hidden.remarks) == ("sh", ("touch a",), {})
 
 
+def test_a_command_goes_on_after_a_backslash(tmp_path):
+    (tmp_path / "page.md").write_text("```console\n$ seatrial init a \\\n  --mass '3 kg'\nwrote a\n```\n")
+    (block,) = read_blocks(tmp_path / "page.md")
+    assert commands(block) == [("seatrial init a \\\n  --mass '3 kg'", ("wrote a",))]
+
+
 def test_a_block_of_unknown_language_is_an_error(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("```\nls\n```\n")

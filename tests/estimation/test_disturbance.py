@@ -220,7 +220,9 @@ PRIORS = {
 }
 
 
-@pytest.mark.parametrize("more", [(), ("process_u",)], ids=["alone", "process noise"])
+@pytest.mark.parametrize(
+    "more", [(), pytest.param(("process_u",), marks=pytest.mark.proof)], ids=["alone", "process noise"]
+)
 def test_a_prior_asks_for_it(more):
     posterior = make_posterior(paper_model(), record(), PRIORS | {name: LogUniform(1e-4, 0.1) for name in more})
     assert set(posterior.names) == {*PRIORS, *more}

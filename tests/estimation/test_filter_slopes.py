@@ -59,7 +59,7 @@ def test_gradient(name):
     assert np.allclose(np.asarray(found.gradient) / scale, jax.jit(jax.jacfwd(value))(point) / scale, atol=1e-7)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_hessian():
     """One-sided differences of exact gradients, to a thousandth of the information."""
     short = make_trial(TIME[:17], REV[:17], u=MEASURED[:17])

@@ -99,6 +99,7 @@ def test_nothing_is_guessed_where_no_velocity_is_measured():
     assert first_guess(model(), [blind], [(0.0, 0.0)], PRIORS) == {}
 
 
+@pytest.mark.proof
 def test_the_mode_is_found_where_draws_of_wide_priors_end_on_another_hill():
     vehicle, log = model(), record(noise=0.002)
     sensors = [Sensor("v", "white"), Sensor("r", "white")]

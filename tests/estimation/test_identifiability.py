@@ -85,6 +85,7 @@ def test_trim_only():
     assert sum("structural" in line for line in found.cautions()) == 2
 
 
+@pytest.mark.proof
 def test_golden_fit():
     target = golden_posterior("M-1")
     mode = find_mode(target, KEY)

@@ -137,6 +137,7 @@ def test_mode_without_what_is_absent_is_that_of_the_rest_alone():
         assert one == (pytest.approx(other, abs=1e-9) if isinstance(other, float | np.ndarray) else other)
 
 
+@pytest.mark.proof
 def test_curvature_where_the_likelihood_still_rises_is_that_of_the_density_in_z():
     """Priors hold the mode back, so that how values bend with z counts too: against second derivatives of the whole."""
     target = posterior(

@@ -59,7 +59,7 @@ def test_draws_by_name(draws, exact):
 
 def test_draws_in_arviz(draws):
     """The tree has what ArviZ's own functions read, and these find what the table says."""
-    tree, table = draws.to_arviz(), draws.summary().loc["mean"]
+    tree, table = st.to_arviz(draws), draws.summary().loc["mean"]
     assert tree["posterior"]["mean"].dims == ("chain", "draw")
     assert tree["posterior"]["mean"].attrs["units"] == "m/s"
     assert np.array_equal(tree["sample_stats"]["lp"], draws.log_density)
@@ -70,6 +70,7 @@ def test_draws_in_arviz(draws):
 @pytest.mark.parametrize(
     ("method", "settings"), [("tempered-smc", st.SMCSettings(particles=256)), ("nested", st.NestedSettings(100, 400))]
 )
+@pytest.mark.proof
 def test_populations_are_draws_too(posterior, exact, method, settings):
     found = st.sample(posterior, method, settings, key=2)
     mean, sd, _ = exact
@@ -82,6 +83,7 @@ def test_populations_are_draws_too(posterior, exact, method, settings):
     assert found.log_density == pytest.approx(expected + np.log(WIDTH), abs=1e-9)
 
 
+@pytest.mark.proof
 def test_evidence_and_comparison(exact):
     """Three methods give the closed form; of two models the odds are those of their evidences."""
 

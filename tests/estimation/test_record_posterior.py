@@ -107,6 +107,7 @@ def test_a_campaign_has_the_same_posterior(tmp_path):
     assert np.array_equal(jax.vmap(ours.log_density)(z), jax.vmap(theirs.log_density)(z))
 
 
+@pytest.mark.proof
 def test_a_campaign_has_the_same_posterior_with_starts_of_each_trial(tmp_path):
     """Priors of one trial alone, and the spread of a filter's start, for both kinds of likelihood."""
     for kind in ('initial = "estimated"', 'likelihood = "filter-error"'):
@@ -151,7 +152,10 @@ def test_names_of_priors_say_what_is_modelled(record):
     [
         ({"priors": {name: PRIORS[name] for name in ("X_u", "T_nabsn", "sigma_u")}}, "a prior of X_uabsu (kg/m)"),
         ({"priors": PRIORS | {"X_uu": PRIORS["X_u"]}}, '"X_uu", which nothing uses'),
-        ({"priors": PRIORS | {"tau_u": PRIORS["sigma_u"]}}, '"tau_u", which nothing uses'),
+        (
+            {"priors": PRIORS | {"tau_u": PRIORS["sigma_u"]}},
+            'make it Sensor("u", noise="coloured"), or leave tau_u out',
+        ),
         ({"sensors": ["v"]}, 'channel "v"'),
         ({"own": ["bias_u"]}, '"bias_u", which nothing uses'),
     ],
@@ -194,6 +198,7 @@ def test_a_prediction_holds_what_it_says(posterior, draws, record):
         found.score("v")
 
 
+@pytest.mark.proof
 def test_a_trial_that_was_not_fitted_begins_about_its_first_measurement(record):
     """Where initial states are unknown, that of a fitted trial comes from its draws, that of another from its own first sample."""
     posterior = st.make_posterior(MODEL, record, PRIORS | {"u_0": st.Normal(1.5, 0.5)})

@@ -77,7 +77,7 @@ def test_of_runs_by_hand():
     assert found.widening == pytest.approx(stats.t.ppf(0.95, 4) / 1.644854, rel=1e-5)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_coverage_where_runs_differ_and_noise_is_slow():
     """The truth has a constant force of each run's own and noise with a memory; of 60 vehicles the wide one holds 90 %."""
     narrow, wide = [], []

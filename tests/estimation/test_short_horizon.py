@@ -76,7 +76,7 @@ def test_a_wrong_model_is_no_better_over_short_horizons():
     found = short_horizons(SIMULATOR, {"X_u": -40.0}, driven(0.8, 4.0))
     assert found is not None
     assert not found["u"].is_good
-    assert "more than errors that add up" in found["u"].words("u", [])
+    assert "errors that add up do not explain it" in found["u"].words("u", [])
 
 
 def test_a_state_that_is_not_measured_leaves_nothing_to_restart_from():

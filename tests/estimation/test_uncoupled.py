@@ -69,6 +69,7 @@ def problem():
     return posterior, mode, *uncouple(posterior, mode)
 
 
+@pytest.mark.proof
 def test_there_and_back(problem):
     posterior, _, target, _ = problem
     z = posterior.sample_prior(KEY, 50)
@@ -76,6 +77,7 @@ def test_there_and_back(problem):
     assert np.asarray(target.sample_prior(KEY, 50)) == pytest.approx(np.asarray(target.uncoupled(z)), abs=1e-12)
 
 
+@pytest.mark.proof
 def test_density_is_that_of_the_posterior_times_the_volume(problem):
     posterior, _, target, _ = problem
     for x in np.random.default_rng(0).normal(size=(5, posterior.dim)):
@@ -87,6 +89,7 @@ def test_density_is_that_of_the_posterior_times_the_volume(problem):
         )
 
 
+@pytest.mark.proof
 def test_given_the_spread_nothing_is_correlated(problem):
     """The curvature about any values of z_mu and d, the spread held, is the identity in these coordinates for a normal hierarchy."""
     posterior, _, target, _ = problem
@@ -117,12 +120,14 @@ def test_chains_against_quadrature(problem):
     assert draws.log_density[3, 7] == pytest.approx(float(density), abs=1e-8)
 
 
+@pytest.mark.proof
 def test_evidence_against_quadrature(problem):
     found = importance_evidence(problem[0], KEY, problem[1])
     assert not found.status
     assert found.log_value == pytest.approx(by_quadrature()[0], abs=4 * found.std_error)
 
 
+@pytest.mark.proof
 def test_trials_that_know_nothing_change_nothing():
     posterior = hierarchy(error=np.full(3, 1e6))
     target, _ = uncouple(posterior, find_mode(posterior, KEY))

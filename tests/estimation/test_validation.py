@@ -124,8 +124,8 @@ def test_the_coefficients_are_blamed_only_where_their_uncertainty_covers_the_err
     missed, wide = 0.1 * MOTION, np.full(TIME.size, 0.8)
     noise = scored(white(), mean=missed, noise=0.6, correlation_time=1.2)
     said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, coloured=True).reason
-    assert "because of what the fit leaves over, 0.6 m/s with a memory of 1.2 s" in said
-    assert "and not because the coefficients are uncertain" in said
+    assert "because of the residuals of the fit, 0.6 m/s with a memory of 1.2 s" in said
+    assert "not because the coefficients are uncertain" in said
     known = scored(white(), mean=missed, motion_sd=0.8)
     assert "next trial" in verdict(replace(known, effective=20.0), held_back=True).reason
     pushed = score_channel(TIME, MOTION + white(), missed, wide, NOISE, coefficient_sd=0.01 * wide)
@@ -297,7 +297,7 @@ def test_a_run_that_leaves_the_fitted_range_is_told_to_be_fitted_too():
     outside = ("delta_r up to 35 deg where the fit saw 10",)
     said = judge_fit(scored(white(2.5 * NOISE)), "u", True, False, outside)
     assert (
-        "it leaves what was fitted (delta_r up to 35 deg where the fit saw 10): fit a run that goes as far"
+        "it goes beyond what was fitted (delta_r up to 35 deg where the fit saw 10): fit a run that goes as far"
         in said.reason
     )
 

@@ -140,7 +140,7 @@ def test_the_loss_is_that_of_the_manoeuvre(monkeypatch):
     assert by_rate["u"].largest == pytest.approx(np.abs(own - weak)[:, 0].max())
     assert by_rate["u"].largest > 0.3
     assert by_rate["u"].range == pytest.approx(np.ptp(own[:, 0]))
-    assert "cannot carry: half of the thrust" in statement.lines
+    assert "not supported: half of the thrust" in statement.lines
     assert loss_words(state(make_exporter("json"), vehicle, PROVENANCE).loss) == "none"
 
 
@@ -188,6 +188,7 @@ def test_a_lagging_actuator_follows_as_the_vehicle_s_own_does():
     assert found[-1, 0] == pytest.approx(speed, rel=1e-3)
 
 
+@pytest.mark.proof
 def test_the_loss_in_a_current_is_stated_where_the_campaign_has_one(monkeypatch):
     monkeypatch.setattr(manoeuvre, "DURATION", 20.0)
     vehicle, provenance = published("bluerov2_heavy"), replace(PROVENANCE, current=0.36)

@@ -101,20 +101,28 @@ def test_files_of_the_same_stamps_share_their_instants(tmp_path):
 
 
 def test_measurements_that_meet_are_averaged_and_a_heading_goes_on_over_the_turn(tmp_path):
-    stamps = [f"{0.05 * k:.2f}" for k in range(40)]
-    turning = pi + 0.01 * (np.arange(40) - 20.5)
+    stamps = [f"{0.02 * k:.2f}" for k in range(100)]
+    turning = pi + 0.005 * (np.arange(100) - 50.5)
     heading = (turning + pi) % (2 * pi) - pi
-    speed = np.arange(40.0)
     tables = [
         read_log(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
-        read_log(column(tmp_path, "u.csv", stamps, "u", speed, "measurement")),
+        read_log(column(tmp_path, "u.csv", stamps, "u", np.arange(100.0), "measurement")),
     ]
     record = align(tables, step=0.1)
-    # The grid instant 0.1 k takes the stamp at 0.1 k and, an exact tie at the earlier, the one at 0.1 k + 0.05.
-    np.testing.assert_allclose(record.channel("u"), 0.5 + 2 * np.arange(20))
-    np.testing.assert_allclose(record.channel("psi"), (turning[::2] + turning[1::2]) / 2, atol=1e-12)
+    # The grid instant 0.1 k takes the stamps from 0.1 k - 0.04 to 0.1 k + 0.04; the first one has none before it.
+    means = np.array([1.0, *(5.0 * np.arange(1, 20))])
+    np.testing.assert_allclose(record.channel("u")[:20], means)
+    np.testing.assert_allclose(record.channel("psi")[:20], pi + 0.005 * (means - 50.5), atol=1e-12)
     assert np.ptp(heading) > 6
-    assert "20 instants hold the mean of two or more" in record.provenance.options["notes"][1]
+    assert "instants hold the mean of two or more" in record.provenance.options["notes"][1]
+
+
+def test_a_measurement_midway_makes_no_mean_late(tmp_path):
+    stamps = [f"{0.05 * k:.2f}" for k in range(40)]
+    table = read_log(column(tmp_path, "u.csv", stamps, "u", np.arange(40.0), "measurement"))
+    record = align([table], step=0.1)
+    np.testing.assert_allclose(record.channel("u"), 2.0 * np.arange(20))
+    assert "20 midway between two instants were left out" in record.provenance.options["notes"][0]
 
 
 def test_samples_half_a_step_off_the_grid_neither_meet_nor_miss(tmp_path, control):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from seatrial.core.errors import InputError
 from seatrial.core.record import Channel
 from seatrial.core.signals import QUATERNION, signal_unit
 from seatrial.logs.axes import from_axes
@@ -175,3 +176,54 @@ def test_two_headings_and_other_clocks_are_refused():
     lone = replace(compass, columns={"psi": np.where(np.arange(200) == 5, 1.0, np.nan)})
     with refusal("compass", "1 samples"):
         to_body([nav, lone], only("u"))
+
+
+GYROS = {
+    "as it is": (np.eye(3), ()),
+    "in deg/s": (np.eye(3) * 180 / np.pi, ("degrees taken for radians",) * 3),
+    "forward, left, up": (np.diag([1.0, -1.0, -1.0]), ("its opposite", "its opposite")),
+    "axes exchanged": (np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]), ("exchanged", "exchanged")),
+}
+
+
+@pytest.mark.parametrize("what", GYROS)
+def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what):
+    """The attitude is SciPy's, turned by known body rates; quaternions have any sign."""
+    from scipy.spatial.transform import Rotation
+
+    from seatrial.logs.one_log import record_of_log
+
+    time = 0.02 * np.arange(1000)
+    rates = np.stack([0.8 * np.sin(0.9 * time), 0.7 * np.cos(0.7 * time), 0.5 + 0.6 * np.sin(0.5 * time)], axis=1)
+    turn, turns = Rotation.identity(), []
+    for row in rates:
+        turns.append(turn)
+        turn = turn * Rotation.from_rotvec(0.02 * row)
+    x, y, z, w = (Rotation.concatenate(turns).as_quat() * np.where(np.arange(1000) % 7, 1, -1)[:, None]).T
+    matrix, expected = GYROS[what]
+    columns = np.column_stack([time, np.sin(time), rates @ matrix.T, w, x, y, z])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, columns, delimiter=",", header="t,n,p,q,r,q_w,q_x,q_y,q_z", comments="", fmt="%.9g")
+    channels = {name: (name, "rad/s") for name in "npqr"} | {f"q_{part}": (f"q_{part}", "1") for part in "wxyz"}
+    record = record_of_log(path, channels, ["n"], time=("t", "s"))
+    cautions = record.provenance.options["cautions"]
+    assert len(cautions) == len(expected)
+    for text, part in zip(cautions, expected, strict=True):
+        assert part in text
+
+
+def test_an_accelerometer_in_units_of_gravity_is_refused(tmp_path):
+    from seatrial.logs.one_log import record_of_log
+
+    time = 0.1 * np.arange(50)
+    noise = 0.01 * np.random.default_rng(0).normal(size=(50, 3))
+    np.savetxt(
+        tmp_path / "log.csv",
+        np.column_stack([time, np.sin(time), noise - [0, 0, 1]]),
+        delimiter=",",
+        header="t,n,ax,ay,az",
+        comments="",
+    )
+    channels = {"n": ("n", "rad/s"), **{f"a_{axis}": (f"a{axis}", "m/s^2") for axis in "xyz"}}
+    with pytest.raises(InputError, match=r"(?s)a_x, a_y, a_z.*units of gravity"):
+        record_of_log(tmp_path / "log.csv", channels, ["n"], time=("t", "s"))

@@ -66,7 +66,7 @@ CELLS = {
     "stamp of nothing": (edited(5, "1e-99999999999999999999,603,1.03,ok"), ('column "t"', "stamps beyond any clock")),
     "impossible stamp": (edited(5, "1e99999999999999999999,603,1.03,ok"), ("row 5", 'column "t"', "a finite number")),
     "short row": (edited(5, "0.3,603,1.03"), ("row 5", "3 cells; 1 of 20", "4 cells")),
-    "long row": (edited(5, "0.3,603,1.03,ok,ok"), ("row 5", "5 cells", "4 cells", "mend or delete")),
+    "long row": (edited(5, "0.3,603,1.03,ok,ok"), ("row 5", "5 cells", "4 cells", "correct or delete")),
     "cut off": (GOOD[:-8], ("row 21", "3 cells", "last row is cut off")),
     "header too short": (GOOD.replace(",remark", ""), ("row 2", "20 of 20", "names")),
     "open quote": (edited(5, '0.3,603,1.03,"ok'), ("cannot be divided", "quotation mark in row 5")),

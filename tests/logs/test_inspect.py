@@ -60,6 +60,7 @@ def test_blocks_are_summed_as_one(monkeypatch):
     assert (speed.count, speed.infinite) == (finite.size, 1)
     assert speed.missing == pytest.approx(np.isnan(values).mean())
     assert (speed.least, speed.greatest) == (finite.min(), finite.max())
+    assert (speed.mean, speed.sd) == pytest.approx((finite.mean(), finite.std()), rel=1e-9)
     assert speed.trouble == "1 infinite"
     assert constant.constant
     assert constant.trouble == "constant"
@@ -126,11 +127,34 @@ def test_guesses_of_ros_by_type_with_axes_turned(tmp_path):
     assert "REP 103" in chosen["r"].reason
     text = "\n".join(found.lines())
     assert "garbage? (4e-79 at most)" in text
-    assert "covariance[…], 36 elements: constant" in text
+    assert "covariance[…], 36 elements: each 0; constant" in text
     # A quaternion is only there for the angles that are made of it.
     assert [guess.channel for guess in best(found.guesses, ["u", "r"])] == ["u", "r"]
     assert [guess.channel for guess in best(found.guesses, ["psi"])] == ["q_w", "q_x", "q_y", "q_z"]
     assert tomllib.loads(found.as_toml(["r"]))["import"]["files"][0]["axes"] == "ENU"
+
+
+def test_every_element_of_a_multiarray_is_listed(tmp_path):
+    """Eight pulse widths without a header, the first messages empty: none is hidden, those that stand still are named."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    store, kind = ros_store(False), "std_msgs/msg/Int32MultiArray"
+    layout = store.types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    widths = 1500 + (50 * np.sin(np.outer(np.arange(30), np.arange(8)))).astype(np.int32)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topic = writer.add_connection("/pwm", kind, typestore=store)
+        for k, row in enumerate(widths):
+            message = store.types[kind](layout, row if k > 2 else row[:0])
+            writer.write(topic, int(STAMPS[k]), store.serialize_cdr(message, kind))
+    found = inspect_log(tmp_path / "bag")
+    columns = {column.name: column for column in found.tables[0].columns}
+    assert [name for name in columns if name.startswith("data")] == [f"data[{k}]" for k in range(8)]
+    lines = {line.split()[0]: line for line in found.lines() if line.startswith("  ")}
+    assert lines["data[0]"].endswith("1500; constant; 10.0% missing")
+    assert columns["data[3]"].sd == pytest.approx(widths[3:, 3].std())
+    assert any("data[0]" in remark and "pulse widths" in remark for remark in found.remarks)
+    (block,) = tomllib.loads(found.as_toml())["import"]["files"]
+    assert block["channels"] == {f"f_{k + 1}": {"column": f"data[{k}]", "unit": "command"} for k in range(8)}
 
 
 AUTOPILOT = {

@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
-from seatrial.report.drawing import draw_svg
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.schedule import Schedule
+from seatrial.report.drawing import draw_svg, schedule_figure
 from seatrial.report.figures.fit import Driven, Predicted, autocorrelation, record_fit, record_residuals
-from seatrial.report.figures.posterior import PriorShape, correlations, marginal, pair
+from seatrial.report.figures.parameters import Traced, belief_rows, chain_rows, corner
+from seatrial.report.figures.posterior import PriorShape, draw_marginal, draw_pair
 from seatrial.report.figures.records import control_over_time, covered
 from seatrial.report.figures.structures import probability_bars
-from seatrial.report.figures.style import thin, thin_steps
+from seatrial.report.figures.style import NARROW, new_figure, thin, thin_steps
 from seatrial.report.figures.surface import design_surface
-from seatrial.report.figures.traces import coefficient_trace
+from seatrial.report.numbers import Digits
 
 TIME = np.arange(400) * 0.1
 
@@ -41,7 +44,8 @@ def test_the_surface_marks_the_best_design_and_hatches_what_is_forbidden():
     free = design_surface(np.arange(6.0), np.arange(5.0), gain, (4, 5), ("period [s]", "amplitude [rpm]"))
     gain[4, :3] = np.nan
     bound = design_surface(np.arange(6.0), np.arange(5.0), gain, (4, 5), ("period [s]", "amplitude [rpm]"))
-    axes, bar = bound.axes
+    (axes,) = bound.axes
+    (bar,) = axes.child_axes
     assert axes.get_ylabel() == "amplitude [rpm]"
     assert "entropy reduction [nat]" in bar.get_ylabel()
     star = next(line for line in axes.lines if line.get_label() == "best design")
@@ -59,7 +63,8 @@ def test_the_surface_of_a_thin_or_flat_grid_is_drawn(shape):
         (0, 0),
         ("period [s]", "amplitude [N]"),
     )
-    assert "entropy reduction [nat]" in "".join(axes.get_ylabel() for axes in figure.axes)
+    (axes,) = figure.axes
+    assert "entropy reduction [nat]" in "".join(one.get_ylabel() for one in (axes, *axes.child_axes))
     draw_svg(figure)
 
 
@@ -121,18 +126,44 @@ def test_autocorrelation_across_gaps_is_that_of_samples_so_far_apart():
 
 def test_a_trace_shows_where_records_begin_and_what_it_should_reach():
     sd = 1.0 / (1.0 + TIME)
-    figure = coefficient_trace(
-        TIME, -3.0 + sd, sd, "$X_{u}$", "kg/s", starts=[20.0], prior_mean=-1.0, posterior_mean=-3.0, truth=-3.01
-    )
-    (axes,) = figure.axes
-    assert {"filter mean", "± 2 sd", "prior mean", "posterior mean", "true value"} <= set(labels_of(axes))
-    assert axes.get_ylabel() == "$X_{u}$ [kg/s]"
-    assert axes.get_ylim()[0] < -3.01 < axes.get_ylim()[1]
+    one = Traced("$X_{u}$", -3.0 + sd, sd, -1.0, -3.0, -3.01)
+    (axes,) = belief_rows(TIME, [one, one], [20.0]).axes
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["$X_{u}$"] * 2
+    assert [line.get_xdata()[0] for line in axes.lines if len(set(line.get_xdata())) == 1] == [20.0]
+    means = [line.get_ydata() for line in axes.lines if len(line.get_xdata()) > 2]
+    assert all(abs(mean + row).max() < 0.5 for row, mean in enumerate(means))
+    targets = [item for item in axes.collections if item.get_linewidth()[0] == 1.3]
+    assert len(targets) == 4, "sampler and truth in each row; the prior's mean lies outside"
+
+
+def test_the_chains_that_lie_farthest_apart_are_drawn():
+    draws = np.random.default_rng(6).normal(size=(9, 500, 2))
+    draws[7] += 2.0
+    (axes,) = chain_rows(draws, ["$a$", "$b$"]).axes
+    drawn = [line.get_ydata() for line in axes.lines]
+    assert len(drawn) == 8
+    assert max(y.mean() for y in drawn[:4]) > 0.15
+    assert all(abs(y + 1).max() < 0.5 for y in drawn[4:])
+
+
+def test_regions_of_a_pair_hold_their_shares_and_numbers_are_those_of_the_table():
+    """Of a normal distribution 95 % lie within 2.45 standard deviations of the mean, 50 % within 1.18."""
+    draws = np.random.default_rng(7).normal([3.0, 6e-4], [0.1, 1e-5], (20000, 2))
+    digits = [Digits.of(float(mean), float(sd)) for mean, sd in zip(draws.mean(0), draws.std(0), strict=True)]
+    (axes,) = corner(draws, ["$a$", "$b$"], ["kg", ""], digits, [flat(0.0, 6.0), flat(0.0, 1e-3)], [2.9, None]).axes
+    lines = {item.get_label(): np.concatenate(item.get_segments()) for item in axes.collections[1:]}
+    for label, radius in (("95 % of the draws", 2.45), ("50 % of the draws", 1.18)):
+        away = np.linalg.norm(lines[label] - [0.5, 0.5 - 1.07], axis=1) * 8.4
+        assert np.median(away) == pytest.approx(radius, rel=0.08)
+    said = [text.get_text() for text in axes.texts]
+    assert {"2.80", "3.20", "$a$ [kg]", "$b$ [10⁻⁴]"} <= set(said)
 
 
 def test_a_posterior_shows_prior_interval_and_truth_and_pulls_out_powers_of_ten():
     draws = np.random.default_rng(2).normal(6e-4, 1e-5, 4000)
-    figure = marginal(
+    figure, (axes,) = new_figure(NARROW, [128], left=14, right=14, bottom=38)
+    draw_marginal(
+        axes,
         draws,
         "$T_{n|n|}$",
         "kg m/rad^2",
@@ -158,14 +189,12 @@ def test_a_prior_is_drawn_between_its_points_and_ends_at_its_bounds():
     )
 
 
-def test_a_pair_and_all_correlations_are_drawn():
+def test_a_pair_is_drawn():
     x, noise = np.random.default_rng(3).normal(size=(2, 3000))
-    figure = pair(x, -x + 0.3 * noise, ("$X_{u}$", r"$X_{u|u|}$"), ("kg/s", "kg/m"), truth=(0.1, -0.1))
+    figure, (axes,) = new_figure(NARROW, [190], left=50)
+    draw_pair(axes, x, -x + 0.3 * noise, ("$X_{u}$", r"$X_{u|u|}$"), ("kg/s", "kg/m"), truth=(0.1, -0.1))
     assert figure.axes[0].get_xlabel() == "$X_{u}$ [kg/s]"
     assert {"draws", "mean", "true value"} <= set(labels_of(figure.axes[0]))
-    matrix = np.array([[1.0, -0.95, 0.1], [-0.95, 1.0, np.nan], [0.1, np.nan, 1.0]])
-    (axes,) = correlations(matrix, ["$a$", "$b$", "$c$"]).axes
-    assert [text.get_text() for text in axes.texts] == ["−0.95", "+0.10"]
 
 
 def test_coverage_shows_both_kinds_of_records():
@@ -189,3 +218,12 @@ def test_thinning_keeps_ends_and_edges():
     kept = thin_steps(noisy, 1000)
     assert 31_234 in kept
     assert kept.size <= 1002
+
+
+def test_every_control_of_a_schedule_has_a_panel_and_its_own_limits():
+    time = np.arange(100) * 0.1
+    both = Schedule(time, {"n": 125 + np.sin(time), "delta_r": 0.1 * np.cos(time)})
+    rpm, rudder = schedule_figure(both, {"delta_r": Limits(-0.12, 0.12)}).axes
+    assert [len(axes.lines) for axes in (rpm, rudder)] == [1, 3]
+    np.testing.assert_allclose(rudder.lines[1].get_ydata(), np.rad2deg(-0.12))
+    np.testing.assert_allclose(np.ptp(rpm.lines[0].get_ydata()), np.ptp(both.controls["n"]) * 30 / np.pi, rtol=1e-6)

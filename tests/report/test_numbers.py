@@ -3,11 +3,11 @@ from math import inf, nan
 import pytest
 
 from seatrial.report.numbers import (
+    Digits,
     percent,
     plain,
     probability,
     rounded,
-    rounded_like,
     short,
     unit_html,
     unit_text,
@@ -40,9 +40,9 @@ def test_a_power_of_ten_multiplies_value_and_deviation():
 
 
 def test_an_interval_has_the_decimals_of_its_value():
-    assert rounded_like(6.201e-4, 6.36475e-4, 8.4025e-6) == "6.201"
-    assert rounded_like(-3.1743, -3.01557, 0.08101) == "−3.174"
-    assert rounded_like(inf, 1.0, 0.1) == "–"
+    assert Digits.of(6.36475e-4, 8.4025e-6).pair(6.201e-4, 1.2e-5) == "6.201 ± 0.120"
+    assert Digits.of(-3.01557, 0.08101).bare(-3.1743) == "−3.174"
+    assert Digits.of(1.0, 0.1).bare(inf) == "–"
 
 
 def test_numbers_are_short():

@@ -12,12 +12,11 @@ from seatrial.report.figures.structures import (
     CoefficientPath,
     Gap,
     coefficient_paths,
-    inclusion_bars,
     inclusion_paths,
     model_space,
     speed_gaps,
 )
-from seatrial.report.sections.models import terms_section
+from seatrial.report.sections.models import models_section
 from seatrial.report.term_figures import term_figures
 from tests.report.outcomes import EVIL, make_outcome, make_screened
 
@@ -32,12 +31,15 @@ def labels_of(axes) -> list[str]:
     return [str(artist.get_label()) for artist in artists]
 
 
-def test_closed_form_stands_beside_simulation_where_both_exist():
-    (axes,) = inclusion_bars(["$a$", "$b$"], [0.9, 0.2], [0.97, np.nan], [0.01, np.nan]).axes
-    assert {"closed form", "simulation"} <= set(labels_of(axes))
-    assert [text.get_text() for text in axes.texts] == ["0.90", "0.20", "0.97", "0.05", "0.95"]
-    (axes,) = inclusion_bars(["$a$"], [0.9], [np.nan]).axes
-    assert "simulation" not in labels_of(axes)
+def test_screening_and_simulation_have_a_picture_each(outcome):
+    drawn = {
+        item.name: item.figure.axes[0]
+        for item in term_figures(outcome.campaign.units, outcome.selection, outcome.screened, outcome.contenders)
+    }
+    said = {name: [text.get_text() for text in drawn[name].texts] for name in ("inclusion", "inclusion-screening")}
+    assert said["inclusion-screening"] == ["0.68", "0.30"]
+    assert said["inclusion"] == [f"{p:.2f}" for p in sorted(outcome.selection.inclusion.values(), reverse=True)]
+    assert [line.get_xdata()[0] for line in drawn["inclusion"].lines[-2:]] == pytest.approx([0.05, 0.95])
 
 
 def test_columns_are_as_wide_as_their_structures_are_probable():
@@ -62,11 +64,15 @@ def test_names_at_the_edge_do_not_meet_and_paths_have_their_units():
 
 def test_a_gap_is_shown_with_its_band_and_with_noise_that_is_near():
     time = np.arange(9.0)
-    gap = Gap("Run $1", time, 0.01 * time, 0.01 * time - 0.01, 0.01 * time + 0.01)
+    gap = Gap("Run $1", time, 1 + time, 0.01 * time, 0.01 * time - 0.01, 0.01 * time + 0.01, (time, 1 + time))
     figure = speed_gaps([gap, gap], 0.05)
-    assert {"90 % band of both posteriors", "posterior means", "noise of the sensor"} <= set(labels_of(figure.axes[0]))
+    above, below = figure.axes[:2]
+    assert {"90 % band of both posteriors", "posterior means", "noise of the sensor"} <= set(labels_of(below))
+    assert {"measured", "best", "runner-up"} <= set(labels_of(above))
+    runner = next(line for line in above.lines if line.get_label() == "runner-up")
+    assert runner.get_ydata() == pytest.approx(1 + 0.99 * time)
     assert "Run $1" in draw_svg(figure)
-    assert "noise of the sensor" not in labels_of(speed_gaps([gap], float("nan")).axes[0])
+    assert "noise of the sensor" not in labels_of(speed_gaps([gap], float("nan")).axes[1])
 
 
 def test_the_picture_is_one_file_that_stands_alone(outcome):
@@ -74,7 +80,7 @@ def test_the_picture_is_one_file_that_stands_alone(outcome):
     text = path.read_text()
     root = ElementTree.fromstring(text)
     assert path.name == "select.svg"
-    assert len(root.findall("{http://www.w3.org/2000/svg}svg")) == 5
+    assert len(root.findall("{http://www.w3.org/2000/svg}svg")) == 6
     assert EVIL not in text
     assert "var(--" not in text
     ids = [item.attrib["id"] for item in root.iter() if "id" in item.attrib]
@@ -83,9 +89,9 @@ def test_the_picture_is_one_file_that_stands_alone(outcome):
 
 def test_the_section_says_what_was_left_out(outcome):
     names = [item.name for item in term_figures(outcome.campaign.units, outcome.selection, None, outcome.contenders)]
-    assert names == ["contenders"]
-    without = terms_section(replace(outcome, screened=None, contenders=None))
-    assert (without["findings"], without["screened"], without["figures"]) == ([], False, [])
-    cautious = terms_section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))
-    assert cautious["findings"][-1]["kind"] == "caution"
-    assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in cautious["findings"][-1]["text"]
+    assert names == ["inclusion", "contenders"]
+    without = models_section(replace(outcome, screened=None, contenders=None))
+    assert (without["contenders"], without["screening"]) == ({}, {})
+    cautious = models_section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))["screening"]
+    assert cautious["cautions"][-1]["kind"] == "caution"
+    assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in cautious["cautions"][-1]["text"]

@@ -58,6 +58,7 @@ def test_gradients_that_are_not_finite_count_as_none():
 
 
 @pytest.mark.parametrize("wrong", [1e-2, 1e2])
+@pytest.mark.proof
 def test_adaptation_forgets_a_wrong_first_covariance(wrong):
     problem = linear_gaussian(2)
     settings = ChainSettings(chains=32, warmup=500, draws=100)

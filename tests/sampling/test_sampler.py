@@ -31,6 +31,10 @@ LONG = {
     "nuts": ChainSettings(warmup=300, draws=400),
 }
 each = pytest.mark.parametrize("name", SAMPLERS)
+default = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.proof] * (name != DEFAULT)) for name in SAMPLERS]
+)
+"""The default here, all others with the proofs."""
 
 
 def starts_of(target, chains):
@@ -47,7 +51,7 @@ def test_every_sampler_is_tried_here():
     assert DEFAULT in SAMPLERS
 
 
-@each
+@default
 @pytest.mark.parametrize("d", [2, pytest.param(1, marks=pytest.mark.proof)])
 def test_correlated_normal(name, d):
     """More parameters, up to ten, are in test_reference_posteriors.py."""
@@ -62,7 +66,7 @@ def test_correlated_normal(name, d):
     assert complaints_of_draws(draws) == []
 
 
-@each
+@default
 def test_box_and_region_of_zero_likelihood_against_quadrature(name):
     """A triangular density 2a cut off at its highest by its box, and a wall through the bulk: nothing is drawn behind either."""
 
@@ -160,7 +164,7 @@ def test_dead_starts_are_refused(name):
         SAMPLERS[name].start_chains(target, jnp.array([[-1.0], [1.0]]), jnp.eye(1))
 
 
-@each
+@default
 def test_chain_on_a_spike_is_told(name):
     """One chain starts on a spike that no step finds again; NUTS, which may fall off it, knows the edge by its energy."""
 

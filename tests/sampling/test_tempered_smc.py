@@ -13,7 +13,7 @@ KEY = jax.random.key(2)
 PAIR = linear_gaussian(2)
 
 
-@pytest.mark.parametrize("d", [2, 5])
+@pytest.mark.parametrize("d", [2, pytest.param(5, marks=pytest.mark.proof)])
 def test_particles_follow_the_posterior(d):
     """Within 4 errors; a thousand resampled particles are worth a quarter of their number at least."""
     problem = linear_gaussian(d)

@@ -168,6 +168,7 @@ def test_cut_records_keep_their_controls_and_parameters():
     np.testing.assert_allclose(early, np.concatenate([whole[:40], whole[160:200]]), rtol=1e-12)
 
 
+@pytest.mark.proof
 def test_blocks_of_a_vehicle_add_up_to_evidence():
     """The sum is the log evidence of all less that of the first stretch, each found by itself."""
     past = past_of(surge_posterior, trials())

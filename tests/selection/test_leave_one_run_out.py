@@ -36,6 +36,7 @@ def test_closed_form():
     assert found().std_error == pytest.approx(np.sqrt(5) * np.std([run.elpd for run in found().runs], ddof=1))
 
 
+@pytest.mark.proof
 def test_refits_agree():
     again = found(max_k_hat=-np.inf, draws=256)
     assert all(run.refitted for run in again.runs)
@@ -54,6 +55,7 @@ def test_runs_add_up():
     np.testing.assert_allclose(whole.gradient, 0.0, atol=1e-4)
 
 
+@pytest.mark.proof
 def test_own_parameters_are_integrated_out():
     """A run's own deviation of its damping is no linear unknown: the integral is checked by quadrature."""
     joint = posterior_of_runs(linear_runs(3), varying=True)
@@ -70,6 +72,7 @@ def test_own_parameters_are_integrated_out():
         assert np.log(np.trapezoid(np.exp(heights - expected), own)) == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.proof
 def test_without_own_parameters():
     """Starts as measured: what a run says of the shared parameters is its likelihood."""
     joint = posterior_of_runs(linear_runs(3), free_start=False)

@@ -60,6 +60,7 @@ def check_early_stop(target, n):
     assert logsumexp(quick) == pytest.approx(logsumexp(full), rel=1e-12)
 
 
+@pytest.mark.proof
 def test_early_stop_changes_nothing(monkeypatch):
     """The best likelihood is sought after the first of 16 pieces, and whenever as much again is done: after 1, 2, 4, 8 and 16."""
     whole, sizes = early_stop._log_likelihoods, []

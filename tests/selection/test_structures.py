@@ -1,7 +1,7 @@
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.selection.structures import MAX_STRUCTURES, Structure, structure_rules
+from seatrial.selection.structures import MAX_STRUCTURES, Structure, label_structures, structure_names, structure_rules
 from seatrial.selection.structures import all_structures as of_rules
 
 
@@ -61,3 +61,29 @@ def test_rules_leave_out_what_they_forbid():
 def test_unusable_terms(always, optional, message):
     with pytest.raises(InputError, match=message):
         all_structures(always, optional)
+
+
+@pytest.mark.parametrize(
+    ("sets", "names"),
+    [
+        (
+            ["T_nabsn X_uabsu X_u X_du3", "T_nabsn X_uabsu X_du3", "T_nabsn X_uabsu"],
+            ["linear + quadratic drag + cubic about trim", "quadratic drag + cubic about trim", "quadratic drag"],
+        ),
+        (["X_u X_uabsu T_un", "X_u X_uabsu"], ["linear + quadratic drag + T_un", "linear + quadratic drag"]),
+        (["X_tau_X X_0 X_u2 X_u", "X_tau_X X_0"], ["linear + square drag", "no drag"]),
+        (["X_du3 T_nabsn", "T_nabsn"], ["cubic drag about trim", "no drag"]),
+        (["N_r N_rabsr Y_v", "N_r Y_v"], ["linear + quadratic yaw damping", "linear yaw damping"]),
+        (["T_nabsn T_un Y_v N_r", "T_nabsn Y_v N_r"], ["T_un", "no optional term"]),
+        (["Y_v Y_r Y_ur N_v N_r N_uv"], ["all 6 terms"]),
+        (["X_u X_uabsu T_un T_n X_0", "X_u T_un T_n X_0"], ["linear + quadratic drag", "linear drag"]),
+    ],
+)
+def test_a_structure_is_named_by_its_terms(sets, names):
+    structures = label_structures([terms.split() for terms in sets])
+    assert list(structure_names(structures).values()) == names
+
+
+def test_no_two_of_many_structures_have_one_name():
+    structures = all_structures(["T_nabsn"], ["X_0", "X_u", "X_uabsu", "X_du3", "T_un", "T_n"])
+    assert len(set(structure_names(structures).values())) == len(structures) == 64

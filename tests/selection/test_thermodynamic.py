@@ -44,6 +44,7 @@ def exact_ladder(d, b, draws=1000, copies=16, seed=0):
     ],
     ids=["linear 2", "box", "half forbidden", "correlated 5"],
 )
+@pytest.mark.proof
 def test_known_evidence(problem):
     target, exact = problem()
     ladder = sample_ladder(target, KEY)
@@ -115,6 +116,7 @@ def test_spread_moves_rungs_to_where_swaps_are_refused():
     assert new[[0, -1]].tolist() == [0.0, 1.0]
 
 
+@pytest.mark.proof
 def test_coarse_ladder_is_reported():
     target, _ = linear(2)
     ladder = sample_ladder(target, KEY, LadderSettings(rungs=5, warmup=250, draws=250))
@@ -145,6 +147,7 @@ def test_sizes_that_cannot_be(wrong):
         sample_ladder(linear(2)[0], KEY, LadderSettings(**wrong))
 
 
+@pytest.mark.proof
 def test_same_key_same_bits_and_progress_ends():
     target, _ = linear(2)
     settings, seen = LadderSettings(rungs=5, warmup=250, draws=250), []
@@ -283,6 +286,7 @@ def test_an_uncertain_integral_is_told(cut, told):
     assert ("uncertain by" in found.status) == told
 
 
+@pytest.mark.proof
 def test_where_every_swap_is_accepted_the_prior_arrives_every_second_iteration():
     """Measurements that see nothing: neighbours swap always, even and odd pairs in turn, so that draws climb a rung an iteration."""
     problem = linear_gaussian(2)

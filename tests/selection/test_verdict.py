@@ -6,7 +6,7 @@ from scipy.special import softmax
 
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure, all_structures, structure_rules
-from seatrial.selection.verdict import Shortlist, _doubt, pair_verdicts, select, term_verdict
+from seatrial.selection.verdict import Shortlist, _doubt, averaged, pair_verdicts, select, term_verdict
 
 OPTIONAL = ("X_u", "X_uabsu")
 STRUCTURES = all_structures(structure_rules(["T_nabsn"], OPTIONAL))
@@ -195,3 +195,19 @@ def test_an_evidence_in_doubt_alarms_where_it_may_move_a_probability_by_a_hundre
     """Three nats at least may be wrong: 4.6 nats behind after that is a probability of 1 %."""
     found = selection([0.0, -np.inf, -np.inf, -lead], status=("", "", "", "repeats differ"))
     assert bool(found.alarms) == alarms
+
+
+def test_an_average_over_structures_has_the_moments_of_the_mixture():
+    """Two normal distributions and a point at zero, drawn two hundred thousand times; to four standard errors."""
+    share, random, n = np.array([0.5, 0.3, 0.2]), np.random.default_rng(4), 200_000
+    moments = [
+        {"X_u": (-1.0, 0.2), "T_nabsn": (3.0, 0.1)},
+        {"X_u": (-2.0, 0.1), "T_nabsn": (3.0, 0.1)},
+        {"T_nabsn": (3.0, 0.1)},
+    ]
+    which = random.choice(3, n, p=share)
+    drawn = np.where(which == 2, 0.0, random.normal([-1.0, -2.0, 0.0], [0.2, 0.1, 0.0], (n, 3))[np.arange(n), which])
+    found = averaged(moments, share)
+    assert found["X_u"][0] == pytest.approx(drawn.mean(), abs=4 * drawn.std() / n**0.5)
+    assert found["X_u"][1] == pytest.approx(drawn.std(), abs=4 * drawn.std() / n**0.5)
+    assert found["T_nabsn"] == pytest.approx((3.0, 0.1))

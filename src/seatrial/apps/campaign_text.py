@@ -59,8 +59,8 @@ def write_file(folder: Path, text: str, seen: str) -> None:
     if read_file(folder) != seen:
         raise InputError(
             str(folder / CAMPAIGN),
-            found="a file that was changed meanwhile",
+            found="a file that somebody changed since it was read",
             expected="the file as it was read",
-            remedy="look at it anew (in a browser, reload the page), and edit again",
+            remedy="read it again (in a browser, reload the page), then edit",
         )
     write_text(folder / CAMPAIGN, text)

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from seatrial import __version__
-from seatrial.apps.running import run_app
+from seatrial.apps.running import run_app, with_answer
 
 
 class Command(NamedTuple):
@@ -25,17 +25,18 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "vehicle": Command("catalogue:vehicle"),
-    "init": Command("plan:init"),
-    "prior": Command("plan:prior", "what the priors mean in metres per second"),
+    "init": Command("init:init"),
+    "prior": Command("plan:prior", "what the priors mean as speeds"),
     "design": Command("plan:design", "the most informative trial"),
     "rehearse": Command("rehearse:rehearse", "how many trials the goal will take"),
     "simulate": Command("data:simulate", "the trial on the simulated vehicle"),
     "inspect": Command("logs:inspect"),
     "import": Command("data:import_logs", "records from logs"),
+    "live": Command("live:live"),
     "estimate": Command("infer:estimate", "coefficients of every structure"),
-    "profile": Command("infer:profile", "where the data alone allow each parameter to be"),
+    "profile": Command("infer:profile", "the range of each parameter that the data alone allow"),
     "select": Command("infer:select", "which terms the data support"),
-    "criteria": Command("infer:criteria", "structures by every information criterion"),
+    "criteria": Command("infer:criteria", "the structures by each information criterion"),
     "crossvalidate": Command("crossvalidate:crossvalidate", "which model predicts runs that were left out"),
     "check": Command("check:check", "judge the records"),
     "tuning": Command("check:tuning", "whether the filter is tuned"),
@@ -46,7 +47,8 @@ COMMANDS = {
     "benchmark": Command("benchmark:benchmark"),
     "shell": Command("shell:shell"),
     "serve": Command("serve:serve"),
-    "export": Command("export:export", "the estimated vehicle, out to a simulator"),
+    "export": Command("export:export", "the estimated vehicle as files for a simulator"),
+    "completion": Command("completion:completion"),
 }
 """By name, in the order in which they are listed. To add a command, write its function and add a line here."""
 
@@ -57,7 +59,9 @@ class _Imported(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         module, function = COMMANDS[name].place.split(":")
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-        alone.command(name=name)(getattr(import_module(f"seatrial.apps.commands.{module}"), function))
+        alone.command(name=name)(
+            with_answer(name, getattr(import_module(f"seatrial.apps.commands.{module}"), function))
+        )
         return typer.main.get_command(alone)
 
     def __iter__(self) -> Iterator[str]:
@@ -83,7 +87,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms the data support, "
     "say what to run next.",
-    epilog="Exit codes: 0 done; 2 something in the input cannot be used (the message says what and how to mend it); 3 done, but a health "
+    epilog="Exit codes: 0 done; 2 the input cannot be used (the message says what is wrong and what to do); 3 done, but a health "
     "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
 )
 

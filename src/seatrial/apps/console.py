@@ -26,7 +26,7 @@ class ConsoleReporter:
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
-            TextColumn("gone, left"),
+            TextColumn("elapsed, remaining"),
             TimeRemainingColumn(),
             console=self.console,
             transient=False,
@@ -85,7 +85,7 @@ class _Lines:
         elif now - self.said >= EVERY and not self.finished:
             self.said = now
             made = done - self.begun_at
-            left = f", about {gone * (total - done) / made:.0f} s left" if made > 0 else ""
+            left = f", about {gone * (total - done) / made:.0f} s remaining" if made > 0 else ""
             self.say(f"{self.title}: {done / max(total, 1):.0%} after {gone:.0f} s{left}")
 
 

@@ -131,4 +131,4 @@ def how_it_ended(code: int) -> str:
     if code <= 128 or code == Exit.INTERRUPTED:
         return ""
     name = signal.Signals(code - 128).name
-    return f"error: the process ended without a word ({name}), perhaps for lack of memory; what it had finished is kept"
+    return f"error: the process ended without a message ({name}), perhaps because memory ran out; finished results are kept"

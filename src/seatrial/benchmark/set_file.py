@@ -165,8 +165,8 @@ def read_set(name: str) -> BenchmarkSet:
     if file.vehicle.known_from or "compute" in file.model_fields_set:
         raise InputError(
             keys.where("compute" if "compute" in file.model_fields_set else "vehicle.known_from"),
-            found="something of one's own machine",
-            expected="a set that means the same everywhere",
+            found="a setting that belongs to one machine",
+            expected="a set that gives the same result on every machine",
             remedy="remove it",
         )
     terms = (*file.structure.always, *file.structure.optional)
@@ -305,9 +305,9 @@ def _written(path: str, found: BenchmarkSet, places: Mapping[str, Path], data: P
     if len(lie) > 1:
         raise InputError(
             str(data / path),
-            found="files of which some are compressed",
+            found="some compressed files and some plain ones",
             expected="all of them, or none",
-            remedy="compress or unpack them alike",
+            remedy="compress all of them, or unpack all",
         )
     return str(data.resolve() / path) + (".gz" if True in lie else "")
 

@@ -28,12 +28,8 @@ def check_kind(value: Any, kind: type[Thing], place: str, remedy: str) -> Thing:
         InputError: a value of another kind.
     """
     if not isinstance(value, kind):
-        found = (
-            f"the {value.__name__} itself" if isinstance(value, type) else f"a {type(value).__name__}: {shown(value)}"
-        )
-        raise InputError(
-            place, found=found, expected=f"{'an' if kind.__name__[0] in 'AEIO' else 'a'} {kind.__name__}", remedy=remedy
-        )
+        found = f"the {value.__name__} itself" if isinstance(value, type) else f"{_named(type(value))}: {shown(value)}"
+        raise InputError(place, found=found, expected=_named(kind), remedy=remedy)
     return value
 
 
@@ -291,3 +287,8 @@ def _range(least: float, above: float, below: float, most: float, is_finite: boo
     ]
     words = " and ".join(filter(None, bounds))
     return f"a {'finite ' * is_finite}number" + (f", {words}" if words else "")
+
+
+def _named(kind: type) -> str:
+    """Return the name of a type with its article."""
+    return f"{'an' if kind.__name__[0] in 'AEIOaeio' else 'a'} {kind.__name__}"

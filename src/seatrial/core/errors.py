@@ -44,15 +44,15 @@ class NumericalError(SeatrialError):
     """A computation ended in a state that must not be used; the message says which and what to change."""
 
 
-_ELSEWHERE = "run as somebody who may read and write there, or copy it to a folder of your own"
-_ROOM = "make room, then do the same again: what is finished is kept"
+_ELSEWHERE = "run it as a user who may read and write there, or copy it to a folder of your own"
+_ROOM = "free some space, then run the same command again: finished results are kept"
 _FILE = "a file stands where a folder should be: move it away"
 _FOLDER = "a folder stands where a file should be: move it away"
 _REMEDIES = {
     errno.EEXIST: _FILE,
     errno.ENOTDIR: _FILE,
     errno.EISDIR: _FOLDER,
-    errno.ENOENT: "it was moved or deleted meanwhile: put it back, or correct the path",
+    errno.ENOENT: "it was moved or deleted in the meantime: put it back, or correct the path",
     errno.EACCES: _ELSEWHERE,
     errno.EPERM: _ELSEWHERE,
     errno.EROFS: _ELSEWHERE,

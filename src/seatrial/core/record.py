@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text
 from seatrial.core.errors import InputError
+from seatrial.core.signals import QUATERNION
 
 Role = Literal["control", "measurement"]
 
@@ -174,7 +175,7 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
             f"{where}, row {first_row + row}",
             found=f"time {time[row]}",
             expected="a finite number of seconds",
-            remedy="remove the row or mend the clock",
+            remedy="remove the row or correct the clock",
         )
     step = np.diff(time)
     if (step <= 0).any():
@@ -184,7 +185,7 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
             f"{where}, row {first_row + row + 1}",
             found=f"{kind} ({float(time[row])!r} s, then {float(time[row + 1])!r} s); {int((step <= 0).sum())} such rows",
             expected="strictly increasing time",
-            remedy='where stamps only repeat, clock = "even" or "drop_repeated" mends them; where time runs back, split the run there, '
+            remedy='where stamps only repeat, clock = "even" or "drop_repeated" corrects them; where time runs back, split the run there, '
             "sort its rows, or use another time column",
         )
 
@@ -234,6 +235,8 @@ def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where:
 
 def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
     """Refuse a measurement that never moves, or whose values no instrument of SI units gives (1e-155 m/s)."""
+    if channel.name in QUATERNION:
+        return  # of a body that turns about one axis two parts are 0
     if channel.role == "measurement" and values.size > 1 and np.ptp(values) == 0:
         raise InputError(
             where,

@@ -73,6 +73,8 @@ CURRENT_COMPONENTS = ("current_x", "current_y", "current_z")
 """Velocity of the water over ground, north, east and down; in m/s."""
 OVER_GROUND = ("u_g", "v_g", "w_g")
 """Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
+SPECIFIC_FORCE = ("a_x", "a_y", "a_z")
+"""What an accelerometer shows: acceleration less gravity along the body axes, (0, 0, -9.81) at rest and level; in m/s^2."""
 OVER_EARTH = ("v_north", "v_east", "v_down")
 """Velocity over ground along north, east and down, as some logs hold it; in m/s."""
 ACTUAL = "_act"
@@ -111,6 +113,7 @@ def _dimension(name: str) -> Dimension:
         (POSITIONS, Dimension(m=1)),
         (QUATERNION, Dimension()),
         ((*CURRENT_COMPONENTS, *OVER_GROUND, *OVER_EARTH), SPEED),
+        (SPECIFIC_FORCE, Dimension(m=1, s=-2)),
     ):
         if base in names:
             return dimension

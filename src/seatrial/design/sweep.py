@@ -1,13 +1,13 @@
 """Sweep of a family over amplitude and period: the entropy reduction of every design, many designs in step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from seatrial.core.batching import bucket_length, filled, lanes_at_once, on_accelerator
 from seatrial.core.display_units import shown_unit
@@ -112,6 +112,7 @@ def sweep_family(
     measured: Float[np.ndarray, "n m"] | None = None,
     truth: Float[np.ndarray, " d"] | None = None,
     trim: Trim | None = None,
+    others: Mapping[str, Limits] | None = None,
 ) -> Sweep:
     """Predict every design's entropy reduction by running the filter over the motion the current belief expects.
 
@@ -125,6 +126,7 @@ def sweep_family(
         measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
         trim: every control's name and trim value, in the vehicle's order; None where the family's is the only one.
+        others: bounds of controls that move with it, by name.
 
     Raises:
         InputError: no design of the grid is inside the limits; the gentlest is named with all that it breaks.
@@ -133,7 +135,9 @@ def sweep_family(
     amplitudes, periods = (grid.ravel() for grid in np.meshgrid(amplitude, period, indexing="ij"))
     trim = ((family.control, family.trim),) if trim is None else trim
     controls = all_controls(family, trim, amplitudes, periods)
-    allowed = _allowed(family, controls[..., _place(family, trim)], amplitudes, periods, limits)
+    driven = controls[..., _place(family.control, trim)]
+    allowed = _allowed(family, driven, amplitudes, periods, limits)
+    allowed &= _others_allowed(family, controls[allowed], trim, others or {}, allowed)
     mask = np.ones((controls.shape[1], len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else np.asarray(truth, float)
     gaps = np.where(mask > 0, 0.0, np.nan)
@@ -165,15 +169,45 @@ def sweep_family(
 
 
 def all_controls(family: Family, trim: Trim, amplitude: np.ndarray, period: np.ndarray) -> Float[np.ndarray, "D n c"]:
-    """All controls of some designs: the family's as it drives it, the others at trim."""
-    driven = np.asarray(family.signal(amplitude[:, None], period[:, None], family.time()[None, :]))
-    controls = np.broadcast_to(np.array([value for _, value in trim]), (*driven.shape, len(trim))).copy()
-    controls[..., _place(family, trim)] = driven
+    """All controls of some designs: those that the family moves, the others at trim."""
+    moved = family.signals(amplitude[:, None], period[:, None], family.time()[None, :])
+    shape = np.shape(moved[family.control])
+    controls = np.broadcast_to(np.array([value for _, value in trim]), (*shape, len(trim))).copy()
+    for name, values in moved.items():
+        controls[..., _place(name, trim)] = values
     return controls
 
 
-def _place(family: Family, trim: Trim) -> int:
-    return [name for name, _ in trim].index(family.control)
+def inside_limits(
+    family: Family, controls: Float[np.ndarray, "D n c"], trim: Trim, limits: Mapping[str, Limits]
+) -> Bool[np.ndarray, " D"]:
+    """Return whether each design keeps the limits of every control that the family moves and that has any."""
+    kept = np.ones(len(controls), bool)
+    for name in (family.control, *(one.control for one in family.beside)):
+        if name in limits:
+            kept &= [not limits[name].excess(one, family.sample_time) for one in controls[..., _place(name, trim)]]
+    return kept
+
+
+def _place(control: str, trim: Trim) -> int:
+    return [name for name, _ in trim].index(control)
+
+
+def _others_allowed(
+    family: Family, controls: np.ndarray, trim: Trim, limits: Mapping[str, Limits], allowed: np.ndarray
+) -> np.ndarray:
+    """Return which designs keep the limits of the controls beside; `controls` are of those that the driven one allows."""
+    found = allowed.copy()
+    found[allowed] = inside_limits(family, controls, trim, limits)
+    if not found.any():
+        names = ", ".join(one.control for one in family.beside if one.control in limits)
+        raise InputError(
+            f"design grid, controls {names} beside {family.control}",
+            found=f"none of {allowed.sum()} designs inside their limits",
+            expected="one at least",
+            remedy="lower their amplitudes under `together` of [design], lengthen `ramp`, or widen their limits",
+        )
+    return found
 
 
 def _allowed(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from seatrial.core.argument_checks import check_array, check_each_of, check_kind
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.notebook import result_html
 from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.estimation.posterior import check_priors
@@ -18,6 +20,9 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.run import Draws
 from seatrial.vehicles.model import VehicleModel
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +54,24 @@ class TrialDesign:
         row, column = best.best
         held = {name: value for name, value in best.trim if name != best.family.control}
         return best.family.schedule(float(best.amplitude[row]), float(best.period[column]), **held)
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each coefficient: its standard deviation before and after the best trial, SI."""
+        from pandas import DataFrame
+
+        after = [self.sd_after[name] for name in self.sd_before]
+        return DataFrame(
+            {
+                "sd_before": list(self.sd_before.values()),
+                "sd_after": after,
+                "left": np.divide(after, list(self.sd_before.values())),
+            },
+            index=list(self.sd_before),
+        )
+
+    def _repr_html_(self) -> str:
+        refused = [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
+        return result_html(str(self).partition("; standard deviations")[0], self.summary(), refused)
 
     def __str__(self) -> str:
         """Name the best trial, in SI, and what it promises."""

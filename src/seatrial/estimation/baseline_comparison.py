@@ -89,7 +89,7 @@ class Comparison:
             numbers = (
                 "diverges"
                 if score.diverges
-                else f"{explained_short(score.explained)}, CRPS {score.crps * factor:.3g} {unit}, log score {score.log_score:.2f}"
+                else f"{explained_short(score.explained, 2)}, CRPS {score.crps * factor:.3g} {unit}, log score {score.log_score:.2f}"
             )
             said.append(f"{self.channel:<8} {score.words:<36} {numbers}")
         return said
@@ -178,9 +178,9 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
         other = (
             "as every baseline does"
             if best.diverges
-            else f"where {best.words} explains {explained_short(best.explained)}"
+            else f"where {best.words} does not ({explained_short(best.explained, 2)})"
         )
-        return f"held-back runs: the model's {channel} diverges, {other}: mend the model"
+        return f"held-back runs: the model's {channel} diverges, {other}: correct the model"
     if best.diverges:
         return f"held-back runs: every baseline diverges in {channel}, and the model does not"
     factor, unit = shown_unit(channel)
@@ -189,7 +189,7 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
     if f"{best.explained:.{digits}%}" == f"{own.explained:.{digits}%}":
         shares = f"{own.explained:.{digits}%} of the variance explained by both"
     if min(best.explained, own.explained) < 0:
-        shares = " against ".join(explained_short(one.explained) for one in (best, own))
+        shares = " against ".join(explained_short(one.explained, 2) for one in (best, own))
     scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
     chance = f", though chance may do as much (p = {p_value:.2g})" if p_value >= CHANCE else ""
     if level == "pass":
@@ -197,7 +197,7 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
         return f"{beaten}{chance}; the best of them is {best.words} ({shares}, {scores})"
     result = f"held-back runs: {best.words} predicts {channel} better than the model ({shares}, {scores})"
     if level == "caution":
-        return f"{result}{chance or ', though by little'}: the model does not beat it; prefer what is simpler, or mend the model"
+        return f"{result}{chance or ', though by little'}: the model does not beat it; prefer the simpler model, or correct the model"
     if own.explained >= best.explained:
-        return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; mend what it says of the residuals"
-    return f"{result}: prefer it, or mend the model"
+        return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; change its model of the residuals"
+    return f"{result}: prefer it, or correct the model"

@@ -80,7 +80,7 @@ class Calibration:
             for name, share, value in zip(self.names, self.coverage(0.9), self.p_values(), strict=True)
         ]
         if k > 1:
-            said.append(f"both are for the worst of {k} quantities, whatever they have to do with each other")
+            said.append(f"both are for the worst of {k} quantities, however they are correlated")
         return said + [f"{name}: {_shape(self.ranks[:, self.names.index(name)])}" for name in self.outside()]
 
     def _farthest(self) -> Float[np.ndarray, " k"]:

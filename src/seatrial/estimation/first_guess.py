@@ -3,7 +3,8 @@
     x_i(t_b) - x_i(t_a) = integral over (t_a, t_b) of f_i(x, c; coefficients) dt
 
 for the measured velocities x_i over windows, the states between samples on straight lines. Forces are linear in all coefficients but
-added masses, so few Gauss-Newton steps end it; noise in the states draws it aside, which a place to start from may be.
+added masses, and in gains, net weight and centre of buoyancy, so few Gauss-Newton steps end it; noise in the states draws it aside,
+which a place to start from may be.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,8 +18,9 @@ from jaxtyping import Array, Float
 
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, RATES
+from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES
 from seatrial.estimation.priors import Prior
+from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 
 SAMPLES = 8
@@ -38,6 +40,8 @@ def first_guess(
 ) -> dict[str, float]:
     """Return the coefficients that explain the measured velocities of several trials, drawn to the means of their priors.
 
+    Unknowns of the vehicle beside them are among them where they have a prior.
+
     Args:
         model: vehicle.
         records: trials.
@@ -48,15 +52,28 @@ def first_guess(
     Returns:
         each coefficient inside the support of its prior; none where no velocity is measured, or where the motion has no end.
     """
-    every = tuple(str(term) for term in model.coefficients)
-    at = [i for i, name in enumerate(every) if terms is None or name in terms]
+    found = fit_motion(model, records, starts, priors, terms)
+    return {name: _inside(value, priors[name]) for name, (value, _) in found.items()}
+
+
+def fit_motion(
+    model: VehicleModel,
+    records: Sequence[Record],
+    starts: Sequence[Sequence[float]],
+    priors: Mapping[str, Prior],
+    terms: Sequence[str] | None = None,
+) -> dict[str, tuple[float, float]]:
+    """Return the value of every coefficient and its standard deviation as least squares has them; arguments as `first_guess`."""
+    every = _names(model)
+    beside = {one.name for one in model.unknowns}
+    at = [i for i, name in enumerate(every) if name in priors and (terms is None or name in terms or name in beside)]
     names = tuple(every[i] for i in at)
     mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
     trials = [_motion(model, record, start) for record, start in zip(records, starts, strict=True)]
     rates = tuple(i for i, state in enumerate(model.states) if state in RATES and _measured_by_all(state, records))
     if not rates or not names:
         return {}
-    values = mean
+    values, spread = mean, sd
     for _ in range(STEPS):
         parts = [_rows(model, rates, trial, values, at) for trial in trials]
         target, design = (np.concatenate(column, axis=0) for column in zip(*parts, strict=True))
@@ -69,9 +86,14 @@ def first_guess(
         a = np.concatenate([(design * weight[:, None]).reshape(-1, len(names)) * sd, np.eye(len(names))])
         b = np.concatenate([((target - design @ mean) * weight).ravel(), np.zeros(len(names))])
         values = mean + sd * np.linalg.lstsq(a, b, rcond=None)[0]
-    if not np.isfinite(values).all():
-        return {}
-    return {name: _inside(float(value), priors[name]) for name, value in zip(names, values, strict=True)}
+        if not np.isfinite(values).all():
+            return {}
+        spread = sd * np.sqrt(np.diag(np.linalg.inv(a.T @ a)))
+    return dict(zip(names, zip(values.tolist(), spread.tolist(), strict=True), strict=True))
+
+
+def _names(model: VehicleModel) -> tuple[str, ...]:
+    return (*(str(term) for term in model.coefficients), *(one.name for one in model.unknowns))
 
 
 def _measured_by_all(state: str, records: Sequence[Record]) -> bool:
@@ -94,11 +116,15 @@ class _Motion(NamedTuple):
 
 
 def _motion(model: VehicleModel, record: Record, start: Sequence[float]) -> _Motion:
-    columns = []
+    columns, turned = [], {}
+    if set(ANGLES) <= set(record.measured):
+        angles = (_joined(record, angle) for angle in ANGLES)
+        turned = dict(zip(QUATERNION, quaternion_of_angles(*angles), strict=True))
     for name, value in zip(model.states, start, strict=True):
         if name in record.measured:
-            there = np.isfinite(record.channel(name))
-            columns.append(np.interp(record.time, record.time[there], record.channel(name)[there]))
+            columns.append(_joined(record, name))
+        elif name in turned:
+            columns.append(turned[name])
         elif name.removesuffix(ACTUAL) in record.controls:
             columns.append(record.channel(name.removesuffix(ACTUAL)))
         else:
@@ -107,11 +133,17 @@ def _motion(model: VehicleModel, record: Record, start: Sequence[float]) -> _Mot
     return _Motion(record.time, np.column_stack(columns), control)
 
 
+def _joined(record: Record, name: str) -> Float[np.ndarray, " n"]:
+    """Return a measured channel at every sample, by straight lines between those that are there."""
+    there = np.isfinite(record.channel(name))
+    return np.interp(record.time, record.time[there], record.channel(name)[there])
+
+
 def _rows(
     model: VehicleModel, rates: tuple[int, ...], motion: _Motion, values: np.ndarray, at: Sequence[int]
 ) -> tuple[Float[np.ndarray, "w r"], Float[np.ndarray, "w r k"]]:
     """Change of each velocity over each window less what no coefficient makes, and its derivatives; `values` are at `at`, the rest 0."""
-    everywhere = np.zeros(len(model.coefficients))
+    everywhere = np.array([0.0] * len(model.coefficients) + [one.stated for one in model.unknowns])
     everywhere[at] = values
     rate, slope = map(np.asarray, _linearised(model, rates)(everywhere, motion.state, motion.control))
     slope = slope[..., at]
@@ -125,7 +157,7 @@ def _rows(
 
 @lru_cache(maxsize=16)
 def _linearised(model: VehicleModel, rates: tuple[int, ...]):
-    names = [str(term) for term in model.coefficients]
+    names = _names(model)
 
     def rate(values: Array, state: Array, control: Array) -> Array:
         known = dict(zip(names, values, strict=True))

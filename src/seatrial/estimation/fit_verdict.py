@@ -104,13 +104,20 @@ def either(words: Sequence[str]) -> str:
 def explained_words(share: float, channel: str) -> str:
     """Say what share of a channel's variance is explained; below nothing a percentage would mislead."""
     if share < 0:
-        return f"{channel} is predicted worse than by the run's own mean"
-    return f"{share:.0%} of the variance of {channel} is explained"
+        return f"{channel} is predicted {explained_share(share).replace('than', 'than by')}"
+    return f"{explained_share(share)} of the variance of {channel} is explained"
 
 
-def explained_short(share: float) -> str:
-    """Say the same in a table or a line that names the channel."""
-    return "worse than the run's own mean" if share < 0 else f"{share:.1%} of the variance explained"
+def explained_short(share: float, runs: int = 1) -> str:
+    """Say the same in a line that names the channel."""
+    return explained_share(share, runs, 1) + " of the variance explained" * (share >= 0)
+
+
+def explained_share(share: float, runs: int = 1, digits: int = 0) -> str:
+    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means."""
+    if share < 0:
+        return "worse than the run's own mean" if runs == 1 else "worse than the runs' own means"
+    return f"{share:.{1 if share > 0.99 else digits}%}"
 
 
 def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
@@ -189,20 +196,20 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
         return FitVerdict(
             "unjudged",
             "noise hides the motion",
-            f"{result}: what the fit leaves over, {left}, is as large as the motion of this run, which therefore tests little; "
+            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, which therefore tests little; "
             "use one that moves more, or add a term if the sensor is better than that",
         )
     if held_back:
         return FitVerdict(
             "caution",
             "predicted poorly",
-            f"{result}: the model misses most of what moved; its band is as wide as it is because of what the fit leaves over, "
-            f"{left}, and not because the coefficients are uncertain; add {either(lacks)}",
+            f"{result}: the model misses most of the motion; its band is wide because of the residuals of the fit, "
+            f"{left}, not because the coefficients are uncertain; add {either(lacks)}",
         )
     return FitVerdict(
         "caution",
         "fitted poorly",
-        f"{result}: the model misses most of what moved; add a term, a delay or an estimated initial state",
+        f"{result}: the model misses most of the motion; add a term, a delay or an estimated initial state",
     )
 
 
@@ -215,7 +222,11 @@ def _noise_words(score: Score, channel: str) -> str:
 
 def _left(outside: Sequence[str]) -> str:
     """Name where a run leaves the fitted range, ready to go before a remedy."""
-    return f"it leaves what was fitted ({'; '.join(outside)}): fit a run that goes as far, or else " if outside else ""
+    return (
+        f"it goes beyond what was fitted ({'; '.join(outside)}): fit a run that goes as far, or else "
+        if outside
+        else ""
+    )
 
 
 def _colour(score: Score, channel: str, coloured: bool) -> FitVerdict | None:

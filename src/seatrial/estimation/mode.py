@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 
 from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
+from seatrial.core.notebook import result_html
 from seatrial.core.programs import program
 from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.filter_error import FilterError
@@ -95,6 +96,10 @@ class Mode(NamedTuple):
         from pandas import DataFrame
 
         return DataFrame({"unit": self.units, "mode": self.values, "sd": self.sd}, index=list(self.names))
+
+    def _repr_html_(self) -> str:
+        flat = ["a direction has no curvature: its variance is the prior's"] if self.flat else []
+        return result_html(f"Posterior mode, log evidence about {self.log_evidence:.2f}", self.summary(), flat)
 
 
 def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int | None = None, tries: int = 3) -> Mode:

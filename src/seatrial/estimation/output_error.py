@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
+from seatrial.core.signals import QUATERNION
 from seatrial.estimation.residuals import Coloured, Heavy, White
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Simulator
@@ -33,7 +34,7 @@ class OutputError:
     Attributes:
         simulator: vehicle and sensors.
         labels: trial labels.
-        free_initial: whether initial states are estimated, as parameters `u_0[label]`.
+        free_initial: whether initial states are estimated, as parameters `u_0[label]`; those without a parameter are as in the data.
         own: names of which every trial has its own, as parameters `name[label]`.
         varying: names that vary between trials, by parameters `spread_name` and `dev_name[label]`.
         starts_over_ground: whether initial speeds are over ground, so that the current is taken off them.
@@ -93,9 +94,14 @@ class OutputError:
         """Initial states, their `u` through the water."""
         starts = data.initial
         if self.free_initial:
-            starts = jnp.asarray(
-                [[values[initial_name(state, label)] for state in self.model.states] for label in self.labels], float
-            )
+            rows = [
+                [values.get(initial_name(state, label), starts[i, j]) for j, state in enumerate(self.model.states)]
+                for i, label in enumerate(self.labels)
+            ]
+            starts = jnp.asarray(rows, float)
+            if set(QUATERNION) <= set(self.model.states):
+                at = jnp.array([self.model.states.index(part) for part in QUATERNION])
+                starts = starts.at[:, at].set(starts[:, at] / jnp.linalg.norm(starts[:, at], axis=1, keepdims=True))
         if not (self.simulator.current and self.starts_over_ground):
             return starts
         apart = self.apart(values)

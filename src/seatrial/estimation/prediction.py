@@ -3,26 +3,32 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
+from seatrial.core.notebook import result_html
 from seatrial.core.programs import program
 from seatrial.core.record import Record
+from seatrial.core.signals import signal_unit
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Parameter, Posterior, as_key, check_posterior
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import start_of
-from seatrial.estimation.replicate import motions
+from seatrial.estimation.replicate import motions, replicate
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import TrialData, stack_trials
 from seatrial.estimation.validation import Score, score_channel
 from seatrial.sampling.run import Draws
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 ANY = "any"
 """Label that stands for every record's, so that records of one length share compiled code."""
@@ -52,6 +58,19 @@ class Prediction:
     def sd(self) -> Float[np.ndarray, "n m"]:
         """Standard deviation of a measurement about the mean, SI, shape (n, m)."""
         return np.hypot(self.motion_sd, self.noise_sd)
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each channel: samples, share of the variance explained, root mean square error, SI, share
+        of samples inside the 90 % band."""
+        from pandas import DataFrame
+
+        scores = [self.score(name) for name in self.channels]
+        columns = {key: [getattr(one, key) for one in scores] for key in ("samples", "explained", "rmse", "coverage")}
+        units = [signal_unit(name) for name in self.channels]
+        return DataFrame({"unit": units, **columns}, index=list(self.channels))
+
+    def _repr_html_(self) -> str:
+        return result_html(f'Prediction of record "{self.record.label}"', self.summary())
 
     def score(self, channel: str) -> Score:
         """Return how well a measured channel was predicted.
@@ -105,47 +124,39 @@ def predict(
     Raises:
         InputError: a posterior of no records, draws of another one, or a control, channel or start that the record lacks.
     """
-    check_posterior(posterior)
-    check_kind(draws, Draws, "draws", "draw them with `sample`")
-    check_kind(record, Record, "record", "read it with `read_log`, or make it with `make_record` or `simulate`")
-    check_count(n, "n", remedy="simulate a hundred draws or more")
-    likelihood = posterior.likelihood
-    if not isinstance(likelihood, OutputError | FilterError):
-        raise InputError(
-            "posterior",
-            found="a log density of one's own",
-            expected="a posterior of records, of `make_posterior`",
-            remedy="simulate with the draws themselves",
-        )
-    if draws.names != posterior.names:
-        raise InputError(
-            "draws",
-            found=", ".join(draws.names),
-            expected="the parameters of the posterior: " + ", ".join(posterior.names),
-            remedy="give the draws that were taken of this posterior",
-        )
-    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
-    sensors = output.simulator.sensors
-    first = start_of(likelihood.model, record, start, output.free_initial)
-    data = stack_trials([record], likelihood.model, likelihood.channels, [first])
-    table = draws.array()
-    table = table[:: max(1, table.shape[0] // n)][:n]
-    known = dict(zip(draws.names, table.T, strict=True))
-    starts = dict(zip(likelihood.model.states, first, strict=True))
-    values = _values_of(posterior, record.label, starts, known, as_key(key))
-    anonymous = replace(output, labels=(ANY,))
-    alone = anonymous if isinstance(likelihood, OutputError) else replace(likelihood, output=anonymous)
+    alone, data, values = _ready(posterior, draws, record, start, n, as_key(key))
     shown = np.asarray(outputs_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
+    sensors = _sensors(posterior)
     noise = np.column_stack([noise_sd(sensor, values) for sensor in sensors])
     times = [correlation_name(sensor.channel) for sensor in sensors]
     return Prediction(
         record,
-        likelihood.channels,
+        posterior.likelihood.channels,
         shown.mean(axis=0),
         shown.std(axis=0),
         np.sqrt((noise**2).mean(axis=0)),
         tuple(float(np.median(values[name])) if name in values else None for name in times),
     )
+
+
+def replicate_record(
+    posterior: Posterior,
+    draws: Draws,
+    record: Record,
+    *,
+    start: Mapping[str, float] | None = None,
+    n: int = 200,
+    key: jax.Array | int = 0,
+) -> Float[np.ndarray, "draws n m"]:
+    """Draw measurements of a record, the noise of the sensors included, one for each of n draws of the posterior.
+
+    Arguments and errors as those of `predict`.
+
+    Returns:
+        measurements of every channel at the times of the record, SI; 0 where the record has none.
+    """
+    alone, data, values = _ready(posterior, draws, record, start, n, as_key(key))
+    return np.asarray(replicates_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
 
 
 def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
@@ -171,9 +182,66 @@ def outputs_of_draws(likelihood: OutputError | FilterError):
     return of_draws
 
 
+@lru_cache(maxsize=16)
+def replicates_of_draws(likelihood: OutputError | FilterError):
+    """Return the compiled function of draws' values, the data of one trial and a key: measurements, shape (draws, n, m)."""
+
+    @program
+    def of_draws(values: Mapping[str, Any], data: TrialData, key: jax.Array) -> jax.Array:
+        keys = jax.random.split(key, 1 + jax.tree.leaves(values)[0].shape[0])
+
+        def of_draw(one: Mapping[str, Any], key: jax.Array) -> jax.Array:
+            channels = replicate(likelihood, one, data, key).channels
+            return jnp.stack([channel.measured[0] for channel in channels], -1)
+
+        return jax.vmap(of_draw)(values, keys[1:])
+
+    return of_draws
+
+
 def key_of_values(key: jax.Array, draws: int) -> jax.Array:
     """Return the key of what a trial's own values are drawn with, beside those of `outputs_of_draws` for so many draws."""
     return jax.random.split(key, 1 + draws)[0]
+
+
+def _sensors(posterior: Posterior) -> tuple[Sensor, ...]:
+    likelihood = posterior.likelihood
+    return (likelihood if isinstance(likelihood, OutputError) else likelihood.output).simulator.sensors
+
+
+def _ready(
+    posterior: Posterior, draws: Draws, record: Record, start: Mapping[str, float] | None, n: int, key: jax.Array
+) -> tuple[OutputError | FilterError, TrialData, dict[str, jax.Array]]:
+    """Return the likelihood of one record, its data, and the values of n draws of the posterior by name."""
+    check_posterior(posterior)
+    check_kind(draws, Draws, "draws", "draw them with `sample`")
+    check_kind(record, Record, "record", "read it with `read_log`, or make it with `make_record` or `simulate`")
+    check_count(n, "n", remedy="simulate a hundred draws or more")
+    likelihood = posterior.likelihood
+    if not isinstance(likelihood, OutputError | FilterError):
+        raise InputError(
+            "posterior",
+            found="a log density of one's own",
+            expected="a posterior of records, of `make_posterior`",
+            remedy="simulate with the draws themselves",
+        )
+    if draws.names != posterior.names:
+        raise InputError(
+            "draws",
+            found=", ".join(draws.names),
+            expected="the parameters of the posterior: " + ", ".join(posterior.names),
+            remedy="give the draws that were taken of this posterior",
+        )
+    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    first = start_of(likelihood.model, record, start, output.free_initial)
+    data = stack_trials([record], likelihood.model, likelihood.channels, [first])
+    table = draws.array()
+    table = table[:: max(1, table.shape[0] // n)][:n]
+    known = dict(zip(draws.names, table.T, strict=True))
+    starts = dict(zip(likelihood.model.states, first, strict=True))
+    values = _values_of(posterior, record.label, starts, known, key)
+    anonymous = replace(output, labels=(ANY,))
+    return anonymous if isinstance(likelihood, OutputError) else replace(likelihood, output=anonymous), data, values
 
 
 def _values_of(

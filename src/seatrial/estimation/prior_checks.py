@@ -86,13 +86,13 @@ def information_complaints(
 def _remedy(parameter: Parameter, bound: float) -> str:
     kind, _, channel = parameter.name.partition("_")
     if kind == "tau" and bound == parameter.prior.bounds[0]:
-        return 'set estimation.residuals = "white" and remove this prior: what is left over has no memory'
+        return 'set estimation.residuals = "white" and remove this prior: the residuals have no memory'
     if kind == "lag" and bound == parameter.prior.bounds[0]:
         return f"set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay"
     if kind == "sigma" and bound == parameter.prior.bounds[1]:
         return (
             f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map and {channel} "
-            f'for outliers (residuals = "heavy" bears them), then the other priors; widen this one only if {channel} is that noisy'
+            f'for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one only if {channel} is that noisy'
         )
     return "widen the prior, or check units, signs and the channel map"
 
@@ -101,7 +101,7 @@ def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
     """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
     return [
         f"prior and data contradict each other about {parameter.name}: the data pull it to {value:.4g} {parameter.unit}, where its "
-        "prior has less than one chance in 10 000; the result is a truce: widen the prior, or check units and signs"
+        "prior has less than one chance in 10 000; the result is a compromise: widen the prior, or check units and signs"
         for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
         if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
     ]

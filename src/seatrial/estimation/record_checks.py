@@ -92,13 +92,13 @@ def check_motion(
     against = f"below {OPPOSED:g} it goes the other way"
     if correlation <= OPPOSED:
         remedy = (
-            f"the sign of {name} or of its command is turned round: set scale = -1 in the channel map, "
+            f"the sign of {name} or of its command is reversed: set scale = -1 in the channel map, "
             "or check the axes (east-north-up or north-east-down)"
         )
         value = f"correlation {correlation:+.2f} with the motion expected"
         return [RecordFinding(name, "direction", "fail", value, against, remedy)]
     if correlation < RELATED:
-        remedy = "the motion is hardly that of the commands: check the channel map, the clocks and the priors"
+        remedy = "the motion hardly follows the commands: check the channel map, the clocks and the priors"
         usual = f"{RELATED:g} or more is usual"
         return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy)]
     results = [
@@ -147,9 +147,9 @@ def _delay(name: str, late: float, shifted: float, direct: float, has_delay: boo
         remedy = "the delay is estimated: see that its prior, [prior.delay], reaches so far"
         return [RecordFinding(name, "delay", "note", f"about {late:.2g} s late", limit, remedy)]
     if late > 0:
-        remedy = "give the delay a prior, [prior.delay], unless the vehicle is but slower than believed"
+        remedy = "give the delay a prior, [prior.delay], unless the vehicle is slower than believed"
         return [RecordFinding(name, "delay", "caution", f"about {late:.2g} s late", limit, remedy)]
-    remedy = "the response comes before its command: put command and response on one clock, unless the vehicle is but quicker than believed"
+    remedy = "the response comes before its command: put command and response on one clock, unless the vehicle is quicker than believed"
     return [RecordFinding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
 
 
@@ -168,7 +168,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
     limit = f"under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
         return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
-    remedy = f'residuals = "heavy" under [sensors.{name}] bears them; look at the raw plot first'
+    remedy = f'residuals = "heavy" under [sensors.{name}] tolerates them; look at the raw plot first'
     return [RecordFinding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
 
 
@@ -215,7 +215,7 @@ def check_excitation(
         if share < 0.7:
             results.append(RecordFinding(name, check, "pass", value, limit))
         else:
-            remedy = "this record cannot tell it: move what it depends on further, fix it, or design a trial (`seatrial design`)"
+            remedy = "this record cannot determine it: excite it more, fix it, or design a trial (`seatrial design`)"
             results.append(RecordFinding(name, check, "caution", value, limit, remedy))
     return results
 

@@ -317,6 +317,10 @@ def _of_trial(one: _Unknown, label: str, priors: Mapping[str, Prior]) -> Paramet
     return Parameter(name, one.unit, f"{one.label}[{label}]", priors[name] if name in priors else priors[one.name])
 
 
+_OF_SENSORS = {"tau": 'noise="coloured"', "dof": 'noise="heavy"', "bias": "bias=True", "lag": "lag=True"}
+"""What gives a sensor a parameter of that kind."""
+
+
 def _check_priors(
     priors: Mapping[str, Prior], unknown: Sequence[_Unknown], own: Sequence[str], of_trials: Sequence[str]
 ) -> None:
@@ -339,8 +343,16 @@ def _check_priors(
                     where,
                     found=f'"{name}", which nothing uses',
                     expected="among " + ", ".join(allowed),
-                    remedy=nearest(name, allowed),
+                    remedy=_where_from(name, allowed),
                 )
+
+
+def _where_from(name: str, allowed: Sequence[str]) -> str:
+    """Return what would make a parameter of a name that nothing uses."""
+    kind, _, channel = name.partition("_")
+    if kind in _OF_SENSORS and noise_name(channel) in allowed:
+        return f'make it Sensor("{channel}", {_OF_SENSORS[kind]}), or leave {name} out'
+    return nearest(name, allowed)
 
 
 def _first_measured(record: Record) -> dict[str, float]:
@@ -351,4 +363,6 @@ def _first_measured(record: Record) -> dict[str, float]:
 
 
 def _label(channel: str) -> str:
-    return SIGNALS[channel].label if channel in SIGNALS else rf"\dot{{{channel.removesuffix('dot')}}}"
+    base = channel.removesuffix("dot")
+    label = SIGNALS[base].label if base in SIGNALS else base
+    return label if base == channel else rf"\dot{{{label}}}"

@@ -16,12 +16,11 @@ A run's own parameters (`u_0[run]`) are part of its piece: their priors say how 
 
 from dataclasses import dataclass, replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Float
 
+from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import FLAT, Mode
 from seatrial.estimation.output_error import OutputError
@@ -68,7 +67,7 @@ class RobustErrors:
             return f"± with model error: leaving out each of {self.basis} in turn moves no value by much more than its ± allows"
         return (
             f"± with model error: by how much the values move when each of {self.basis} is left out in turn, widened for so few of "
-            f"them (Student's t, {self.freedom} degrees of freedom); given where it is larger by more than a half"
+            f"them (Student's t, {self.freedom} degrees of freedom); shown if it is larger by more than half"
         )
 
     @property
@@ -165,7 +164,7 @@ def _by_blocks(posterior: Posterior, mode: Mode) -> RobustErrors:
     counts = np.minimum(counts, max(1, MOST_BLOCKS // len(lengths)))
     if counts.sum() < LEAST_BLOCKS:
         return _nothing(
-            f"{counts.sum()} blocks of time that are longer than what is left over remembers, {LEAST_BLOCKS} are needed"
+            f"{counts.sum()} blocks of time that are longer than the memory of the residuals, {LEAST_BLOCKS} are needed"
         )
     scores, hessians = [], []
     time = np.cumsum(step, 1) - step
@@ -191,7 +190,7 @@ def _time_of_one(posterior: Posterior, mode: Mode) -> float:
     for one, at in zip((runs := split_runs(posterior)).runs, map(runs.places, range(len(runs.runs))), strict=True):
         output = one.likelihood.output if isinstance(one.likelihood, FilterError) else one.likelihood
         values = {name: np.array([value]) for name, value in zip(one.names, mode.values[at], strict=True)}
-        shown = np.asarray(outputs_of_draws(output)(values, one.data, jax.random.key(0)))[0]
+        shown = np.asarray(outputs_of_draws(output)(values, one.data, seeded_key(0)))[0]
         step = np.asarray(one.data.step)[0]
         time = np.cumsum(step) - step
         for i, channel in enumerate(one.data.channels):
@@ -212,10 +211,10 @@ def _until(data: TrialData, known: np.ndarray) -> TrialData:
         counts = np.bincount(kind[present > 0], minlength=channel.counts.shape[-1])[None].astype(float)
         channels.append(
             channel._replace(
-                measured=jnp.asarray(np.where(present > 0, np.asarray(channel.measured), 0.0)),
-                present=jnp.asarray(present),
-                kind=jnp.asarray(kind),
-                counts=jnp.asarray(counts),
+                measured=np.where(present > 0, np.asarray(channel.measured), 0.0),
+                present=present,
+                kind=kind,
+                counts=counts,
             )
         )
     return data._replace(channels=tuple(channels))

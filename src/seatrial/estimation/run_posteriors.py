@@ -133,7 +133,7 @@ def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequenc
         z: joint position, shape (d,).
         weight: of each run; those of weight 0 are left at 0. All where not given.
     """
-    prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(runs.joint, jnp.asarray(z)))
+    prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(runs.joint, np.asarray(z)))
     count, d = len(runs.runs), z.size
     value, gradient, hessian = np.zeros(count), np.zeros((count, d)), np.zeros((count, d, d))
     for r, one in enumerate(runs.runs):
@@ -207,7 +207,7 @@ def predict_run(
     """
     one, n = runs.runs[run], len(shared)
     k = runs.shared.size
-    z = jnp.asarray(np.concatenate([shared, np.zeros((n, runs.own.shape[1]))], 1))
+    z = np.concatenate([shared, np.zeros((n, runs.own.shape[1]))], 1)
     table = np.asarray(one.constrain(z))
     known = {parameter.name: table[:, i] for i, parameter in enumerate(one.parameters[:k])}
     first = dict(zip(one.likelihood.model.states, np.asarray(one.data.initial)[0], strict=True))
@@ -258,7 +258,7 @@ def _at_draws(function: Any, z: Float[np.ndarray, "n d"]) -> Any:
     n = len(z)
     size = max(AT_ONCE, lanes_at_once(function, z, cpu=LANES))
     blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
-    parts = [function(jnp.asarray(z[block])) for block in blocks]
+    parts = [function(z[block]) for block in blocks]
     return jax.tree.map(lambda *arrays: np.concatenate([np.asarray(one) for one in arrays])[:n], *parts)
 
 

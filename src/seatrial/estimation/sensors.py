@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.argument_checks import check_choice, check_kind, check_text
+from seatrial.estimation.mounts import Mount
 
 Noise = Literal["white", "coloured", "heavy"]
 """Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t."""
@@ -28,6 +29,7 @@ class Sensor:
         bias: whether it has a constant error, `bias_u`.
         lag: whether it answers late, with the time constant `lag_u`, s.
         over_ground: whether a velocity is measured over ground, and not through the water.
+        mount: where it sits, how it is turned, and its scale; None for one at the body's origin, along its axes.
 
     Raises:
         InputError: no name, a kind of noise that there is not, or something else than True and False.
@@ -38,6 +40,7 @@ class Sensor:
     bias: bool = False
     lag: bool = False
     over_ground: bool = True
+    mount: Mount | None = None
 
     def __post_init__(self) -> None:
         """Refuse what no sensor is."""

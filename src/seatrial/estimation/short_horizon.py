@@ -66,7 +66,7 @@ class ShortHorizon:
             f"{_share(self.one_step)} (by holding the measured value {_share(self.held)} and {_share(self.one_step_held)})"
         )
         if not self.is_good:
-            return f"short horizons are predicted little better, so that it is more than errors that add up: {ahead}"
+            return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
         grown = f", a small error grows {self.growth:.2g} times along it" if np.isfinite(self.growth) else ""
         why = f"the vehicle leaves its course by itself{grown}" if self.leaves else "errors add up along the run"
         advice = f"; {' or '.join(remedies)}" if remedies else ""

@@ -151,7 +151,15 @@ class Simulator:
         ]
 
     def _true(self, sensor: Sensor, values: Mapping[str, Any], state: tuple, held: tuple) -> Any:
-        x = self.model.output(sensor.channel, values, state, held)
+        def known(name: str) -> Any:
+            has = name.removesuffix("dot") in self.model.states or name in self.model.views
+            given = dict(zip(self.model.controls, held, strict=True))
+            return self.model.output(name, values, state, held) if has else given.get(name, 0.0)
+
+        if sensor.mount is None:
+            x = self.model.output(sensor.channel, values, state, held)
+        else:
+            x = sensor.mount.show(sensor.channel, values, known)
         return x + values[CURRENT] if self.current and sensor.over_ground and sensor.channel == "u" else x
 
     def _felt(self, state: tuple, held: tuple) -> tuple:

@@ -173,8 +173,8 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         ("caution", provenance.cautions),
     ):
         lines += [f"{title}: {item}" for item in items]
-    lines += [f"cannot carry: {item}" for item in carried.lost] or ["carries everything that is known"]
-    lines += [f"carried in another form: {item}" for item in carried.changed]
+    lines += [f"not supported: {item}" for item in carried.lost] or ["supports everything that is known"]
+    lines += [f"in another form: {item}" for item in carried.changed]
     lines += [f"a positive command: {commands}"] if commands else []
     lines.append(f"loss in predicted motion ({statement.manoeuvre}, in still water): {loss_words(statement.loss)}")
     if statement.loss_in_current is not None:

@@ -47,8 +47,9 @@ def align(
 
     The common interval is where every control is known and something is measured. Controls are held from the last
     known sample, and averaged over a `step` in which several fall. Nothing is interpolated: with `step` each measurement
-    goes to the nearest grid instant, and those that meet there are averaged; without, the axis is the union of all stamps.
-    An instant at which a channel was not measured holds NaN. Roll, pitch and heading go on over full turns, so that none jumps.
+    goes to the nearest grid instant, and those that meet there are averaged, but for those midway to the next; without, the
+    axis is the union of all stamps. An instant at which a channel was not measured holds NaN. Roll, pitch and heading go on over
+    full turns, so that none jumps.
 
     Args:
         tables: logs as `read_log` gives them.
@@ -212,7 +213,10 @@ def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: flo
 
 
 def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float) -> tuple[np.ndarray, str]:
-    """Put each measurement at its nearest instant, an exact tie at the earlier; average those that meet."""
+    """Put each measurement at its nearest instant and average those that meet.
+
+    One midway between two is put at the earlier, where that has none of its own; else it is left out.
+    """
     index = np.searchsorted((instants[1:] + instants[:-1]) / 2 + slack, time)
     shift = np.abs(time - instants[index])
     near = shift <= reach
@@ -223,6 +227,11 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
             expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
             remedy="choose files of the same run, or move start and end",
         )
+    midway = near & (shift > reach - 4 * slack) & (reach > 4 * slack)
+    has_own = np.zeros(instants.size, bool)
+    has_own[index[near & ~midway]] = True
+    doubled = midway & has_own[index]  # half a step late, they would make every mean late by a quarter of it
+    near &= ~doubled
     values = track.values[near]
     used, firsts, counts = np.unique(index[near], return_index=True, return_counts=True)
     deviation = values - np.repeat(values[firsts], counts)
@@ -232,4 +241,5 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
     return column, (
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
         + (f"; {met} instants hold the mean of two or more" if met else "")
+        + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else "")
     )

@@ -8,10 +8,10 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Role
-from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION
+from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, SPECIFIC_FORCE
 from seatrial.logs.axes import complete
 from seatrial.logs.source import LogTable
-from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
+from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles, quaternion_of_angles
 
 # Doubts about an attitude: a heading that turns otherwise than the yaw rate says, or too far from sample to sample.
 
@@ -22,6 +22,29 @@ _ALIKE = 1.5
 _TURNED = np.radians(20.0)
 """Turn from which they are compared."""
 _FEWEST = 10
+_IN_G = 0.5, 2.0
+"""Length, m/s^2, of a specific force that is rather one in units of gravity."""
+_GYRO = ("p", "q", "r")
+_WINDOW = 0.2
+"""Length of a window in which turns are compared, s."""
+
+
+def check_specific_force(tables: Sequence[LogTable]) -> None:
+    """Refuse an accelerometer whose numbers are those of one in units of gravity.
+
+    Raises:
+        InputError: three components whose length is about 1 m/s^2.
+    """
+    for table in tables:
+        if set(SPECIFIC_FORCE) <= set(table.columns):
+            size = float(np.nanmedian(np.sqrt(sum(table.columns[name] ** 2 for name in SPECIFIC_FORCE))))
+            if _IN_G[0] < size < _IN_G[1]:
+                raise InputError(
+                    f"{table.source}, channels {', '.join(SPECIFIC_FORCE)}",
+                    found=f"a specific force of {size:.3g} m/s^2 at the median",
+                    expected="about 9.8 m/s^2, as an accelerometer shows at rest",
+                    remedy='it is in units of gravity, or gravity was taken off: unit = "m/s^2" with scale = 9.81, or drop the channels',
+                )
 
 
 def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
@@ -52,6 +75,69 @@ def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
         "`axes`, the order of a quaternion, and the clocks"
     )
     return replace(table, cautions=(*table.cautions, caution))
+
+
+def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
+    """Say where body rates are not those with which the attitude of the same run turns: unit, sign or axes of one of them are wrong.
+
+    Over windows the gyro's turn is a matrix times that of the attitude: near 1 where they agree. None where that cannot be told.
+    """
+    attitude = next((one for one in tables if set(ANGLES) <= set(one.columns)), None)
+    gyro = next((one for one in tables if set(_GYRO) <= set(one.columns)), None)
+    if attitude is None or gyro is None:
+        return None
+    turns, shown = _turns(attitude, gyro)
+    if len(turns) < _FEWEST or np.sqrt(np.linalg.eigvalsh(turns.T @ turns)[0]) < _TURNED:
+        return None  # it hardly turned about some axis
+    matrix = np.linalg.lstsq(turns, shown, rcond=None)[0].T
+    said = []
+    for i, row in enumerate(matrix):
+        largest = int(np.argmax(np.abs(row)))
+        if largest == i and 1 / _ALIKE < row[i] < _ALIKE:
+            continue
+        found = f'channel "{_GYRO[i]}" of {gyro.source}: the attitude of {attitude.source} turns as if it were '
+        if largest != i:
+            found += f"{row[largest]:+.2g} times {_GYRO[largest]}: the axes of one of them are exchanged"
+        elif row[i] < 0 and 1 / _ALIKE < -row[i] < _ALIKE:
+            found += "its opposite: forward, left, up or forward, right, down? give `axes` of both logs, or scale = -1"
+        else:
+            size = max(abs(row[i]), 1 / max(abs(row[i]), 1e-12))
+            unit = (
+                ": degrees taken for radians, or the reverse? check its unit"
+                if _ALIKE > size * np.pi / 180 > 1 / _ALIKE
+                else ""
+            )
+            found += f"{1 / row[i]:.3g} times it{unit}"
+        said.append(found)
+    return said
+
+
+def _turns(attitude: LogTable, gyro: LogTable) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Return by how much the attitude turns about the body's axes in windows, and what the gyro says of these, rad."""
+    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
+    known = np.isfinite(parts).all(axis=0)
+    rates = np.stack([gyro.columns[name] for name in _GYRO], axis=1)
+    there = np.isfinite(rates).all(axis=1)
+    clock, rates = gyro.time[there] + float(gyro.epoch - attitude.epoch), rates[there]
+    if not (known.any() and there.any()):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    time, parts = attitude.time[known], parts[:, known]
+    inside = (time >= clock[0]) & (time <= clock[-1])
+    time, parts = time[inside], parts[:, inside]
+    if time.size < 2:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    chosen = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _WINDOW)))
+    time, (w, x, y, z) = time[chosen], parts[:, chosen]
+    before, after = np.stack([w, -x, -y, -z])[:, :-1], np.stack([w, x, y, z])[:, 1:]
+    scalar = before[0] * after[0] - np.sum(before[1:] * after[1:], axis=0)
+    vector = before[0] * after[1:] + after[0] * before[1:] + np.cross(before[1:].T, after[1:].T).T
+    length = np.linalg.norm(vector, axis=0)
+    angle = 2.0 * np.arctan2(length, np.abs(scalar)) * np.where(scalar < 0, -1.0, 1.0)
+    turns = (vector * np.where(length > 0, angle / np.where(length > 0, length, 1.0), 0.0)).T
+    summed = np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(clock)[:, None] * rates[:-1], axis=0)])
+    shown = np.diff(np.stack([np.interp(time, clock, one) for one in summed.T], axis=1), axis=0)
+    short = np.diff(time) < 3 * _WINDOW
+    return turns[short], shown[short]
 
 
 def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
@@ -88,10 +174,18 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
     Raises:
         InputError: components or attitude that are missing, a number that is no unit quaternion, or a channel given twice.
     """
-    with_angles = [_with_angles(table) for table in tables]
+    keeps_quaternion = set(QUATERNION) <= set(roles)
+    with_angles = [_with_angles(table, keeps_quaternion) for table in tables]
     for angle in ANGLES:
         _once(angle, [table.source for table in with_angles if angle in table.columns])
-    with_angles = [with_doubts(table, with_angles) for table in with_angles]
+    check_specific_force(with_angles)
+    gyro = doubts_of_gyro(with_angles)
+    with_angles = [
+        with_doubts(table, with_angles)
+        if gyro is None
+        else replace(table, cautions=(*table.cautions, *(gyro if "p" in table.columns else ())))
+        for table in with_angles
+    ]
     turned = [_with_body_velocities(table, with_angles) for table in with_angles]
     kept = [_only(table, roles) for table in turned]
     left = [table for table in kept if table.channels]
@@ -99,10 +193,10 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
     return [replace(left[0], cautions=(*left[0].cautions, *gone)), *left[1:]] if left else []
 
 
-def _with_angles(table: LogTable) -> LogTable:
-    """Replace a quaternion by its three angles."""
+def _with_angles(table: LogTable, keeps_quaternion: bool) -> LogTable:
+    """Replace a quaternion by its three angles; where it is kept it stands beside them, or is made of them, without a jump of sign."""
     if QUATERNION[0] not in table.columns:
-        return table
+        return _with_quaternion(table) if keeps_quaternion and set(ANGLES) <= set(table.columns) else table
     parts = np.stack([table.columns[name] for name in QUATERNION])
     length = np.sqrt(np.sum(parts**2, axis=0))
     wrong = np.flatnonzero(np.isfinite(length) & ~(np.abs(length - 1.0) < 0.1))
@@ -115,7 +209,20 @@ def _with_angles(table: LogTable) -> LogTable:
         )
     w, x, y, z = parts
     angles = {name: np.asarray(one) for name, one in zip(ANGLES, angles_of_quaternion((w, x, y, z)), strict=True)}
-    return _exchange(table, QUATERNION, angles, "rad", "phi, theta and psi are those of the quaternion")
+    turned = _exchange(table, QUATERNION, angles, "rad", "phi, theta and psi are those of the quaternion")
+    return _with_quaternion(turned, parts / length) if keeps_quaternion else turned
+
+
+def _with_quaternion(table: LogTable, parts: Float[np.ndarray, "4 n"] | None = None) -> LogTable:
+    """Add the attitude as a quaternion, that of the angles where none is given: q and -q turn alike, and each sample has the nearer one."""
+    made = quaternion_of_angles(*(table.columns[name] for name in ANGLES)) if parts is None else parts
+    parts = np.array(made)
+    known = np.flatnonzero(np.isfinite(parts).all(axis=0))
+    turns = np.sum(parts[:, known[1:]] * parts[:, known[:-1]], axis=0) < 0
+    parts[:, known[1:]] *= np.where(np.cumsum(turns) % 2, -1.0, 1.0)
+    return _exchange(
+        table, (), dict(zip(QUATERNION, parts, strict=True)), "1", "the sign of the quaternion does not jump"
+    )
 
 
 def _once(angle: str, sources: Sequence[str]) -> None:

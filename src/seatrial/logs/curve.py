@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +11,19 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import sha256_of
 
 _FEWEST = 2
+
+
+class CellCurve(Protocol):
+    """What a logged number stands for."""
+
+    @property
+    def name(self) -> str:
+        """Return what is said of it in the provenance of a record."""
+        ...
+
+    def __call__(self, cells: Float[np.ndarray, " n"], where: str) -> Float[np.ndarray, " n"]:
+        """Return what every number stands for; NaN stays NaN."""
+        ...
 
 
 @dataclass(frozen=True)

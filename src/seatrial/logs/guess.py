@@ -11,9 +11,19 @@ from typing import NamedTuple
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Role
-from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, QUATERNION, SIGNALS, signal_unit
+from seatrial.core.signals import (
+    ANGLES,
+    OVER_EARTH,
+    POSITIONS,
+    QUATERNION,
+    SIGNALS,
+    SPECIFIC_FORCE,
+    signal_unit,
+    thruster_controls,
+)
 from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
+from seatrial.logs.formats.protocol import MOST_ELEMENTS
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
 # Types of message whose columns are known: of ROS, in east, north, up with body axes forward, left, up (REP 103), and
@@ -44,7 +54,11 @@ _WRENCH = {
 }
 _TURN = {f"orientation.{part}": name for part, name in zip("wxyz", QUATERNION, strict=True)}
 _POSE = _TURN | {"position.x": "y", "position.y": "x", "position.z": "z"}
-_IMU = _TURN | {f"angular_velocity.{axis}": rate for axis, rate in zip("xyz", "pqr", strict=True)}
+_IMU = (
+    _TURN
+    | {f"angular_velocity.{axis}": rate for axis, rate in zip("xyz", "pqr", strict=True)}
+    | {f"linear_acceleration.{axis}": f"a_{axis}" for axis in "xyz"}
+)
 ROS: dict[str, dict[str, Known]] = {
     "nav_msgs/msg/Odometry": _ros("twist.twist.", _TWIST) | _ros("pose.pose.", _POSE),
     "geometry_msgs/msg/TwistWithCovarianceStamped": _ros("twist.twist.", _TWIST),
@@ -85,10 +99,12 @@ REMARKS = (
     (
         re.compile(r"(?:RCOU|SERVO_OUTPUT_RAW|RCO2)\b"),
         re.compile(r"C\d+|servo\d+_raw"),
-        "pulse widths of the outputs: give the maker's table of thrust over pulse width as the `curve` of a channel",
+        "pulse widths of the outputs: give the maker's table of thrust over pulse width as the `curve` of a channel, or under "
+        '[vehicle.thrust_laws] for channels f_1, f_2, … in the unit "command"',
     ),
 )
 """Tables and columns that need more than a factor."""
+_PULSES = (900.0, 1500.0, 2100.0)
 
 
 @dataclass(frozen=True)
@@ -187,7 +203,14 @@ def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
     """Guess the channel of every column whose type, name or unit says something, the strongest of each channel first."""
     found = [guess for table in tables if table.clock for guess in _of_table(table)]
     sizes = {table.info.name: table.rows for table in tables}
-    order = [*SIGNALS, *POSITIONS, *OVER_EARTH, *QUATERNION]
+    order = [
+        *SIGNALS,
+        *POSITIONS,
+        *OVER_EARTH,
+        *QUATERNION,
+        *SPECIFIC_FORCE,
+        *thruster_controls(MOST_ELEMENTS, commanded_force=True),
+    ]
     return tuple(sorted(found, key=lambda guess: (order.index(guess.channel), -guess.strength, -sizes[guess.table])))
 
 
@@ -211,12 +234,22 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
 
 def remarks(tables: Sequence[TableSummary]) -> tuple[str, ...]:
     """Say which tables hold what a factor cannot map."""
-    return tuple(
-        f"{table.info.name}: {text}"
+    found = {
+        table.info.name: text
         for table in tables
         for kind, column, text in REMARKS
         if kind.match(table.info.name) and any(column.fullmatch(each.name) for each in table.columns)
-    )
+    }
+    for table in tables:
+        if (pulses := [column.name for column in table.columns if _is_pulse(column)]) and table.info.name not in found:
+            found[table.info.name] = f"{pulses[0]} to {pulses[-1]} may be {REMARKS[0][2]}"
+    return tuple(f"{name}: {text}" for name, text in found.items())
+
+
+def _is_pulse(column: ColumnSummary) -> bool:
+    """Return whether an element of an array lies where the pulse widths of thrusters do, in microseconds, about the neutral 1500."""
+    low, middle, high = _PULSES
+    return column.name.endswith("]") and column.count > 0 and low <= column.least <= middle <= column.greatest <= high
 
 
 def _of_table(table: TableSummary) -> Iterator[Guess]:
@@ -225,13 +258,14 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
     for column in table.columns:
         if column.name in clocks or column.name.endswith("log_time"):
             continue
-        guess = _by_type(table, column) or (None if column.trouble else _by_name(table, column))
+        guess = _by_type(table, column) or _by_pulse(table, column)
+        guess = guess or (None if column.trouble else _by_name(table, column))
         if guess is not None:
             found.append((guess, column))
     # Three parts of a quaternion may be constant where the vehicle only turns, all four where it is not known.
     turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in found)
     for guess, column in found:
-        if not column.trouble or (turns and guess.channel in QUATERNION):
+        if not column.trouble or guess.unit == "command" or (turns and guess.channel in QUATERNION):
             yield guess
 
 
@@ -248,6 +282,15 @@ def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
         return None
     unit = known.unit or _text_unit(known.channel)
     return Guess(known.channel, info.name, column.name, unit, known.scale, known.axes, _role(known.channel), reason, 3)
+
+
+def _by_pulse(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    """Guess that the elements of an array are the commands of thrusters, in their order; one may stand still."""
+    if not _is_pulse(column):
+        return None
+    channel = f"f_{int(column.name.rpartition('[')[2][:-1]) + 1}"
+    reason = "pulse widths by their range; [vehicle.thrust_laws] makes thrust of them: check their order"
+    return Guess(channel, table.info.name, column.name, "command", 1.0, "NED", "control", reason, 1)
 
 
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:

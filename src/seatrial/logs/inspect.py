@@ -16,6 +16,8 @@ from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSu
 _BURSTS = 0.5
 """Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+_LISTED = 16
+"""Elements of an array up to which each has a line where several tables are listed."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class LogSummary:
         count = len(self.tables)
         lines = [f"{self.log.path.name}: {self.kind}, {count} table{'s' if count != 1 else ''}"]
         for table in self.tables:
-            lines += ["", *_table_lines(table)]
+            lines += ["", *_table_lines(table, count == 1)]
         notes = dict.fromkeys(note for table in self.tables for note in table.info.notes)
         lines += ["", *notes] if notes else []
         lines += ["", "guessed map (check each line; `--map` prints it for a campaign file):"] if self.guesses else []
@@ -133,7 +135,7 @@ def inspect_log(
     return LogSummary(log, format_of(path).name, tables, guesses(tables), remarks(tables))
 
 
-def _table_lines(table: TableSummary) -> Iterator[str]:
+def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
     info, clock = table.info, table.clock
     kind = f" ({info.kind})" if info.kind else ""
     over = f" over {clock.duration:.6g} s" if clock else ""
@@ -148,19 +150,29 @@ def _table_lines(table: TableSummary) -> Iterator[str]:
     stamps = {each.name for each in table.clocks}
     shown = [column for column in table.columns if column.name not in stamps]
     width = max((len(column.name) for column in shown), default=0)
-    for (base, trouble), group in groupby(shown, key=_family):
+    for base, group in groupby(shown, key=_array):
         columns = list(group)
-        if len(columns) > 2 and trouble:
-            yield f"  {base}[…], {len(columns)} elements: {trouble}"
-            continue
-        for column in columns:
-            yield f"  {column.name:<{width}}  {_column_text(column)}"
+        texts = [_column_text(column) for column in columns]
+        if len(columns) > 2 and len(set(texts)) == 1:
+            yield f"  {base}[…], {len(columns)} elements: each {texts[0]}"
+        elif len(columns) > _LISTED and not is_alone:
+            yield f"  {base}[…], {len(columns)} elements: {_range_text(columns)}; `--table {info.name}` lists each"
+        else:
+            yield from (f"  {column.name:<{width}}  {text}" for column, text in zip(columns, texts, strict=True))
 
 
-def _family(column: ColumnSummary) -> tuple[str, str]:
-    """Return the array that a column is an element of, and what is wrong with it: elements alike share a line."""
+def _array(column: ColumnSummary) -> str:
+    """Return the array that a column is an element of, or the column."""
     match = _ELEMENT.fullmatch(column.name)
-    return (match[1], column.trouble) if match and column.trouble else (column.name, "")
+    return match[1] if match else column.name
+
+
+def _range_text(columns: Sequence[ColumnSummary]) -> str:
+    """Say between what all elements of an array lie, and how many never change."""
+    known = [column for column in columns if column.count]
+    constant = sum(column.constant for column in known)
+    text = f"{min(column.least for column in known):.6g} to {max(column.greatest for column in known):.6g}"
+    return text + (f"; {constant} of them constant" if constant else "")
 
 
 def _clock_text(clock: ClockSummary) -> str:
@@ -177,9 +189,12 @@ def _column_text(column: ColumnSummary) -> str:
     unit = f" {column.unit}" if column.unit else ""
     if not column.count:
         return "no number"
-    text = f"{column.least:.6g}{unit}" if column.constant else f"{column.least:.6g} to {column.greatest:.6g}{unit}"
+    if column.constant:
+        text = f"{column.least:.6g}{unit}; constant"
+    else:
+        text = f"{column.least:.6g} to {column.greatest:.6g}{unit}; mean {column.mean:.4g}, sd {column.sd:.3g}"
     extra = [f"{column.missing:.1%} missing"] if column.missing else []
-    extra += [column.trouble] if column.trouble else []
+    extra += [column.trouble] if column.trouble not in ("", "constant") else []
     return "; ".join([text, *extra])
 
 

@@ -178,7 +178,7 @@ def read_log(source: LogSource) -> LogTable:
     info = _table(source, form)
     where = str(source.path) if form.is_text or info is None else f'{source.path}, table "{info.name}"'
     clocks = _clocks(source, info, where)
-    columns = [column.column for column in source.channels.values()]
+    columns = [part for column in source.channels.values() for _, part in column.columns]
     for name in (*clocks, *columns):
         if info is not None and not form.is_text and not info.has(name):
             raise _no_column(name, info, where)
@@ -202,11 +202,7 @@ def read_log(source: LogSource) -> LogTable:
 
     mapped = {}
     for name, column in source.channels.items():
-        values = _finite(raw, column.column, where)[kept]
-        if column.curve is not None:
-            values = column.curve(values, f'{where}, column "{column.column}"')
-        with np.errstate(invalid="ignore", over="ignore"):
-            mapped[name] = (column.scale * values + column.offset) * si_factor(source, name)
+        values = mapped[name] = in_si(source, name, lambda part: _finite(raw, part, where)[kept], where)
         if gaps := int(np.isnan(values).sum()):
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
@@ -216,7 +212,7 @@ def read_log(source: LogSource) -> LogTable:
                 expected="samples",
                 remedy="map another column, or drop the channel",
             )
-        stated = info.unit(column.column) if info else None
+        stated = info.unit(column.column) if info and not column.parts else None
         if stated not in (None, column.unit):
             notes.append(f'{name}: the log states the unit "{stated}", the map says "{column.unit}"')
     mapped = from_axes(mapped, source.axes, str(source.path))
@@ -224,6 +220,30 @@ def read_log(source: LogSource) -> LogTable:
     used = replace(source, table=info.name if info else None, time_column=clock, time_unit=clocks[clock])
     options = source_options(used) | (text_options(source) if form.is_text else {})
     return LogTable(time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes))
+
+
+def in_si(
+    source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarray, " n"]], where: str
+) -> Float[np.ndarray, " n"]:
+    """Return a channel as the map makes it of its columns: each through the curve, summed, scaled, offset, in SI; NaN where one is a gap.
+
+    Args:
+        source: whose map it is.
+        name: of the channel.
+        cells_of: returns the numbers of a column.
+        where: log, for errors.
+
+    Raises:
+        InputError: a number beyond the ends of the curve.
+    """
+    column, total = source.channels[name], np.zeros(())
+    with np.errstate(invalid="ignore", over="ignore"):
+        for factor, part in column.columns:
+            cells = cells_of(part)
+            total = total + factor * (
+                cells if column.curve is None else column.curve(cells, f'{where}, column "{part}"')
+            )
+        return (column.scale * total + column.offset) * si_factor(source, name)
 
 
 def _check_layout(source: LogSource, form: LogFormat) -> None:
@@ -323,7 +343,7 @@ def _finite(raw: RawTable, name: str, where: str) -> Float[np.ndarray, " n"]:
             f'{where}, column "{name}", row {raw.line_of(int(infinite[0]))}',
             found=repr(float(values[infinite[0]])),
             expected="a finite number",
-            remedy="mend the log, or map another column",
+            remedy="correct the log, or map another column",
         )
     return values
 

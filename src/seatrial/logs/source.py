@@ -15,7 +15,7 @@ from seatrial.core.record import Channel, Role
 from seatrial.core.signals import SIGNALS, is_signal, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
-from seatrial.logs.curve import Curve
+from seatrial.logs.curve import CellCurve
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.text import separator
 
@@ -24,15 +24,16 @@ Clock = Literal["as_stamped", "even", "drop_repeated"]
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """One channel taken from one column: value = scale * curve(cell) + offset, in `unit`; then converted to SI.
+    """One channel: value = scale * sum_j factor_j curve(cell_j) + offset, in `unit`; then converted to SI.
 
     Attributes:
-        column: name in the header.
-        unit: unit of the cells, for example `rpm`.
+        column: name in the header; or, where there are `parts`, the sum as it was written.
+        unit: unit of the cells, for example `rpm`; of a sum, its own.
         role: whether the channel drives the vehicle or observes it.
         scale: plain factor on the cell, for example -1 to flip the sign.
         offset: added after scaling, in `unit`.
-        curve: what the cell's number stands for, between whose points it is interpolated; by default itself.
+        curve: what a cell's number stands for; by default itself.
+        parts: factors and columns of a sum, see `parse_sum`; by default the column alone.
     """
 
     column: str
@@ -40,7 +41,13 @@ class ColumnMap:
     role: Role
     scale: float = 1.0
     offset: float = 0.0
-    curve: Curve | None = None
+    curve: CellCurve | None = None
+    parts: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def columns(self) -> tuple[tuple[float, str], ...]:
+        """Every column with its factor."""
+        return self.parts or ((1.0, self.column),)
 
 
 @dataclass(frozen=True)

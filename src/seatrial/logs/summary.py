@@ -25,6 +25,8 @@ class ColumnSummary:
         infinite: numbers that are not finite.
         least: smallest number.
         greatest: largest number.
+        mean: of the finite numbers.
+        sd: their standard deviation about it.
     """
 
     name: str
@@ -34,6 +36,8 @@ class ColumnSummary:
     infinite: int
     least: float
     greatest: float
+    mean: float = math.nan
+    sd: float = math.nan
 
     @property
     def missing(self) -> float:
@@ -106,21 +110,28 @@ class TableSummary:
 
 @dataclass(eq=False)
 class _Column:
-    """Running range of one column."""
+    """Running range of one column, and its mean and sum of squares about that (Chan, Golub and LeVeque, 1979)."""
 
     count: int = 0
     infinite: int = 0
     least: float = math.inf
     greatest: float = -math.inf
+    mean: float = 0.0
+    squares: float = 0.0
 
     def take(self, values: np.ndarray) -> None:
         if values.dtype.kind == "f":
             self.infinite += int(np.isinf(values).sum())
             values = values[np.isfinite(values)]
         if values.size:
-            self.count += values.size
             self.least = min(self.least, float(values.min()))
             self.greatest = max(self.greatest, float(values.max()))
+            with np.errstate(over="ignore", invalid="ignore"):
+                mean, before = float(values.mean()), self.count
+                self.count += values.size
+                share, apart = values.size / self.count, mean - self.mean
+                self.squares += float(((values - mean) ** 2).sum()) + apart * apart * before * share
+                self.mean += apart * share
 
 
 @dataclass(eq=False)
@@ -206,6 +217,8 @@ class Gathered:
                 found.infinite,
                 found.least if found.count else math.nan,
                 found.greatest if found.count else math.nan,
+                found.mean if found.count else math.nan,
+                math.sqrt(found.squares / found.count) if found.count else math.nan,
             )
             for name, found in self.columns.items()
         )

@@ -1,5 +1,6 @@
 """A family of open-loop trials: one shape on one control, of which a design chooses amplitude and period."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,23 @@ from seatrial.core.argument_checks import as_number, check_choice, check_count, 
 from seatrial.core.array_module import array_module
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.schedule import MOST_SAMPLES, Schedule
-from seatrial.manoeuvres.shapes import SHAPES, Shape
+from seatrial.manoeuvres.schedule import MOST_SAMPLES, Schedule, schedule_of
+from seatrial.manoeuvres.shapes import SHAPES, Part, Shape
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A control that moves together with the driven one, SI.
+
+    Attributes:
+        control: channel.
+        trim: its trim value.
+        ratio: its amplitude over that of the driven control.
+    """
+
+    control: str
+    trim: float
+    ratio: float
 
 
 @dataclass(frozen=True)
@@ -30,6 +46,7 @@ class Family:
             of the campaign file lists all of them.
         seed: of random levels.
         ended: when the trial is ended, s, which may be before the input has come to its end; None for its whole duration.
+        beside: other controls that run the same shape at the same time, each so that they can be told apart (see `Shape.part`).
 
     Raises:
         InputError: a shape that there is not, a time that is none, or times that contradict each other.
@@ -45,6 +62,7 @@ class Family:
     kind: str = "repeated-doublet"
     seed: int = 0
     ended: float | None = None
+    beside: tuple[Beside, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse settings that no trial has."""
@@ -56,6 +74,14 @@ class Family:
         for name in ("start", "ramp"):
             check_number(getattr(self, name), f"Family, {name}", least=0.0, remedy="give a time in s, or leave it out")
         check_count(self.seed, "Family, seed", least=0)
+        moved = [self.control, *(one.control for one in self.beside)]
+        if len(set(moved)) < len(moved):
+            raise InputError(
+                "Family, beside",
+                found=", ".join(moved),
+                expected="each control once",
+                remedy="leave the repetition out",
+            )
         if self.ended is not None:
             check_number(self.ended, "Family, ended", above=0.0, remedy="give a time in s, or leave it out")
         _check_times(self)
@@ -80,25 +106,51 @@ class Family:
         return np.arange(round(self.end / self.sample_time)) * self.sample_time
 
     def signal(self, amplitude: Any, period: Any, time: Any) -> Array:
-        """Return the control at given times, SI; settings and times broadcast.
+        """Return the driven control at given times, SI; arguments as `signals`."""
+        return self.signals(amplitude, period, time)[self.control]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What each control runs, the driven one first."""
+        of = 1 + len(self.beside)
+        return (Part(self.shape),) if of == 1 else tuple(self.shape.part(k, of) for k in range(of))
+
+    def signals(self, amplitude: Any, period: Any, time: Any) -> dict[str, Array]:
+        """Return every control that moves, by name, at given times, SI; settings and times broadcast.
 
         Args:
-            amplitude: change from trim, SI.
+            amplitude: change of the driven control from trim, SI.
             period: s.
             time: s from the beginning of the trial.
         """
-        levels, xp = self.shape.draw(self.seed), array_module(amplitude, period, time)
-        elapsed = xp.asarray(time) - self.start
+        moved = (Beside(self.control, self.trim, 1.0), *self.beside)
+        return {
+            one.control: one.trim + one.ratio * amplitude * self._share(part, period, time)
+            for one, part in zip(moved, self.parts, strict=True)
+        }
+
+    def _share(self, part: Part, period: Any, time: Any) -> Array:
+        levels, xp = part.shape.draw(self.seed + part.seed), array_module(period, time)
+        period = xp.asarray(period)
+        elapsed = xp.asarray(time) - self.start - part.delay * period
         with np.errstate(all="ignore"):  # a period that is none is nothing that fits
-            share = self.shape.share(elapsed, xp.asarray(period), self.active, self.ramp, levels)
-        return self.trim + amplitude * share
+            return part.shape.share(elapsed, part.period * period, self._acting(period), self.ramp, levels)
+
+    def _acting(self, period: Any) -> Any:
+        """Time for which each control acts, s: the last to begin ends with the active time."""
+        return self.active - max(part.delay for part in self.parts) * period if self.beside else self.active
 
     def fits(self, period: Float[np.ndarray, "*p"]) -> Bool[np.ndarray, "*p"]:
         """Return whether the whole shape fits into the active time, and its edges and samples between its turns."""
         period = np.asarray(period, float)
-        turns = self.shape.shortest(period) * (1 + 1e-9)
-        within = (period > 0) & (period <= self.shape.longest(self.active) * (1 + 1e-9))
+        turns = self._turns * period * (1 + 1e-9)
+        within = (period > 0) & (period <= self.shape.longest(self._acting(period)) * (1 + 1e-9))
         return within & (turns >= max(self.ramp, self.sample_time))
+
+    @property
+    def _turns(self) -> float:
+        """Shortest time between two turns of any control, as a share of the period."""
+        return min(float(part.shape.shortest(part.period)) for part in self.parts)
 
     def manoeuvre(self, amplitude: float, period: float) -> Manoeuvre:
         """Return one member; arguments and errors as `schedule`."""
@@ -113,12 +165,15 @@ class Family:
             "active": self.active,
             "ramp": self.ramp,
             "seed": float(self.seed),
+            **{f"trim {one.control}": one.trim for one in self.beside},
+            **{f"amplitude {one.control}": one.ratio * amplitude for one in self.beside},
         }
 
-        def signal(time: np.ndarray) -> np.ndarray:
-            return np.asarray(self.signal(amplitude, period, time))
+        def of(control: str) -> Callable[[np.ndarray], np.ndarray]:
+            return lambda time: np.asarray(self.signals(amplitude, period, time)[control])
 
-        return Manoeuvre(self.words, self.control, self.end, settings, signal)
+        others = {one.control: of(one.control) for one in self.beside}
+        return Manoeuvre(self.words, self.control, self.end, settings, of(self.control), others)
 
     def schedule(self, amplitude: float, period: float, **held: float) -> Schedule:
         """Return one member as controls over time.
@@ -131,23 +186,27 @@ class Family:
         Raises:
             InputError: an amplitude that is none, a period that does not fit, or a value for the driven control.
         """
-        time, driven = self.manoeuvre(amplitude, period).sample(self.sample_time)
-        if self.control in held:
-            raise InputError(
-                f"manoeuvre {self.words}, {self.control}",
-                found="a value at which it is held",
-                expected="other controls only: this one is driven",
-                remedy="set `trim` of the family",
-            )
-        others = {name: np.full(time.size, check_number(value, f"schedule, {name}")) for name, value in held.items()}
-        return Schedule(time, {self.control: driven, **others})
+        driven = schedule_of(self.manoeuvre(amplitude, period), self.sample_time)
+        for name in driven.controls:
+            if name in held:
+                raise InputError(
+                    f"manoeuvre {self.words}, {name}",
+                    found="a value at which it is held",
+                    expected="other controls only: this one is driven",
+                    remedy="set `trim` of the family",
+                )
+        size = driven.time.size
+        others = {name: np.full(size, check_number(value, f"schedule, {name}")) for name, value in held.items()}
+        return Schedule(driven.time, {**driven.controls, **others})
 
     def expected(self) -> dict[str, str]:
         """Say what a period has to be, and how to mend one that is not, for errors."""
-        shortest = max(self.ramp, self.sample_time) / float(self.shape.shortest(1.0))
+        shortest = max(self.ramp, self.sample_time) / self._turns
+        whole = float(self.shape.longest(1.0))
+        longest = whole * self.active / (1.0 + whole * max(part.delay for part in self.parts))
         return {
             "expected": f"a {self.shape.period_is} from {shortest:.4g} s, where its edges take {self.ramp:g} s and samples "
-            f"{self.sample_time:g} s, to {self.shape.longest(self.active):.4g} s, so that it fits into {self.active:g} s",
+            f"{self.sample_time:g} s, to {longest:.4g} s, so that it fits into {self.active:g} s",
             "remedy": "choose other periods, or change `active` or `ramp`",
         }
 

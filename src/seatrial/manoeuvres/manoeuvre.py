@@ -1,7 +1,7 @@
 """What a manoeuvre is: a named open-loop input in time, sampled where needed and checked against limits."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -21,6 +21,7 @@ class Manoeuvre:
         duration: s.
         parameters: its settings, SI.
         signal: vectorised over time.
+        others: signals of other controls that move with it, by name.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Manoeuvre:
     duration: float
     parameters: Mapping[str, float]
     signal: Callable[[np.ndarray], np.ndarray]
+    others: Mapping[str, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
 
     def sample(self, sample_time: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the times 0, h, 2h, … below the duration, s, and the control at each, SI."""

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from seatrial.core.argument_checks import check_array, check_mapping
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.files import depend_on
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
@@ -157,9 +158,9 @@ class Rows(NamedTuple):
 
 
 def schedule_of(manoeuvre: Manoeuvre, sample_time: float) -> Schedule:
-    """Return the schedule of a manoeuvre, which drives one control."""
+    """Return the schedule of a manoeuvre: the control that it drives, and those that move with it."""
     time, control = manoeuvre.sample(sample_time)
-    return Schedule(time, {manoeuvre.control: control})
+    return Schedule(time, {manoeuvre.control: control, **{name: x(time) for name, x in manoeuvre.others.items()}})
 
 
 def table_text(time: Sequence[float], controls: Mapping[str, Sequence[float]]) -> str:
@@ -211,6 +212,7 @@ def _widened(limits: Limits) -> Limits:
 
 
 def _text(path: Path) -> str:
+    depend_on(path)
     if not path.is_file():
         raise InputError(
             str(path),

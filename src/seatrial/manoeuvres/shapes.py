@@ -20,6 +20,23 @@ NANOSECOND = 1e-9
 """Times that should be equal differ by rounding (k * 0.01 s against 1 + j * period); a nanosecond decides."""
 
 
+@dataclass(frozen=True)
+class Part:
+    """How one of several controls that move together runs a shape.
+
+    Attributes:
+        shape: that it runs.
+        delay: of its begin, as a share of the period.
+        period: its own, as a share of the period.
+        seed: added to that of random levels.
+    """
+
+    shape: "Shape"
+    delay: float = 0.0
+    period: float = 1.0
+    seed: int = 0
+
+
 class Shape(Protocol):
     """What every shape offers."""
 
@@ -53,8 +70,12 @@ class Shape(Protocol):
         """Return the shortest time between two turns of the input, s: what a ramp must fit into."""
         ...
 
-    def longest(self, active: float) -> float:
+    def longest(self, active: Any) -> Any:
         """Return the longest period that fits into the active time, s."""
+        ...
+
+    def part(self, k: int, of: int) -> Part:
+        """Return what the k-th of several controls runs, so that all together are orthogonal over whole periods, or nearly so."""
         ...
 
 
@@ -114,9 +135,23 @@ class Steps:
         """See `Shape.shortest`."""
         return period / self.parts
 
-    def longest(self, active: float) -> float:
+    def longest(self, active: Any) -> Any:
         """See `Shape.longest`."""
         return active if self.runs == "cut" or isinstance(self.levels, str) else active * self.parts / len(self.levels)
+
+    def part(self, k: int, of: int) -> Part:
+        """See `Shape.part`.
+
+        Doublets of equal period a quarter of it apart are orthogonal, and so are those of half the period (Rademacher functions). 3-2-1-1
+        is Barker's code of seven, whose copies three levels apart have correlation 0 or -1/7. Sequences are other ones, or the same
+        further on; single steps come one after the other.
+        """
+        if isinstance(self.levels, str):
+            return Part(self, seed=k * (127 // of) if self.levels == "prbs" else k * 104_729)
+        if self.levels == (1.0, -1.0):
+            share = 0.5 ** (k // 2)
+            return Part(self, delay=(k % 2) * share / 4, period=share)
+        return Part(self, delay=3 * k / self.parts if self.parts > 1 else float(k))
 
     def _count(self, size: int, hold: Any, active: Any) -> Any:
         xp = array_module(hold)
@@ -152,12 +187,18 @@ def _maximal_sequence(seed: int) -> Float[np.ndarray, " levels"]:
 class Multisine:
     """Sum of harmonics of the period with phases that keep its peaks low, as many whole periods as fit; peak 1.
 
-    Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970) for a flat spectrum. Actuators that take different harmonics are
-    orthogonal over a period.
+    Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970) for a flat spectrum, and begin the search for those of the lowest peak where
+    several controls share the harmonics: these are orthogonal over a period.
+
+    Attributes:
+        period_is: what the period is, in words.
+        harmonics: of the period.
+        lowest: whether the phases of the lowest peak are sought, see `low_peak_phases`.
     """
 
     period_is: str
     harmonics: tuple[int, ...]
+    lowest: bool = False
 
     @property
     def sides(self) -> str:
@@ -172,7 +213,7 @@ class Multisine:
         """See `Shape.share`; the ends are joined smoothly by the wave itself, which starts where it is zero."""
         xp = array_module(elapsed, period)
         elapsed = xp.asarray(elapsed) + NANOSECOND
-        phases, shift, peak = _schroeder(self.harmonics)
+        phases, shift, peak = _phases(self.harmonics, self.lowest)
         angle = 2 * pi * (elapsed / period + shift)
         wave = sum(xp.cos(k * angle + phase) for k, phase in zip(self.harmonics, phases, strict=True)) / peak
         inside = (elapsed >= 0) & (elapsed < period * xp.floor(active / period + NANOSECOND))
@@ -182,9 +223,13 @@ class Multisine:
         """See `Shape.shortest`: half the shortest wave."""
         return period / (2 * max(self.harmonics))
 
-    def longest(self, active: float) -> float:
+    def longest(self, active: Any) -> Any:
         """See `Shape.longest`."""
         return active
+
+    def part(self, k: int, of: int) -> Part:
+        """See `Shape.part`: every `of`-th harmonic, from the k-th on."""
+        return Part(Multisine(self.period_is, self.harmonics[k::of], lowest=True))
 
 
 @dataclass(frozen=True)
@@ -219,16 +264,44 @@ class Chirp:
         """See `Shape.shortest`: half the shortest wave."""
         return period / (2 * self.ratio)
 
-    def longest(self, active: float) -> float:
+    def longest(self, active: Any) -> Any:
         """See `Shape.longest`."""
         return active
 
+    def part(self, k: int, of: int) -> Part:
+        """See `Shape.part`: later by a quarter of the first wave, so that two are never at one frequency at a time."""
+        return Part(self, delay=k / 4)
+
+
+def low_peak_phases(harmonics: tuple[int, ...], rounds: int = 300) -> tuple[float, ...]:
+    """Return phases of a sum of cosines of equal amplitude with a low peak, rad.
+
+    The sum is clipped, and takes the phases of what is left, again and again (Van der Ouderaa, Schoukens and Renneboog, IEEE Trans.
+    Instrum. Meas. 37, 1988); the best sum on the way is kept.
+
+    Args:
+        harmonics: of the period.
+        rounds: how often.
+    """
+    size = 64 * max(harmonics)
+    places, angle = np.array(harmonics), 2 * np.pi * np.arange(size) / size
+    phases, best = np.array(_schroeder(len(harmonics))), (np.inf, ())
+    for level in np.linspace(0.75, 0.99, rounds):
+        wave = np.cos(np.outer(angle, places) + phases).sum(1)
+        peak = float(np.abs(wave).max())
+        best = min(best, (peak, tuple(map(float, phases))))
+        phases = np.angle(np.fft.rfft(np.clip(wave, -level * peak, level * peak))[places])
+    return best[1]
+
+
+def _schroeder(n: int) -> tuple[float, ...]:
+    return tuple(-np.pi * i * (i + 1) / n for i in range(n))
+
 
 @lru_cache(maxsize=16)
-def _schroeder(harmonics: tuple[int, ...]) -> tuple[tuple[float, ...], float, float]:
+def _phases(harmonics: tuple[int, ...], lowest: bool) -> tuple[tuple[float, ...], float, float]:
     """Return the phases, the share of the period at which the sum rises through zero, and its peak."""
-    n = len(harmonics)
-    phases = tuple(-np.pi * i * (i + 1) / n for i in range(n))
+    phases = low_peak_phases(harmonics) if lowest else _schroeder(len(harmonics))
     at = np.linspace(0.0, 1.0, 400 * max(harmonics) + 1)
     wave = np.cos(2 * np.pi * np.outer(at, harmonics) + phases).sum(1)
     rising = int(np.flatnonzero((wave[:-1] < 0) & (wave[1:] >= 0))[0])

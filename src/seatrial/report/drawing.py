@@ -6,43 +6,44 @@ the same bytes, whatever else is on the page and whenever it is drawn.
 
 import io
 import re
-from typing import TYPE_CHECKING
-
-from markupsafe import Markup, escape
-
-from seatrial.report.figures.style import PALETTE
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from markupsafe import Markup, escape
 
 from seatrial.campaign.config.truth import true_coefficients
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.core.signals import SIGNALS
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.fit import Driven, Predicted
-from seatrial.report.figures.records import control_over_time
-from seatrial.report.figures.style import unit_label
-from seatrial.report.labels import label_mathtext
+from seatrial.report.figures.records import controls_over_time
+from seatrial.report.figures.style import PALETTE, unit_label
+from seatrial.report.labels import label_html, label_mathtext, name_html, sentence_html
+from seatrial.report.numbers import Digits, times_ten, unit_html
+from seatrial.selection.structures import structure_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from seatrial.campaign.store.estimates import Estimate
     from seatrial.campaign.workflow.outcome import Outcome
 
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(?:url\(#|href="#)([^)"]*)')
+_STRUCTURE = re.compile(r"\bM-\d+\b")
 _TAG = re.compile(r"<[^>]*>")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_PATH = re.compile(r'\sd="([^"]*)"')
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{2,}")
+_SPACE = re.compile(r"\s*([MLCQz])\s*")
+_LEVEL = re.compile(r"M([\d.-]+) ([\d.-]+)L([\d.-]+) \2(?=M|$)")
+MANY, DOT = 20, 0.2
+"""Points beyond which a path is written more coarsely, and length below which a stroke is a dot, points."""
 _FONT = re.compile(r"'DejaVu Sans'[^;\"]*")
 _VARIABLE = {light: f"var(--{name})" for name, (light, _) in PALETTE.items()}
 _COLOUR = re.compile("|".join(_VARIABLE))
@@ -104,7 +105,8 @@ def draw_svg(figure: "Figure", salt: str = "seatrial") -> str:
             metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
         )
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", stream.getvalue(), flags=re.DOTALL)
-    return re.sub(r"\s*\n\s*", "\n", _TAG.sub(lambda tag: _NUMBER.sub(_round, tag[0]), text))
+    text = _TAG.sub(lambda tag: _NUMBER.sub(_round, tag[0]), _PATH.sub(_short, text))
+    return re.sub(r"\s*\n\s*", "\n", text)
 
 
 def draw_pdf(figure: "Figure") -> bytes:
@@ -133,19 +135,69 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
     return Drawing(inline_svg(figure, name, title, description), caption, heading)
 
 
+@lru_cache(maxsize=1)
 def labels_of(outcome: "Outcome") -> dict[str, str]:
-    """Return the LaTeX label of every parameter of every structure."""
-    pairs = {}
-    for estimate in outcome.estimates:
-        pairs |= dict(zip(estimate.names, map(str, estimate.data["label"].values), strict=True))
-    return pairs
+    """Return the LaTeX label of every parameter of every structure, of terms that none has, and of signals whose names are no symbols."""
+    signals = {name: signal.label for name, signal in SIGNALS.items() if "_" in name}
+    optional = {term: CoefficientName.parse(term).label for term in outcome.campaign.structure.optional}
+    return signals | optional | _of_parameters(outcome, "label")
 
 
+@lru_cache(maxsize=1)
 def units_of(outcome: "Outcome") -> dict[str, str]:
     """Return the SI unit of every parameter of every structure."""
+    return _of_parameters(outcome, "unit")
+
+
+@lru_cache(maxsize=1)
+def digits_of(outcome: "Outcome") -> dict[str, Digits]:
+    """Return how every parameter is written, wherever it stands: by the chosen structure, or else the first that has it."""
+    found = {}
+    for estimate in (outcome.chosen, *outcome.estimates):
+        found = {name: Digits.of(*moments) for name, moments in moments_of(estimate).items()} | found
+    return found
+
+
+def unit_row(outcome: "Outcome", name: str) -> dict[str, Markup]:
+    """Return the symbol of a parameter and its unit, with the power of ten that its numbers are to be multiplied by."""
+    exponent = digits_of(outcome)[name].exponent
+    power = Markup(times_ten(exponent).removeprefix(" × ") + " ") if exponent else Markup("")
+    return {"label": label_html(labels_of(outcome)[name]), "unit": power + unit_html(units_of(outcome)[name])}
+
+
+def moments_of(estimate: "Estimate") -> dict[str, tuple[float, float]]:
+    """Return posterior mean and standard deviation of each parameter of a structure, SI."""
+    mean, sd = (map(float, estimate.data[name].values) for name in ("mean", "sd"))
+    return dict(zip(estimate.names, zip(mean, sd, strict=True), strict=True))
+
+
+@lru_cache(maxsize=1)
+def names_of(outcome: "Outcome") -> dict[str, str]:
+    """Return the name of every structure by its terms, by its label."""
+    return structure_names([estimate.structure for estimate in outcome.estimates])
+
+
+def model_html(outcome: "Outcome", label: str) -> Markup:
+    """Return the name of a structure for the page."""
+    return name_html(names_of(outcome)[label], labels_of(outcome))
+
+
+def model_said(outcome: "Outcome", label: str) -> Markup:
+    """Return a structure within a sentence of the page: its name in quotes, or `the model` where there is no other."""
+    return Markup("“{}”").format(model_html(outcome, label)) if len(outcome.estimates) > 1 else Markup("the model")
+
+
+def sentence_of(outcome: "Outcome", text: str) -> Markup:
+    """Typeset a sentence about this outcome: structures by their terms in quotes, parameters by their symbols."""
+    names = {label: f"“{name}”" for label, name in names_of(outcome).items()}
+    named = _STRUCTURE.sub(lambda found: names.get(found[0], found[0]), text)
+    return sentence_html(named, labels_of(outcome))
+
+
+def _of_parameters(outcome: "Outcome", column: str) -> dict[str, str]:
     pairs = {}
     for estimate in outcome.estimates:
-        pairs |= dict(zip(estimate.names, map(str, estimate.data["unit"].values), strict=True))
+        pairs |= dict(zip(estimate.names, map(str, estimate.data[column].values), strict=True))
     return pairs
 
 
@@ -175,12 +227,14 @@ def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.nd
     return data["time"].values[rows], channels, controls
 
 
-def schedule_figure(schedule: Schedule, limits: Limits) -> "Figure":
-    """Draw the one control of a schedule, as `control_over_time`, in the unit in which it is shown."""
-    ((name, values),) = schedule.controls.items()
-    factor, _ = shown_unit(name)
-    low, high = (None if bound is None else bound * factor for bound in (limits.lower, limits.upper))
-    return control_over_time(schedule.time, values * factor, signal_axis(name), (low, high))
+def schedule_figure(schedule: Schedule, limits: Mapping[str, Limits]) -> "Figure":
+    """Draw every control of a schedule, as `control_over_time`, in the unit in which it is shown; limits by name."""
+    panels = []
+    for name, values in schedule.controls.items():
+        (factor, _), bounds = shown_unit(name), limits.get(name, Limits())
+        low, high = (None if bound is None else bound * factor for bound in (bounds.lower, bounds.upper))
+        panels.append((values * factor, signal_axis(name), (low, high)))
+    return controls_over_time(schedule.time, panels)
 
 
 def truth_of(outcome: "Outcome") -> Mapping[str, float]:
@@ -194,6 +248,23 @@ def _own_ids(body: str, name: str) -> str:
     used = set(_REFERENCE.findall(body))
     body = _ID.sub(lambda match: f' id="{name}-{match[1]}"' if match[1] in used else "", body)
     return re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", body)
+
+
+def _short(path: re.Match) -> str:
+    """Write a path of many points to a tenth of a point, without what need not be said; a stroke as short as a dot has no length."""
+    text = path[1]
+    if text.count("\n") > MANY:
+        text = _LONG_NUMBER.sub(lambda number: f"{float(number[0]):.1f}".removesuffix(".0"), text)
+    return f' d="{_LEVEL.sub(_level, _SPACE.sub(_letter, text.strip()))}"'
+
+
+def _letter(found: re.Match) -> str:
+    return found[1]
+
+
+def _level(stroke: re.Match) -> str:
+    start, height, end = stroke.groups()
+    return f"M{start} {height}" + ("h0" if abs(float(end) - float(start)) < DOT else f"H{end}")
 
 
 def _round(number: re.Match) -> str:

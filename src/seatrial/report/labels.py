@@ -12,6 +12,9 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.signals import SIGNALS
 from seatrial.report.numbers import typeset
 
 GREEK = {
@@ -28,6 +31,17 @@ GREEK = {
     "tau": "τ",
     "theta": "θ",
 }
+LETTERS = {
+    "sigma": r"\sigma_{?}",
+    "tau": r"\tau_{?}",
+    "dof": r"\nu_{?}",
+    "bias": "b_{?}",
+    "lag": r"t_{\mathrm{lag},?}",
+    "process": "q_{?}",
+    "spread": "s_{?}",
+    "dev": r"\delta_{?}",
+}
+"""What stands for the first word of a parameter's name; `?` is the label of the rest."""
 DOT_ABOVE = "\u0307"
 _TOKEN = re.compile(r"\\[A-Za-z]+|.", re.DOTALL)
 _TAGS = {"sub": "sub", "sup": "sup", "variable": "i"}
@@ -50,6 +64,31 @@ def label_mathtext(label: str) -> str:
     """Return a label for Matplotlib; the user's part stands outside the dollars, where nothing is a command."""
     nodes, suffix = _parse(label)
     return f"${''.join(map(_mathtext, nodes))}$" + suffix.replace("$", r"\$")
+
+
+def name_mathtext(name: str) -> str:
+    """Return the label of a parameter for a figure, by its name alone: `sigma_u` gives `$\\sigma_{u}$`."""
+    base, bracket, run = name.partition("[")
+    head, _, of = base.partition("_")
+    if head in LETTERS and of:
+        label = LETTERS[head].replace("?", _label_of(of))
+    elif of.isdigit() and head in SIGNALS:
+        label = f"{SIGNALS[head].label}_{of}"
+    else:
+        label = _label_of(base)
+    return label_mathtext(label + bracket + run)
+
+
+def _label_of(name: str) -> str:
+    """Return the LaTeX of a coefficient, of a signal or its rate; the name itself of what is none of these."""
+    if name in SIGNALS:
+        return SIGNALS[name].label
+    if name.removesuffix("dot") in SIGNALS:
+        return rf"\dot{{{SIGNALS[name.removesuffix('dot')].label}}}"
+    try:
+        return CoefficientName.parse(name).label
+    except InputError:
+        return rf"\mathrm{{{name.replace('_', ' ')}}}"
 
 
 def name_html(text: str, labels: Mapping[str, str]) -> Markup:

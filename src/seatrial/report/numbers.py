@@ -2,6 +2,7 @@
 
 import re
 from math import floor, isfinite, log10
+from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
@@ -11,36 +12,53 @@ NARROW_SPACE = "\u202f"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+class Digits(NamedTuple):
+    """How one parameter is written wherever it stands: a power of ten pulled out of so many decimals.
+
+    Without a standard deviation nothing says how many are worth writing (`decimals` is None), and there are four significant digits.
+    """
+
+    exponent: int
+    decimals: int | None
+
+    @classmethod
+    def of(cls, value: float, sd: float) -> "Digits":
+        """Return what shows two significant digits of the standard deviation."""
+        if not (isfinite(sd) and sd > 0):
+            return cls(_significant(value, 4)[1] if isfinite(value) else 0, None)
+        exponent = common_exponent(value, sd)
+        return cls(exponent, _decimals(sd, exponent))
+
+    def bare(self, value: float) -> str:
+        """Write a number without its power of ten."""
+        if not isfinite(value):
+            return DASH
+        if self.decimals is None:
+            return _significant(value / 10.0**self.exponent, 4)[0]
+        return _fixed(value, self.exponent, self.decimals)
+
+    def pair(self, value: float, sd: float) -> str:
+        """Write a value with its standard deviation, without their power of ten."""
+        known = self.decimals is not None and isfinite(value) and isfinite(sd)
+        return f"{self.bare(value)} ± {self.bare(sd) if known else DASH}"
+
+
 def rounded(value: float, sd: float) -> tuple[str, str, int]:
     """Round a value to two significant digits of its standard deviation.
 
     Returns:
         value, standard deviation, and the power of ten both are to be multiplied by (0 where none is pulled out).
     """
-    if not isfinite(value):
-        return DASH, DASH, 0
-    if not (isfinite(sd) and sd > 0):
-        text, exponent = _significant(value, 4)
-        return text, DASH, exponent
-    exponent = common_exponent(value, sd)
-    decimals = _decimals(sd, exponent)
-    return _fixed(value, exponent, decimals), _fixed(sd, exponent, decimals), exponent
+    digits = Digits.of(value, sd)
+    text, spread = digits.pair(value, sd).split(" ± ")
+    return text, spread, digits.exponent
 
 
 def with_sd(value: float, sd: float) -> str:
     """Write a value with its standard deviation, rounded as `rounded` does: `−3.016 ± 0.081`, `(6.365 ± 0.084) × 10⁻⁴`."""
-    text, spread, exponent = rounded(value, sd)
-    return f"({text} ± {spread}){times_ten(exponent)}" if exponent else f"{text} ± {spread}"
-
-
-def rounded_like(value: float, reference: float, sd: float) -> str:
-    """Write a value with the decimals and power of ten that `rounded(reference, sd)` chose."""
-    if not isfinite(value):
-        return DASH
-    if not (isfinite(sd) and sd > 0):
-        return short(value)
-    exponent = common_exponent(reference, sd)
-    return _fixed(value, exponent, _decimals(sd, exponent))
+    digits = Digits.of(value, sd)
+    pair = digits.pair(value, sd)
+    return f"({pair}){times_ten(digits.exponent)}" if digits.exponent else pair
 
 
 def common_exponent(*values: float) -> int:

@@ -8,45 +8,32 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.files import write_text
 from seatrial.report.figures.style import own_settings
 from seatrial.report.html import render_html
-from seatrial.report.sections.baselines import baselines_section
-from seatrial.report.sections.cross_validation import cross_validation_section
-from seatrial.report.sections.designs import known_section, next_section, trial_section
-from seatrial.report.sections.fits import fits_section, traces_section
-from seatrial.report.sections.models import models_section, terms_section
-from seatrial.report.sections.posteriors import coefficients_section, posteriors_section
-from seatrial.report.sections.summary import method_section, summary_section
+from seatrial.report.sections.designs import next_section, trial_section
+from seatrial.report.sections.fits import fits_section
+from seatrial.report.sections.method import method_section
+from seatrial.report.sections.models import models_section
+from seatrial.report.sections.parameters import parameters_section
+from seatrial.report.sections.summary import summary_section
 
 SECTIONS = {
     "summary": summary_section,
-    "coefficients": coefficients_section,
     "models": models_section,
-    "terms": terms_section,
-    "leftout": cross_validation_section,
-    "trial": trial_section,
     "fit": fits_section,
-    "baselines": baselines_section,
-    "traces": traces_section,
-    "posteriors": posteriors_section,
-    "known": known_section,
     "next": next_section,
+    "trial": trial_section,
+    "parameters": parameters_section,
     "method": method_section,
 }
-"""Sections by the name of their template, in reading order."""
+"""What the templates print, by name."""
 CONTENTS = {
-    "summary": "What the data say",
-    "coefficients": "Coefficients",
-    "models": "Models",
-    "terms": "Which terms are real",
-    "leftout": "Runs left out",
-    "trial": "The trial",
-    "fit": "Fit and residuals",
-    "baselines": "Beside simpler models",
-    "traces": "Filter traces",
-    "posteriors": "Posteriors",
-    "known": "What is known",
+    "summary": "The answer",
+    "models": "Models compared",
+    "fit": "Does it predict?",
     "next": "The next trial",
-    "method": "How this was computed",
+    "parameters": "Parameters in detail",
+    "method": "Data and method",
 }
+"""Headings by the name of their template, in reading order."""
 
 
 def write_report(outcome: Outcome) -> Path:
@@ -72,5 +59,4 @@ def render(outcome: Outcome) -> str:
     with own_settings():
         sections = {name: section(outcome) for name, section in SECTIONS.items()}
     contents = {name: title for name, title in CONTENTS.items() if sections[name]}
-    script = "trimming.js" if sections["trial"].get("trimmed") else ""
-    return render_html("page.html", script, contents=contents, **sections)
+    return render_html("page.html", "folds.js", contents=contents, **sections)

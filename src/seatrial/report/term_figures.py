@@ -1,29 +1,35 @@
-"""Figures of a selection, for the page and for its picture: they draw the screening beside the contenders."""
+"""Figures of a selection, for the page and for its picture."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.record import Record
 from seatrial.report.figures.structures import (
     CoefficientPath,
     Gap,
     coefficient_paths,
-    inclusion_bars,
     inclusion_paths,
+    mark_decided,
     model_space,
+    probability_bars,
     speed_gaps,
 )
+from seatrial.report.figures.style import thin
 from seatrial.report.labels import label_mathtext
+from seatrial.selection.structures import structure_names
 from seatrial.selection.verdict import Selection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PATHS = 6
+PATHS = 4
 """Coefficients whose paths are drawn at most: of the optional terms, the most doubtful first."""
+DOTS = 400
+"""Samples of a record that are drawn."""
 
 
 class TermFigure(NamedTuple):
@@ -38,9 +44,11 @@ class TermFigure(NamedTuple):
 def term_figures(
     units: Mapping[str, str], selection: Selection, screened: Screened | None, contenders: Contenders | None
 ) -> list[TermFigure]:
-    """Draw what there is; `units` are those of the coefficients, SI."""
-    result = _of_screening(units, selection, screened) if screened is not None else []
-    return result if contenders is None else [*result, _gap(contenders)]
+    """Draw what there is, by simulation first; `units` are those of the coefficients, SI."""
+    results = [_simulated(selection)] if selection.inclusion and len(selection.structures) > 1 else []
+    if contenders is not None:
+        results.append(contenders_figure(contenders, structure_names(selection.structures)))
+    return results + (screening_figures(units, screened) if screened is not None else [])
 
 
 def symbol(term: str) -> str:
@@ -48,7 +56,8 @@ def symbol(term: str) -> str:
     return label_mathtext(CoefficientName.parse(term).label)
 
 
-def _of_screening(units: Mapping[str, str], selection: Selection, screened: Screened) -> list[TermFigure]:
+def screening_figures(units: Mapping[str, str], screened: Screened) -> list[TermFigure]:
+    """Draw what the screening says of all structures; `units` are those of the coefficients, SI."""
     data, optional = screened.data, screened.optional
     inclusion = dict(zip(optional, data["inclusion"].sel(term=optional).values, strict=True))
     bars = sorted(optional, key=lambda term: -inclusion[term])
@@ -58,16 +67,10 @@ def _of_screening(units: Mapping[str, str], selection: Selection, screened: Scre
     names = [symbol(term) for term in rows]
     return [
         TermFigure(
-            "inclusion",
-            inclusion_bars(
-                [symbol(term) for term in bars],
-                [inclusion[term] for term in bars],
-                _column(selection.inclusion, bars),
-                _column(selection.inclusion_error, bars),
-            ),
-            "Which terms are needed",
-            "Grey: screening of all structures in closed form. Blue: by simulation, which counts; its error bars are one "
-            "standard error of the computation. Beyond the dashed lines the data have decided.",
+            "inclusion-screening",
+            _bars(bars, inclusion, dict.fromkeys(bars, 0.0)),
+            "Which terms are needed, by screening",
+            "Probability of each optional term by the screening of all structures in closed form, which is approximate.",
         ),
         TermFigure(
             "space",
@@ -77,14 +80,14 @@ def _of_screening(units: Mapping[str, str], selection: Selection, screened: Scre
                 data["probability"].values,
                 data["mean"].sel(term=rows).values,
             ),
-            "The structures",
+            "The structures, by screening",
             f"The most probable of {data.attrs['count']} structures by the screening, each as wide as it is probable. Filled: the "
             "term is in it; blue where its averaged coefficient is positive, orange where it is negative.",
         ),
         TermFigure(
             "inclusion-scale",
             inclusion_paths([symbol(term) for term in optional], scale, data["inclusion_at"].sel(term=optional).values),
-            "Inclusion and the prior",
+            "Which terms are needed if the priors were wider",
             "The screening with priors narrower and wider than given (1). Where a line crosses a dashed one, the prior decides, "
             "not the data.",
         ),
@@ -97,28 +100,61 @@ def _of_screening(units: Mapping[str, str], selection: Selection, screened: Scre
                     for term in sorted(paths, key=optional.index)
                 ],
             ),
-            "Coefficients and the prior",
-            "Coefficients averaged over all structures, absent counting as zero, with priors narrower and wider than given (1).",
+            "Coefficients if the priors were wider",
+            "Coefficients averaged over all structures, zero where one lacks the term, with priors narrower and wider than given (1).",
         ),
     ]
 
 
-def _gap(contenders: Contenders) -> TermFigure:
-    best, runner = contenders.labels
+def contenders_figure(contenders: Contenders, names: Mapping[str, str], records: Sequence[Record] = ()) -> TermFigure:
+    """Draw the two most probable structures over one plot.
+
+    Args:
+        contenders: of the selection.
+        names: of the structures, by their labels.
+        records: fitted ones, of which one is drawn with its measured speeds; without, the next trial is drawn too.
+    """
+    best, runner = (names[label] for label in contenders.labels)
+    measured = {f"run {record.label}": _measured(record) for record in records}
     gaps = []
-    for index in contenders.shown:
-        curve = contenders.curve(index)
-        words = contenders.where(index)
-        columns = (curve[name].values for name in ("time", "difference", "lower", "upper"))
-        gaps.append(Gap(words[:1].upper() + words[1:], *columns))
+    for index in contenders.shown[: 1 if records else None]:
+        curve, words = contenders.curve(index), contenders.where(index)
+        columns = {name: curve[name].values for name in ("time", "best", "difference", "lower", "upper")}
+        gaps.append(Gap(words[:1].upper() + words[1:], **columns, measured=measured.get(words)))
     return TermFigure(
         "contenders",
         speed_gaps(gaps, float(contenders.data.attrs["noise"])),
-        "What the choice changes",
-        f"Speed by {best} minus speed by {runner}. Line: at the posterior means. Band: 90 %, both posteriors drawn independently. "
-        "Dashed, where it is in sight: the noise of the speed sensor.",
+        "The two most probable models over one plot",
+        f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, by how much they differ: at the posterior means (line), "
+        "and the 90 % band of both posteriors. Dashed, where it is in sight: the noise of the speed sensor.",
     )
 
 
-def _column(values: Mapping[str, float], terms: list[str]) -> np.ndarray:
-    return np.array([values.get(term, np.nan) for term in terms])
+def _simulated(selection: Selection) -> TermFigure:
+    terms = sorted(selection.inclusion, key=lambda term: -selection.inclusion[term])
+    return TermFigure(
+        "inclusion",
+        _bars(terms, selection.inclusion, selection.inclusion_error),
+        "Which terms are needed, by simulation",
+        "Probability of each optional term: the sum over all simulated models that have it, with one standard error of the "
+        "computation. Beyond the dashed lines the data have decided.",
+    )
+
+
+def _bars(terms: Sequence[str], value: Mapping[str, float], error: Mapping[str, float]) -> "Figure":
+    figure = probability_bars(
+        [symbol(term) for term in terms],
+        [value[term] for term in terms],
+        [error[term] for term in terms],
+        axis_label="probability that it is needed",
+    )
+    mark_decided(figure.axes[0])
+    return figure
+
+
+def _measured(record: Record) -> tuple[np.ndarray, np.ndarray] | None:
+    if "u" not in record.measured:
+        return None
+    there = np.flatnonzero(np.isfinite(record.channel("u")))
+    there = there[thin(there.size, DOTS)]
+    return record.time[there], record.channel("u")[there]

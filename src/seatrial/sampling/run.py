@@ -5,20 +5,20 @@ and resumed, gives the same bits.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from seatrial.core.argument_checks import check_choice, check_count, check_names
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.notebook import result_html
 from seatrial.sampling.diagnostics import complaints, diagnose, mixing
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-    from xarray import DataTree
 
 BLOCK = 100
 
@@ -159,6 +159,12 @@ class Draws:
         places = [self._place(name) for name in (self.names if names is None else check_names(names, "names"))]
         return self.values.reshape(-1, len(self.names))[:, places]
 
+    def thinned(self, places: Int[np.ndarray, " k"]) -> "Draws":
+        """Return some draws of every chain, by their places."""
+        return replace(
+            self, z=self.z[:, places], log_density=self.log_density[:, places], values=self.values[:, places]
+        )
+
     def mixing(self) -> Mixing:
         """Return the method's own diagnostics of all parameters together."""
         if self.is_population:
@@ -188,26 +194,10 @@ class Draws:
         columns = {"unit": self.units, "mean": flat.mean(0), "sd": flat.std(0), "5%": low, "95%": high}
         return DataFrame(columns | named, index=list(self.names))
 
-    def to_arviz(self) -> "DataTree":
-        """Return a tree that ArviZ reads: `posterior` with a variable for each parameter, and `sample_stats` with `lp`.
-
-        Both lie on `chain` and `draw`; every variable tells its unit in `attrs`. Means over all chains, such as the acceptance, are
-        attributes of `sample_stats`.
-        """
-        from xarray import DataArray, Dataset, DataTree
-
-        chains, kept = self.log_density.shape
-        at = {"chain": np.arange(chains), "draw": np.arange(kept)}
-
-        def variable(values: np.ndarray, unit: str) -> DataArray:
-            return DataArray(values, at, ("chain", "draw"), attrs={"units": unit})
-
-        drawn = {name: variable(self[name], unit) for name, unit in zip(self.names, self.units, strict=True)}
-        told = {"acceptance_rate": self.acceptance, "divergences": self.divergences}
-        stats = Dataset({"lp": variable(self.log_density, "nat")}, attrs=told)
-        return DataTree.from_dict(
-            {"posterior": Dataset(drawn, attrs={"inference_library": "seatrial"}), "sample_stats": stats}
-        )
+    def _repr_html_(self) -> str:
+        chains, kept, _ = self.z.shape
+        size = f"{kept} particles" if self.is_population else f"{chains} chains of {kept}"
+        return result_html(f"Draws of {len(self)} parameters, {size}", self.summary(), self.complaints())
 
     def _place(self, name: str) -> int:
         return self.names.index(check_choice(name, self.names, "draws"))

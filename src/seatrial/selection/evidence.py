@@ -1,7 +1,7 @@
 """Evidence of one structure with its Monte Carlo error, from independent repeats of tempered SMC."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -9,9 +9,13 @@ from scipy.special import ndtri, stdtrit
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
+from seatrial.core.notebook import result_html
 from seatrial.core.progress import Progress, no_progress
 from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PRIOR_REPEATS = 4
 """Repeats' worth of trust in the expected variance of one run."""
@@ -36,6 +40,16 @@ class Evidence:
     method: str
     diagnostics: dict[str, Any] = field(default_factory=dict)
     status: str = ""
+
+    def summary(self) -> "DataFrame":
+        """Return a table of one row: log evidence and its standard error, nats, method, and what is wrong with it."""
+        from pandas import DataFrame
+
+        row = {"log_value": self.log_value, "std_error": self.std_error, "method": self.method, "status": self.status}
+        return DataFrame([row], index=["evidence"])
+
+    def _repr_html_(self) -> str:
+        return result_html("Evidence", self.summary(), [self.status] if self.status else [])
 
 
 @dataclass(frozen=True)

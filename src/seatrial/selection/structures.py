@@ -8,12 +8,35 @@ import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.estimation.remedies import listed
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rule_masks import allowed_mass
 from seatrial.selection.rules import Always, CompiledRules, compile_rules, parse_rules
 
 MAX_STRUCTURES = 64
 """Structures beyond which simulating each takes too long, and a screening has to choose a shortlist."""
+DAMPING = {
+    "X": ("u", "drag"),
+    "Y": ("v", "sway damping"),
+    "Z": ("w", "heave damping"),
+    "K": ("p", "roll damping"),
+    "M": ("q", "pitch damping"),
+    "N": ("r", "yaw damping"),
+}
+"""Speed along each axis, and what resists it."""
+ORDERS = {
+    "?": "linear",
+    "?abs?": "quadratic",
+    "??": "square",
+    "?2": "square",
+    "?3": "cubic",
+    "?4": "quartic",
+    "?5": "quintic",
+}
+"""Words of a resistance by its regressor, `?` the speed."""
+TRIM = " about trim"
+LONG = 4
+"""Parts of a name beyond which it says what is left out instead."""
 
 
 @dataclass(frozen=True)
@@ -103,3 +126,54 @@ def all_structures(rules: CompiledRules) -> tuple[Structure, ...]:
 def label_structures(sets: Sequence[Sequence[str]]) -> tuple[Structure, ...]:
     """Return structures M-0, M-1, … of these terms, in order."""
     return tuple(Structure(f"M-{index}", tuple(terms)) for index, terms in enumerate(sets))
+
+
+def structure_names(structures: Sequence[Structure]) -> dict[str, str]:
+    """Name each of these structures by its terms, as in `linear + quadratic drag`, by its label.
+
+    Drag and damping have words, where structures differ in them or nothing else resists; of other terms those count that some of the
+    structures lack, by their names. No two names are alike.
+    """
+    every = list(dict.fromkeys(term for structure in structures for term in structure.terms))
+    common = set(every).intersection(*(structure.terms for structure in structures)) if len(structures) > 1 else set()
+    kinds = {found[0] for term in every if (found := _resistance(term))}
+    differ = {found[0] for term in every if term not in common and (found := _resistance(term))}
+    said = kinds if len(kinds) == 1 else differ
+    return {structure.label: _name(structure.terms, every, common, said) for structure in structures}
+
+
+def _name(terms: Sequence[str], every: Sequence[str], common: set[str], said: set[str]) -> str:
+    resisting: dict[str, list[tuple[int, str]]] = {}
+    others = []
+    for term in terms:
+        found = _resistance(term)
+        if found and found[0] in said:
+            resisting.setdefault(found[0], []).append(found[1:])
+        elif term not in common:
+            others.append(term)
+    left_out = [term for term in every if term not in terms]
+    if sum(map(len, resisting.values())) + len(others) > LONG and len(left_out) <= LONG:
+        return f"all but {listed(left_out)}" if left_out else f"all {len(every)} terms"
+    return " + ".join([*(_group(what, sorted(orders)) for what, orders in resisting.items()), *others]) or (
+        f"no {min(said)}" if len(said) == 1 else "no optional term"
+    )
+
+
+def _group(what: str, orders: Sequence[tuple[int, str]]) -> str:
+    """Return `linear + quadratic drag + cubic about trim`."""
+    whole = [order for _, order in orders if not order.endswith(TRIM)]
+    changes = [order for _, order in orders if order.endswith(TRIM)]
+    if not whole:
+        return f"{changes[0].removesuffix(TRIM)} {what}{TRIM}" + "".join(f" + {order}" for order in changes[1:])
+    return " + ".join([f"{' + '.join(whole)} {what}", *changes])
+
+
+def _resistance(term: str) -> tuple[str, int, str] | None:
+    """Return what resists, its order as a rank and in words, of a term of its own axis' speed; None for any other."""
+    axis, _, regressor = term.partition("_")
+    if axis not in DAMPING:
+        return None
+    speed, what = DAMPING[axis]
+    change = regressor.startswith(f"d{speed}")
+    shape = regressor.removeprefix("d" * change).replace(speed, "?")
+    return (what, list(ORDERS).index(shape), ORDERS[shape] + TRIM * change) if shape in ORDERS else None

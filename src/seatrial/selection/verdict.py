@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -10,11 +11,15 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError
+from seatrial.core.notebook import result_html
 from seatrial.core.progress import Progress, no_progress
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
@@ -47,6 +52,26 @@ class Selection:
     chosen: int
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each structure, the most probable first: probability and log evidence, each with its
+        Monte Carlo standard error, log evidence less the best, and the terms."""
+        from pandas import DataFrame
+
+        logs = np.array([evidence.log_value for evidence in self.evidences])
+        columns = {
+            "probability": self.probability,
+            "probability_error": self.probability_error,
+            "log_evidence": logs,
+            "log_evidence_error": [evidence.std_error for evidence in self.evidences],
+            "difference": logs - logs[self.chosen],
+            "terms": [" ".join(structure.terms) for structure in self.structures],
+        }
+        table = DataFrame(columns, index=[structure.label for structure in self.structures])
+        return table.sort_values("probability", ascending=False, kind="stable")
+
+    def _repr_html_(self) -> str:
+        return result_html("Which terms the data support", self.summary(), (*self.verdicts, *self.alarms))
 
 
 @dataclass(frozen=True)
@@ -159,6 +184,23 @@ def compare(
         evidences.append(agreed_evidence(posterior, own, settings))
         progress(len(evidences), len(posteriors))
     return select(structures, evidences, optional)
+
+
+def averaged(
+    moments: Sequence[Mapping[str, tuple[float, float]]], probability: Float[np.ndarray, " m"]
+) -> dict[str, tuple[float, float]]:
+    """Average coefficients over structures: mean and standard deviation of the mixture, zero where a structure lacks the coefficient.
+
+    Args:
+        moments: posterior mean and standard deviation of each coefficient, of each structure.
+        probability: of each structure.
+    """
+    results = {}
+    for name in dict.fromkeys(chain(*moments)):
+        mean, sd = np.array([one.get(name, (0.0, 0.0)) for one in moments]).T
+        centre = float(probability @ mean)
+        results[name] = centre, float(np.sqrt(probability @ (sd**2 + (mean - centre) ** 2)))
+    return results
 
 
 def _doubt(evidence: Evidence) -> float:

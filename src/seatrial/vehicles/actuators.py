@@ -2,10 +2,11 @@
 
     d(actual)/dt = clip((clip(command) - actual) / T, -rate, rate)
 
-The bare control name stays the command; what the vehicle feels is a state of its own, `n_act` behind `n`.
+The bare control name stays the command; what the vehicle feels is a state of its own, `n_act` behind `n`. T may be sought: `lag_n`, or
+`lag_f` for all of f_1, f_2, ….
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
@@ -15,7 +16,7 @@ import jax.numpy as jnp
 from seatrial.core.argument_checks import check_kind, check_number, check_order
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
-from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.model import Params, Unknown, VehicleModel
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,19 @@ class Actuator:
         )
 
 
-def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator]) -> VehicleModel:
+def lags_of(control: str) -> tuple[str, ...]:
+    """Return the names among the parameters of a control's time constant: its own, and that of all thrusters alike."""
+    shared = control.rpartition("_")[0] if control[2:].isdigit() else ""
+    return (f"lag_{control}", *([f"lag_{shared}"] if shared else []))
+
+
+def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unknown: Sequence[str] = ()) -> VehicleModel:
     """Put actuators before controls of a vehicle; its other controls act at once.
 
     Args:
         model: vehicle whose controls are what acts on it.
         actuators: by control.
+        unknown: time constants that are sought, see `lags_of`.
 
     Raises:
         InputError: no such control.
@@ -73,7 +81,10 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator]) -> Ve
         commands = dict(zip(model.controls, control, strict=True))
         return (
             *model.derivative(params, state[:count], acting(state, control)),
-            *(_rate(actuators[name], commands[name], x) for name, x in zip(lagging, state[count:], strict=True)),
+            *(
+                _rate(actuators[name], commands[name], x, _time_constant(name, actuators[name], params))
+                for name, x in zip(lagging, state[count:], strict=True)
+            ),
         )
 
     views = {
@@ -91,7 +102,20 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator]) -> Ve
         constants=(*model.constants, *constants),
         derivative=derivative,
         views=views,
+        unknowns=(*model.unknowns, *_unknown_lags(unknown, {name: actuators[name] for name in lagging})),
     )
+
+
+def _unknown_lags(unknown: Sequence[str], actuators: Mapping[str, Actuator]) -> Iterator[Unknown]:
+    for lag in unknown:
+        late = [one.time_constant for name, one in actuators.items() if lag in lags_of(name)]
+        if late:
+            label = rf"t_{{\mathrm{{lag}},{lag.removeprefix('lag_')}}}"
+            yield Unknown(lag, "s", label, late[0], signed=False)
+
+
+def _time_constant(name: str, actuator: Actuator, params: Params) -> Any:
+    return next((params[lag] for lag in lags_of(name) if lag in params), actuator.time_constant)
 
 
 def _held(actuator: Actuator, command: Any) -> Any:
@@ -102,8 +126,8 @@ def _held(actuator: Actuator, command: Any) -> Any:
     )
 
 
-def _rate(actuator: Actuator, command: Any, actual: Any) -> Any:
-    rate = (_held(actuator, command) - actual) / actuator.time_constant
+def _rate(actuator: Actuator, command: Any, actual: Any, time_constant: Any) -> Any:
+    rate = (_held(actuator, command) - actual) / time_constant
     return rate if actuator.rate == inf else jnp.clip(rate, -actuator.rate, actuator.rate)
 
 

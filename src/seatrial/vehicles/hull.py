@@ -9,6 +9,7 @@ Hydrodynamics and Motion Control, 2nd ed., 2021, eq. (3.49).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from seatrial.core.argument_checks import check_number, check_numbers, check_seq
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
+from seatrial.vehicles.model import Params, Unknown
 
 GRAVITY = 9.81
 """m/s^2, as most sources round it."""
@@ -124,6 +126,25 @@ def whole_hull(
     if symmetric:
         _check_symmetry(hull)
     return hull
+
+
+def floating_unknowns(hull: Hull) -> tuple[Unknown, ...]:
+    """Return what of weight and buoyancy may be sought: their difference, and the centre of buoyancy, x_b, y_b, z_b."""
+    stated = zip(_XYZ, hull.centre_of_buoyancy, strict=True)
+    return (
+        Unknown("net_weight", "N", "W-B", hull.weight - hull.buoyancy),
+        *(Unknown(f"{axis}_b", "m", f"{axis}_b", value) for axis, value in stated),
+    )
+
+
+def net_and_righting(hull: Hull, params: Params) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Return W - B, N, and r_g W - r_b B, N m, with those of `floating_unknowns` that are among the parameters."""
+    if not any(one.name in params for one in floating_unknowns(hull)):
+        return hull.weight - hull.buoyancy, hull.righting
+    net = params.get("net_weight", hull.weight - hull.buoyancy)
+    centres = zip(_XYZ, hull.centre_of_gravity, hull.centre_of_buoyancy, strict=True)
+    x, y, z = (g * hull.weight - params.get(f"{axis}_b", b) * (hull.weight - net) for axis, g, b in centres)
+    return net, (x, y, z)
 
 
 def rigid_mass_matrix(hull: Hull) -> Float[np.ndarray, "6 6"]:

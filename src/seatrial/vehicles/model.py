@@ -16,6 +16,25 @@ View = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], Any]
 
 
 @dataclass(frozen=True)
+class Unknown:
+    """A number of a vehicle that no coefficient is, and that `derivative` takes from `params`; where it is not there, as stated.
+
+    Attributes:
+        name: among the parameters: `gain_f_3`, `lag_n`, `z_b`.
+        unit: SI.
+        label: LaTeX.
+        stated: value where nothing else is said, SI.
+        signed: whether it may be below 0.
+    """
+
+    name: str
+    unit: str
+    label: str
+    stated: float
+    signed: bool = True
+
+
+@dataclass(frozen=True)
 class VehicleModel:
     """Continuous-time dynamics; models of the same equations are equal and hash alike, so compiled functions are shared.
 
@@ -31,6 +50,7 @@ class VehicleModel:
         views: what a sensor may measure besides states and rates, such as Euler angles of a quaternion, by channel.
         pushed: axes on which `derivative` adds a force from outside, where `params` has one under its `outside_force`, in the unit of
             a constant force on that axis.
+        unknowns: numbers beside the coefficients that are sought.
     """
 
     name: str = field(compare=False)
@@ -42,6 +62,7 @@ class VehicleModel:
     derivative: Derivative = field(compare=False, repr=False)
     views: Mapping[str, View] = field(default_factory=dict, compare=False, repr=False)
     pushed: tuple[str, ...] = ()
+    unknowns: tuple[Unknown, ...] = ()
 
     def unit_of(self, coefficient: CoefficientName) -> str:
         """Return the SI unit of a coefficient in this model."""

@@ -6,15 +6,51 @@ Thrust is the sum of the terms of the axis T, the same for every thruster, in it
 Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, section 9.1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.array_module import array_module
 from seatrial.core.errors import InputError
 from seatrial.numerics.rotations import cross, dot, total
+from seatrial.vehicles.model import Unknown
+
+
+@dataclass(frozen=True)
+class ThrustLaw:
+    """Thrust of a command, such as a pulse width: by a table or a polynomial, none in a dead zone, and a share of it astern.
+
+    Attributes:
+        table: name of the file of a table; empty where there is a polynomial.
+        polynomial: thrust, N, by powers of the command less `neutral`, the constant first.
+        neutral: command of no thrust.
+        dead_zone: commands between which there is none.
+        reverse: share of the thrust that is left where it is negative.
+    """
+
+    table: str = ""
+    polynomial: tuple[float, ...] = ()
+    neutral: float = 0.0
+    dead_zone: tuple[float, float] | None = None
+    reverse: float = 1.0
+
+    def thrust(
+        self, command: Float[np.ndarray, " n"], tabled: Float[np.ndarray, " n"] | None = None
+    ) -> Float[np.ndarray, " n"]:
+        """Return the thrust, N; NaN stays NaN.
+
+        Args:
+            command: as logged, shape (n,).
+            tabled: thrust by the table, where there is one, N, shape (n,).
+        """
+        thrust = np.polynomial.polynomial.polyval(command - self.neutral, self.polynomial) if tabled is None else tabled
+        if self.dead_zone is not None:
+            lower, upper = self.dead_zone
+            thrust = np.where((command >= lower) & (command <= upper), 0.0, thrust)
+        return np.where(thrust < 0, self.reverse * thrust, thrust)
 
 
 @dataclass(frozen=True)
@@ -44,6 +80,31 @@ PROPELLER = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:
     """Return the matrix B of the force and moment (X, Y, Z, K, M, N) of each thruster's newton."""
     return np.array([thruster.column for thruster in thrusters]).reshape(-1, 6).T
+
+
+def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> tuple[Unknown, ...]:
+    """Return what of thrust may be sought: a gain of each thruster, one of all, and the share of thrust that is left astern.
+
+    Args:
+        controls: of the vehicle.
+        thrusters: of an open frame; none of a vehicle with one propeller on its axis, whose gain is T_nabsn.
+    """
+    own = tuple(name for name in controls if name[:2] in ("f_", "n_") and name[2:].isdigit()) if thrusters else ()
+    letters = dict.fromkeys(name[0] for name in own)
+    return (
+        *(Unknown(f"gain_{name}", "1", rf"g_{{{name[2:]}}}", 1.0) for name in own),
+        *(Unknown(f"gain_{letter}", "1", "g", 1.0) for letter in letters),
+        *(Unknown(f"reverse_{letter}", "1", r"g_{\mathrm{astern}}", 1.0, signed=False) for letter in letters),
+    )
+
+
+def real_thrust(values: Mapping[str, Any], control: str, push: Any) -> Any:
+    """Return the thrust that a thruster gives for the one it should give, by the `thrust_unknowns` that are among the values."""
+    for name in (f"gain_{control}", f"gain_{control[0]}"):
+        if name in values:
+            push = values[name] * push
+    astern = values.get(f"reverse_{control[0]}")
+    return push if astern is None else array_module(push, astern).where(push < 0, astern * push, push)
 
 
 def commands_for(

@@ -8,7 +8,7 @@ by their names. A velocity that does not move is zero, or given as a measured si
 Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, eqs. (8.1) to (8.4), section 10.3.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -18,15 +18,33 @@ from jax.core import Tracer
 from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.signals import ANGLES, CURRENT_COMPONENTS, OVER_GROUND, POSITIONS, RATES, SIGNALS, thruster_controls
+from seatrial.core.signals import (
+    ANGLES,
+    CURRENT_COMPONENTS,
+    OVER_GROUND,
+    POSITIONS,
+    RATES,
+    SIGNALS,
+    SPECIFIC_FORCE,
+    thruster_controls,
+)
 from seatrial.numerics.rotations import cross, dot, times, total
 from seatrial.vehicles.active_dof import AddedCoriolis, Current, Freedom, acts
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.attitude import Attitude, Kind, attitude_states, position_angles, position_rates
 from seatrial.vehicles.coriolis import Product, entry_products, matrix_products, summed
-from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, rigid_mass_matrix
+from seatrial.vehicles.hull import (
+    AXES,
+    GRAVITY,
+    Hull,
+    added_mass_entry,
+    added_mass_matrix,
+    floating_unknowns,
+    net_and_righting,
+    rigid_mass_matrix,
+)
 from seatrial.vehicles.model import Params, VehicleModel, outside_force
-from seatrial.vehicles.thrusters import Thruster
+from seatrial.vehicles.thrusters import Thruster, real_thrust, thrust_unknowns
 from seatrial.vehicles.whole_checks import check_whole
 
 # Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiplies it.
@@ -93,6 +111,7 @@ def forces_of(
             if thrust:
                 local = {**known, "n": push, "u": times(inflow, thruster.inflow(velocity))}
                 push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
+            push = real_thrust(values, control, push)
             results = [total((force, times(x, push))) for force, x in zip(results, column, strict=True)]
         return results
 
@@ -212,6 +231,7 @@ def whole_vehicle(
     added_coriolis: AddedCoriolis = "named",
     thrusters: Sequence[Thruster] = (),
     actuators: Mapping[str, Actuator] | None = None,
+    unknowns: Sequence[str] = (),
 ) -> VehicleModel:
     """Build a vehicle whose free coefficients are `terms`.
 
@@ -231,6 +251,8 @@ def whole_vehicle(
             sets have it; "automatic" where they follow from the added mass, and named ones of the same products are refused.
         thrusters: those of an open frame, driven by n_1, n_2, …, by the terms of T; or, without such terms, by forces f_1, f_2, ….
         actuators: lags and limits by control, see `with_actuators`.
+        unknowns: numbers that are parameters beside the coefficients, where this vehicle has them: `net_weight`, `x_b`, `y_b`, `z_b`,
+            `gain_f_3` of one thruster, `gain_f` of all and `reverse_f`, their share of thrust astern, and lags of actuators.
 
     Raises:
         InputError: malformed name, a signal the model lacks, two names of one regressor, an unphysical constant, or Coriolis forces twice.
@@ -245,8 +267,8 @@ def whole_vehicle(
     )
     check_whole(hull, terms, (moves, given, positions, angles, current), added_coriolis, thrusters)
     free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
-    model = assemble(hull, free, freedom, added_coriolis, tuple(thrusters))
-    return with_actuators(model, actuators) if actuators else model
+    model = assemble(hull, free, freedom, added_coriolis, tuple(thrusters), tuple(unknowns))
+    return with_actuators(model, actuators, unknowns) if actuators else model
 
 
 def assemble(
@@ -255,6 +277,7 @@ def assemble(
     freedom: Freedom,
     added_coriolis: AddedCoriolis = "named",
     thrusters: tuple[Thruster, ...] = (),
+    unknowns: tuple[str, ...] = (),
 ) -> VehicleModel:
     """Build the model from parts that have been checked.
 
@@ -264,6 +287,7 @@ def assemble(
         freedom: what moves.
         added_coriolis: see `whole_vehicle`.
         thrusters: of an open frame; none for one propeller on the axis.
+        unknowns: see `whole_vehicle`.
     """
     fixed = {name: value for name, value in hull.fixed.items() if acts(CoefficientName.parse(name), freedom, thrusters)}
     named = free + tuple(CoefficientName.parse(name) for name in fixed)
@@ -271,12 +295,12 @@ def assemble(
     moving = [RATES.index(rate) for rate in freedom.moves]
     mass = rigid_mass_matrix(hull) + added_mass_matrix(fixed)
     solve = mass_solver(mass, inertial, moving)
-    attitude = _attitude(hull, named, freedom)
+    floating = tuple(one for one in floating_unknowns(hull) if one.name in unknowns)
+    attitude = _attitude(hull, named, freedom, {one.name for one in floating})
     drift = _current_components(freedom)
     states = (*freedom.moves, *freedom.positions, *attitude.states, *(drift if freedom.current == "state" else ()))
     controls = _controls(named, freedom, states, thrusters) + (drift if freedom.current == "given" else ())
     forces = forces_of(hull, named, fixed, freedom, added_coriolis, thrusters, inertial)
-    net, righting = hull.weight - hull.buoyancy, hull.righting
     angles = {angle for name in named for angle in name.signals if angle in ANGLES and angle not in controls}
 
     def known_at(state: tuple, control: tuple) -> dict[str, Any]:
@@ -294,6 +318,7 @@ def assemble(
         if angles:
             known |= dict(zip(ANGLES, pose.euler(), strict=True))
         vertical = pose.rows[2]
+        net, righting = net_and_righting(hull, params if floating else {})
         weight = (*(times(net, part) for part in vertical), *cross(righting, vertical))
         values = {**fixed, **params}
         acting = forces(values, known, velocity)
@@ -308,11 +333,17 @@ def assemble(
         )
 
     def shown(name: str) -> Callable[[Params, tuple, tuple], Any]:
-        """Return a channel that is no state: an Euler angle, or a velocity over ground."""
+        """Return a channel that is no state: an Euler angle, a velocity over ground, or a specific force."""
 
-        def value(_: Params, state: tuple, control: tuple) -> Any:
+        def value(params: Params, state: tuple, control: tuple) -> Any:
             known = known_at(state, control)
             pose = attitude.at(known)
+            if name in SPECIFIC_FORCE:
+                axis = SPECIFIC_FORCE.index(name)
+                rates = dict(zip(states, derivative(params, state, control), strict=True))
+                u, v, w, p, q, r = (known.get(rate, 0.0) for rate in RATES)
+                turning = cross((p, q, r), (u, v, w))[axis]
+                return total((rates.get(RATES[axis], 0.0), turning, times(-GRAVITY, pose.rows[2][axis])))
             if name in ANGLES:
                 return pose.euler()[ANGLES.index(name)]
             axis = OVER_GROUND.index(name)
@@ -323,7 +354,11 @@ def assemble(
 
         return value
 
-    views = (*(ANGLES if attitude.by_quaternion else ()), *(OVER_GROUND if freedom.current is not None else ()))
+    views = (
+        *(ANGLES if attitude.by_quaternion else ()),
+        *(OVER_GROUND if freedom.current is not None else ()),
+        *(SPECIFIC_FORCE if hull.mass is not None and len(moving) > 1 else ()),
+    )
     constants = _constants(hull, fixed, named, freedom, added_coriolis, thrusters)
     return VehicleModel(
         hull.name,
@@ -335,11 +370,16 @@ def assemble(
         derivative,
         {name: shown(name) for name in views},
         tuple(AXES[i] for i in moving),
+        (*floating, *(one for one in thrust_unknowns(controls, thrusters) if one.name in unknowns)),
     )
 
 
-def _attitude(hull: Hull, named: Sequence[CoefficientName], freedom: Freedom) -> Attitude:
+def _attitude(hull: Hull, named: Sequence[CoefficientName], freedom: Freedom, sought: Collection[str] = ()) -> Attitude:
     net, (x, y, z) = hull.weight - hull.buoyancy, hull.righting
+    net, x, y, z = (
+        value or float(name in sought)
+        for name, value in zip(("net_weight", "x_b", "y_b", "z_b"), (net, x, y, z), strict=True)
+    )
     tilting = {"u": net, "v": net, "w": net, "p": y or z, "q": x or z, "r": x or y}
     needed = {signal for name in named for signal in name.signals if signal in ANGLES}
     needed |= (

@@ -11,6 +11,8 @@ from studies.remus100.tests.studies import TINY, study
 from tests.cases import THRUST, U0, X_U, X_UU, naive_rk4, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, golden_noise, naive_doublets, naive_speed
 
+pytestmark = pytest.mark.proof
+
 LONGER = replace(TINY, chains=32, burn_in=1000, draws=2000)
 """Chains in step cost little: some 4 000 effective draws."""
 

@@ -10,6 +10,8 @@ from studies.remus100.tests.studies import A, B, study
 from tests.cases import N0, RPM, U0, naive_rk4, surge_rate
 from tests.estimation_cases import naive_doublets, naive_speed
 
+pytestmark = pytest.mark.proof
+
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):

@@ -12,6 +12,8 @@ from studies.remus100.tests.studies import TINY, A, study
 from studies.remus100.trial import around, paper_posterior, paper_trial, wide
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE
 
+pytestmark = pytest.mark.proof
+
 GOLDEN = np.array([GOLDEN_LOG_EVIDENCE["M-0 narrow"], GOLDEN_LOG_EVIDENCE["M-1"]])
 """Log evidences of M-0 and M-1 at the smaller true coefficient."""
 

@@ -14,6 +14,8 @@ from studies.remus100.tests.studies import TINY, A, B, study
 from tests.cases import RPM, THRUST, U0, X_U, X_UU, naive_rk4, surge_rate
 from tests.filters.textbook import Problem, extended, unscented
 
+pytestmark = pytest.mark.proof
+
 PRINTED = np.array([-1.21, -2.93, 6.28])
 
 

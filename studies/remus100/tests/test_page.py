@@ -13,6 +13,8 @@ from studies.remus100.tests.page_studies import A, make_items, make_study
 from studies.remus100.vehicle_file import Reading, VehicleFile
 from tests.report.test_page import Page
 
+pytestmark = pytest.mark.proof
+
 EVIL = "<script>alert(1)</script> & <b>AUV</b>"
 
 

@@ -129,9 +129,9 @@ def test_piped_progress_tells_the_time_left_now_and_then(monkeypatch):
         clock[0] = float(second)
         report(second, 40)
     assert said == [
-        "estimate M-1: 25% after 10 s, about 30 s left",
-        "estimate M-1: 50% after 20 s, about 20 s left",
-        "estimate M-1: 75% after 30 s, about 10 s left",
+        "estimate M-1: 25% after 10 s, about 30 s remaining",
+        "estimate M-1: 50% after 20 s, about 20 s remaining",
+        "estimate M-1: 75% after 30 s, about 10 s remaining",
         "estimate M-1: done in 40.0 s",
     ]
     assert told[-1] == ("estimate M-1", 40, 40)
@@ -154,7 +154,7 @@ def test_stopping_interrupts_whoever_is_at_work(tmp_path, other):
         Jobs().stop(tmp_path)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_command_that_fails_says_why_in_its_output(tmp_path):
     (tmp_path / "campaign.toml").write_text("[campaign]\nname = 3\n")
     jobs = Jobs(prepares=False)

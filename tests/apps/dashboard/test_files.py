@@ -102,7 +102,7 @@ def test_a_full_disk_is_said_in_words(ask, tmp_path, monkeypatch):
     answer = ask("POST", "/upload/", params={"campaign": "boat", "name": "run.csv"}, content=b"x")
     assert answer.status_code == 507
     assert "No space left" in answer.text
-    assert "make room" in answer.text
+    assert "free some space" in answer.text
 
 
 def test_only_results_are_fetched_and_a_report_runs_no_script(ask, tmp_path):

@@ -174,7 +174,7 @@ def test_pages_take_turns_and_who_would_wait_too_long_is_asked_to_come_again():
     assert "http-equiv='refresh'" in refused.text
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_hundred_who_ask_at_once_are_all_answered(tmp_path):
     write_small(tmp_path / "boat")
 

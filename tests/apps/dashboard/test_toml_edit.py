@@ -141,6 +141,12 @@ def test_the_files_that_init_writes_can_be_edited(tmp_path, template):
         with_trim(tmp_path, mapped, "run 1", "1.5 s", None)
 
 
+def test_a_new_map_keeps_what_is_said_of_every_run(tmp_path):
+    old = '[import]\nfit = ["a"]\nstep = "0.1 s"\nsplit = "60 s"\n\n[import.trim.a]\nend = "9 s"\n\n[[import.files]]\npath = "a.csv"\n'
+    table = tomllib.loads(with_map(tmp_path, old, "b", '[[import.files]]\npath = "b.csv"\nchannels = {}\n'))["import"]
+    assert table == {"fit": ["b"], "step": "0.1 s", "split": "60 s", "files": [{"path": "b.csv", "channels": {}}]}
+
+
 @pytest.mark.parametrize(
     "channel_map",
     [
@@ -182,7 +188,7 @@ def test_a_file_changed_meanwhile_is_not_overwritten(tmp_path):
     (tmp_path / "campaign.toml").write_text(TEXT)
     seen = read_file(tmp_path)
     (tmp_path / "campaign.toml").write_text(TEXT + "# somebody else\n")
-    with pytest.raises(InputError, match="changed meanwhile"):
+    with pytest.raises(InputError, match="somebody changed since"):
         write_file(tmp_path, "new", seen)
     write_file(tmp_path, "new", read_file(tmp_path))
     assert read_file(tmp_path) == "new"

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Quiet, watched
+from seatrial.apps.answer import Exit, current_answer
+from seatrial.apps.running import Quiet, watched
 
 
 def benchmark(
@@ -21,11 +22,11 @@ def benchmark(
         str | None, typer.Option(metavar="NAMES", help="Methods to run, with commas between; all if not given.")
     ] = None,
     list_: Annotated[
-        bool, typer.Option("--list", help="List sets and methods, and say where the records are to be had.")
+        bool, typer.Option("--list", help="List sets and methods, and say where to get the records.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fit every method to some runs of public records and score it on the others."""
+    """Fit methods to public records and score them on held-back runs."""
 
     def work(reporter: Any) -> Exit:
         if list_:
@@ -39,19 +40,26 @@ def _listed() -> Exit:
     from seatrial.benchmark.methods import METHODS
     from seatrial.benchmark.set_file import read_set, set_names
 
-    for name in set_names():
-        one = read_set(name)
-        typer.echo(f"{name}: {one.title}; {len(one.fit)} runs to fit, {len(one.held_back)} held back")
-        typer.echo(f"  {one.vehicle}")
-        typer.echo(f"  {one.source['where']}, {one.source['version']}; licence: {one.source['licence']}")
-        typer.echo(f"  {one.source['get']}")
-    typer.echo("methods:")
+    answer = current_answer()
+    sets = {name: read_set(name) for name in set_names()}
+    for name, one in sets.items():
+        answer.say(f"{name}: {one.title}; {len(one.fit)} runs to fit, {len(one.held_back)} held back")
+        answer.say(f"  {one.vehicle}")
+        answer.say(f"  {one.source['where']}, {one.source['version']}; licence: {one.source['licence']}")
+        answer.say(f"  {one.source['get']}")
+    answer.say("methods:")
     for method in METHODS.values():
-        typer.echo(f"  {method.name}: {method.words}")
+        answer.say(f"  {method.name}: {method.words}")
+    rows = [
+        {"name": name, "title": one.title, **{key: one.source[key] for key in ("licence", "get")}}
+        for name, one in sets.items()
+    ]
+    answer.give(sets=rows, methods=list(METHODS))
     return Exit.OK
 
 
 def _run(name: str | None, data: Path | None, out: Path, methods: str | None, reporter: Any) -> Exit:
+    from seatrial.apps import results
     from seatrial.benchmark.methods import choose
     from seatrial.benchmark.run import run_set
     from seatrial.benchmark.set_file import read_set, set_names
@@ -69,8 +77,12 @@ def _run(name: str | None, data: Path | None, out: Path, methods: str | None, re
     variable = os.environ.get("SEATRIAL_DATA")
     result = run_set(found, chosen, data or (Path(variable) if variable else None), out, reporter)
     paths = write_result(result, out / found.name)
-    typer.echo("\n".join(lines(result)))
+    answer = current_answer()
+    answer.say("\n".join(lines(result)))
     for text in result.beaten():
-        typer.echo(f"not beaten: {text}")
-    typer.echo("results: " + ", ".join(map(str, paths)))
+        answer.say(f"not beaten: {text}")
+    answer.say("results: " + ", ".join(map(str, paths)))
+    answer.give(**results.scores(result))
+    for path in paths:
+        answer.name_file(path.name, path)
     return Exit.OK

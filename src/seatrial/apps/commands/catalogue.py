@@ -4,15 +4,27 @@ from typing import Annotated
 
 import typer
 
+from seatrial.apps.answer import current_answer
+
 
 def vehicle(
-    name: Annotated[str | None, typer.Argument(help="A vehicle of the catalogue; all names if left out.")] = None,
+    name: Annotated[str | None, typer.Argument(help="A vehicle of the catalogue; all of them if left out.")] = None,
+    names: Annotated[bool, typer.Option("--names", help="List the names alone, one a line.")] = False,
 ) -> None:
-    """Show a published vehicle: body, coefficients with units, sources and errata."""
+    """List published vehicles, or show one: body, coefficients, sources."""
+    from seatrial.apps import results
+    from seatrial.core.errors import InputError
     from seatrial.report.vehicle_page import vehicle_page
     from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
+    answer = current_answer()
+    if names and name is not None:
+        raise InputError("--names", found=f"it and {name}", expected="one of them", remedy="leave one of them out")
     if name is None:
-        typer.echo("\n".join(f"{one:<24} {load_vehicle(one).hull.name}" for one in vehicle_names()))
+        titles = {one: load_vehicle(one).hull.name for one in vehicle_names()}
+        answer.say("\n".join(one if names else f"{one:<24} {title}" for one, title in titles.items()))
+        answer.give(vehicles=[{"name": one, "title": title} for one, title in titles.items()])
     else:
-        typer.echo(vehicle_page(name, load_vehicle(name)), nl=False)
+        found = load_vehicle(name)
+        answer.say(vehicle_page(name, found).rstrip("\n"))
+        answer.give(vehicle=results.vehicle(name, found))

@@ -8,13 +8,15 @@ from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
 def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Predict each fitted run from the others, by every structure and by other models of the error."""
+    """Predict each fitted run from the others, by each model."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
 
         found = Workflow(campaign, reporter).get("cross_validation")
         answer.say("\n".join(found.lines()))
+        answer.give(**results.cross_validated(found))
         return answer.finish(found.alarms, found.complaints())
 
     with_campaign(folder, quiet, work, context)

@@ -23,7 +23,7 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="CSV",
-            help="Also run your own sequence: a table with time_s and a column for each control, as n_rpm.",
+            help="Also run your own sequence: a table with time_s and a column for each control, such as n_rpm.",
         ),
     ] = None,
     label: Annotated[
@@ -37,7 +37,7 @@ def simulate(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the trials that were decided on the simulated vehicle: the best design first, then what was added.
+    """Simulate the best design, then any trial that is added.
 
     A trial that is added stays: later commands estimate from its record too.
     """
@@ -64,10 +64,10 @@ def import_logs(
         str | None,
         typer.Option(
             metavar="TIME",
-            help='Where to begin, such as "5 s", from where the files overlap; written to campaign.toml.',
+            help='Start of the run, such as "5 s", counted from where its files overlap; written to campaign.toml.',
         ),
     ] = None,
-    end: Annotated[str | None, typer.Option(metavar="TIME", help="Where to end, likewise.")] = None,
+    end: Annotated[str | None, typer.Option(metavar="TIME", help="End of the run, counted in the same way.")] = None,
     accelerations: Annotated[
         str | None,
         typer.Option(
@@ -77,7 +77,7 @@ def import_logs(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Read real logs into records, by the campaign's channel map."""
+    """Read logs into records, by the channel map of the campaign."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.import_logs import import_trials
@@ -99,7 +99,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     from seatrial.apps.campaign_text import read_file, with_trim, write_file
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.data.import_logs import import_trials
-    from seatrial.campaign.data.simulate import no_record
+    from seatrial.campaign.data.no_record import no_record
     from seatrial.core.errors import InputError
     from seatrial.core.units import quantity
 
@@ -118,25 +118,29 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
         )
     if len(seconds) == 2 and not seconds[0] < seconds[1]:
         raise InputError(
-            "--start, --end", found=f"{start} to {end}", expected="a start before the end", remedy="change them round"
+            "--start, --end", found=f"{start} to {end}", expected="a start before the end", remedy="swap them"
         )
     seen = read_file(campaign.folder)
     text = with_trim(campaign.folder, seen, run, start, end)
     trials = import_trials(check_text(campaign.folder, text), reporter)
     write_file(campaign.folder, text, seen)
     for own in campaign.imports.own_ends if run is None else ():
-        answer.say(f"caution: run {own} keeps ends of its own; --run {own} changes them", err=True)
+        answer.caution(f"run {own} keeps its own start and end; --run {own} changes them")
     return trials
 
 
 def _say_trials(answer: Answer, trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
+    from seatrial.apps import results
     from seatrial.campaign.data.record_cautions import record_cautions
 
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         answer.say(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
+        if followed := record.provenance.options.get("followed"):
+            answer.say(f"  followed {followed}")
         for text in record_cautions(record):
-            answer.say(f"caution: {text}", err=True)
+            answer.caution(text)
+    answer.give(**results.records(trials))
     if accelerations is not None:
         _smooth(answer, campaign, trials, accelerations)
     return Exit.OK

@@ -1,11 +1,13 @@
 """Vehicles out to simulators, and trials out to vehicles."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Quiet, watched
+from seatrial.apps.answer import Answer, Exit, current_answer
+from seatrial.apps.running import Quiet, watched
 
 _TARGETS = "gz, uuv, stonefish, fossen, holoocean, json or csv"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
@@ -27,7 +29,7 @@ def export(
     ] = None,
     rest: Annotated[
         str | None,
-        typer.Option(metavar="VEHICLE", help="Published vehicle from which comes what the campaign does not model."),
+        typer.Option(metavar="VEHICLE", help="Published vehicle that supplies what the campaign does not model."),
     ] = None,
     schedule: Annotated[
         str | None, typer.Option(help="With --trial: another schedule of results/, such as design.")
@@ -36,11 +38,15 @@ def export(
         str | None, typer.Option(help="With --to gz: dart, or other for an engine without added mass of its own.")
     ] = None,
     density: Annotated[
-        str | None, typer.Option(metavar="QUANTITY", help='Of the water, for simulators; "1025 kg/m^3" if not given.')
+        str | None,
+        typer.Option(metavar="QUANTITY", help='Density of the water, for simulators; "1025 kg/m^3" if not given.'),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Export the estimated vehicle to a simulator, saying what is lost, or the next trial to a vehicle."""
+    """Export the vehicle to a simulator, or the next trial to a vehicle.
+
+    Every file lists unsupported terms, and how much they change the motion.
+    """
 
     def work(reporter: Any) -> Exit:
         from seatrial.core.units import quantity
@@ -59,6 +65,7 @@ def export(
 def _vehicle(
     what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
 ) -> Exit:
+    from seatrial.apps import results
     from seatrial.core.errors import InputError
     from seatrial.export.to_target import export_to
     from seatrial.export.write import EXPORTERS, make_exporter
@@ -73,9 +80,7 @@ def _vehicle(
     here = Path(what) / "export" if is_folder else Path("export") / what
     folder = out or here / make_exporter(to, **options).name
     statement, paths = export_to(what, to, folder, structure=structure, rest=rest, **options)
-    typer.echo("\n".join(statement.lines))
-    for path in paths:
-        typer.echo(f"wrote: {path}")
+    _say(statement.lines, paths).give(**results.exported(statement))
     return Exit.ALARMS if statement.provenance.cautions else Exit.OK
 
 
@@ -94,12 +99,21 @@ def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None)
     trial = read_trial(folder, schedule)
     place = out or folder / "export" / "trial"
     paths, without = write_plain(trial, place) if to is None else (write_trial(trial, place, (to,)), "")
-    typer.echo("\n".join(trial.lines))
-    for path in paths:
-        typer.echo(f"wrote: {path}")
+    answer = _say(trial.lines, paths)
+    answer.give(trial=trial.manoeuvre, control=trial.control)
     if without:
-        typer.echo(f"no script for MAVLink: {without}")
+        answer.say(f"no script for MAVLink: {without}")
     return Exit.ALARMS if trial.caution else Exit.OK
+
+
+def _say(lines: Sequence[str], paths: Sequence[Path]) -> Answer:
+    """Print what an export says of itself, and its files."""
+    answer = current_answer()
+    answer.say("\n".join(lines))
+    for path in paths:
+        answer.say(f"wrote: {path}")
+        answer.name_file(path.name, path)
+    return answer
 
 
 def _only(place: str, **options: Any) -> None:

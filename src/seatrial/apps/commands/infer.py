@@ -29,12 +29,12 @@ def estimate(
         str | None,
         typer.Option(
             metavar="TIME",
-            help='With equation-error: smooth the speed over so long, such as "2 s", instead of using the channel udot.',
+            help='With equation-error: width of the window that smooths the speed, such as "2 s", instead of using the channel udot.',
         ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Estimate the coefficients of every candidate structure."""
+    """Estimate the coefficients of every structure."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         _refuse_window(by, window)
@@ -54,15 +54,17 @@ def profile(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Profile the likelihood of the full structure: where the data alone allow each parameter to be, priors aside."""
+    """Show the range of each parameter that the data alone allow."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_profile_picture
 
         found = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
         answer.say("\n".join(found.lines()))
-        answer.say(f"picture: {write_profile_picture(campaign.folder, campaign.name, campaign.truth, found)}")
+        answer.give(**results.profiles(found))
+        answer.wrote("picture", write_profile_picture(campaign.folder, campaign.name, campaign.truth, found))
         return Exit.OK
 
     with_campaign(folder, quiet, work, context)
@@ -72,6 +74,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     """Decide which terms the data support."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.selection.evidence import agreement_words
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_select_picture
@@ -89,11 +92,12 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
             answer.say(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
             answer.say(verdict)
+        answer.give(**results.selected(selection))
         contenders = flow.get("contenders")
         if contenders is not None:
             answer.say("\n".join(contenders.lines(selection)))
         if screened is not None or contenders is not None:
-            answer.say(f"picture: {write_select_picture(campaign, selection, screened, contenders)}")
+            answer.wrote("picture", write_select_picture(campaign, selection, screened, contenders))
         never = [term for term in campaign.rules.never if term in campaign.structure.optional]
         if never:
             cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
@@ -109,17 +113,22 @@ def criteria(
         str | None,
         typer.Option(
             metavar="TIME",
-            help='Leave-future-out never predicts the first so long, such as "20 s"; a third of the longest record if not given.',
+            help="Leave-future-out: length of the first stretch, never predicted; a third of the longest record if not given.",
         ),
     ] = None,
     block: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Length of the blocks it predicts; a twentieth of the rest.")
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Leave-future-out: length of each predicted block; a twentieth of the rest if not given.",
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare the structures by every information criterion, by leave-future-out and by Savage-Dickey ratios."""
+    """Compare structures by AIC, BIC, DIC, WAIC, PSIS-LOO and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.selection.criteria import (
             criteria_cautions,
             criteria_lines,
@@ -140,6 +149,7 @@ def criteria(
             answer.say("Savage-Dickey, nats in favour of the term:")
         for pair in pairs:
             answer.say(f"  {pair.line}")
+        answer.give(**results.criteria(found, pairs))
         alarms = [text for item in estimates for text in item.alarms]
         alarms += [f"evidence and Savage-Dickey do not agree about {pair.line}" for pair in pairs if not pair.agrees]
         return answer.finish(alarms, criteria_cautions(found))
@@ -148,6 +158,8 @@ def criteria(
 
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+    from seatrial.apps import results
+    from seatrial.campaign.inference.coefficient_tables import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.predict import held_back_cautions, held_back_lines, predict_held_back
     from seatrial.campaign.store.estimates import with_model_error
@@ -155,7 +167,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
 
     flow = Workflow(campaign, reporter)
     estimates, trials = flow.get("estimates"), flow.get("trials")
-    said, held_back = [], []
+    said, held_back, structures = [], [], []
     for item in estimates:
         answer.say(f"{item.structure.label}")
         for name in item.names:
@@ -171,6 +183,9 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         known = known_after(flow.get("candidates"), item, trials)
         answer.say("\n".join(known.lines()))
         said += known.verdict
+        structures.append(results.estimated(item, held_back[-1], known))
+    answer.give(by=By.CHAINS, structures=structures)
+    answer.wrote("coefficients", write_coefficients(campaign.folder, estimates))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
     labels = [item.structure.label for item in estimates]
@@ -180,6 +195,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
 
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
+    from seatrial.apps import results
     from seatrial.campaign.inference.predict import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
     from seatrial.campaign.workflow.steps import Workflow
@@ -189,6 +205,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for one in found:
         answer.say("\n".join(one.lines()))
+    answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
     tested = [one for one in found if one.held_back is not None]
@@ -207,6 +224,7 @@ def _judge_unseen(
     answer: Answer, baselines: Any, labels: list[str], evidences: list[Any], held_back: list[Any]
 ) -> tuple[list[str], list[str]]:
     """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
+    from seatrial.apps import results
     from seatrial.campaign.inference.baselines import (
         compare_with_baselines,
         comparison_alarms,
@@ -221,7 +239,8 @@ def _judge_unseen(
     which = labels[best] if len(labels) == 1 else f"{labels[best]}, the most probable"
     compared = compare_with_baselines(baselines, held_back[best].curves)
     lines = comparison_lines(baselines, compared)
-    answer.say("\n".join([f"{which}, beside baselines", *(f"  {line}" for line in lines)]))
+    answer.give(baselines=results.baselines(compared))
+    answer.say("\n".join([f"{which}, compared with baselines", *(f"  {line}" for line in lines)]))
     alarms = comparison_alarms(compared) + held_back_alarms(held_back[best].fits, held_back[best].pooled)
     return [f"{which}, {text}" for text in alarms], [f"{which}, {text}" for text in comparison_cautions(compared)]
 

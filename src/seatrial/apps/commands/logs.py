@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Quiet, watched
+from seatrial.apps.answer import Exit, current_answer
+from seatrial.apps.running import Quiet, watched
 
 _PATIENCE = 2.0
 
@@ -30,25 +31,25 @@ def inspect(
         list[str] | None, typer.Option(help="Channels to map, such as u,tau_X; all that can be guessed if not given.")
     ] = None,
     delimiter: Annotated[
-        str | None, typer.Option(help='Of text: one character, or "whitespace"; by default the suffix says.')
+        str | None,
+        typer.Option(help='For text files: the character between cells, or "whitespace"; if not given, by the suffix.'),
     ] = None,
-    skip_rows: Annotated[int, typer.Option(min=0, help="Of text: lines above the header.")] = 0,
-    encoding: Annotated[str, typer.Option(help="Of text.")] = "utf-8",
+    skip_rows: Annotated[int, typer.Option(min=0, help="For text files: lines above the header.")] = 0,
+    encoding: Annotated[str, typer.Option(help="Encoding of text files.")] = "utf-8",
     quiet: Quiet = False,
 ) -> None:
-    """List what a log holds, how good its clocks are, and guess which columns are which channels."""
+    """List what a log holds, and guess its columns, units and clock."""
 
     def work(reporter: Any) -> Exit:
+        from seatrial.apps import results
         from seatrial.logs.formats.protocol import TextLayout
         from seatrial.logs.inspect import inspect_log
 
         layout = TextLayout(delimiter, skip_rows, encoding=encoding)
         found = inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}"))
-        if map_:
-            channels = [name for text in only or () for name in text.split(",")]
-            typer.echo(found.as_toml(channels), nl=False)
-        else:
-            typer.echo("\n".join(found.lines()))
+        channels, answer = [name for text in only or () for name in text.split(",")], current_answer()
+        answer.say(found.as_toml(channels).rstrip("\n") if map_ else "\n".join(found.lines()))
+        answer.give(**results.log(found, channels))
         return Exit.OK
 
     watched(quiet, work)

@@ -1,14 +1,22 @@
 """The whole loop, and its page."""
 
-from typing import Annotated, Any
+from enum import StrEnum
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
+class NextBy(StrEnum):
+    """What a next trial is designed from."""
+
+    CHAINS = "chains"
+    MODE = "mode"
+
+
 def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Write report.html from the results; whatever is missing is computed first."""
+    """Write report.html; compute what is missing first."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.loop import run_loop
@@ -21,7 +29,10 @@ def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Run the whole loop, resuming where it stopped, and write report.html; simulated trials go on to the goal."""
+    """Run the whole loop, from where it stopped, and write report.html.
+
+    On a simulated vehicle it runs trial after trial until the goal is met.
+    """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.loop import run_sequence
@@ -37,38 +48,87 @@ def next_trial(
     execute: Annotated[
         bool, typer.Option("--run", help="Run the proposed trial on the simulated vehicle, and propose again.")
     ] = False,
+    by: Annotated[
+        NextBy,
+        typer.Option(
+            help="chains go through the whole loop; mode says it in seconds, from the posterior mode, while the boat waits."
+        ),
+    ] = NextBy.CHAINS,
     quiet: Quiet = False,
 ) -> None:
-    """Say which trial to run next and what it promises, or why to stop."""
+    """Say which trial to run next, or why to stop."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.data.simulate import add_trial, check_simulated
         from seatrial.campaign.design.schedule import write_schedule
         from seatrial.campaign.store.stored_result import Store
-        from seatrial.campaign.workflow.loop import run_loop
-        from seatrial.campaign.workflow.next_trial import propose
 
         if execute:
             check_simulated(campaign)
-        outcome = run_loop(campaign, reporter)
-        proposal = propose(outcome)
-        if execute and proposal.trial is not None:
-            answer.say("\n".join(proposal.lines))
-            add_trial(campaign, proposal.trial)
-            outcome = run_loop(campaign, reporter)
-            proposal = propose(outcome)
+        look = _by_loop if by is NextBy.CHAINS else _by_mode
+        found = look(campaign, reporter)
+        if execute and found.proposal.trial is not None:
+            answer.say("\n".join(found.proposal.lines))
+            add_trial(campaign, found.proposal.trial)
+            found = look(campaign, reporter)
+        proposal = found.proposal
         answer.say("\n".join(proposal.lines))
         if proposal.trial is not None:
             manoeuvre = proposal.trial.manoeuvre(campaign.families)
             path = write_schedule(Store(folder).proposed, manoeuvre, campaign.family.sample_time)
-            answer.say(f"schedule: {path}")
-        return answer.finish(outcome.summary["alarms"], outcome.summary["cautions"])
+            answer.wrote("schedule", path)
+        if found.own is not None:
+            answer.say("\n".join(found.own.lines()))
+        answer.give(**results.next_trial(found.designs, proposal))
+        return answer.finish(found.alarms, [*found.cautions, *(found.own.alarms if found.own else ())])
 
     with_campaign(folder, quiet, work, context if not execute else None)
 
 
+class _Found(NamedTuple):
+    """The next trial, the designs it was chosen from, what the campaign's own schedule would teach now, and what is wrong."""
+
+    proposal: Any
+    designs: Any
+    own: Any
+    alarms: list[str]
+    cautions: list[str]
+
+
+def _by_loop(campaign: Any, reporter: Any) -> _Found:
+    """Propose by the whole loop."""
+    from seatrial.campaign.design.own_schedule import own_after
+    from seatrial.campaign.workflow.loop import run_loop
+    from seatrial.campaign.workflow.next_trial import propose
+
+    outcome = run_loop(campaign, reporter)
+    own = own_after(outcome.campaign, outcome.chosen, outcome.next)
+    return _Found(propose(outcome), outcome.next, own, outcome.summary["alarms"], outcome.summary["cautions"])
+
+
+def _by_mode(campaign: Any, reporter: Any) -> _Found:
+    """Propose by the posterior mode of the most probable structure."""
+    from seatrial.campaign.design.own_schedule import own_after
+    from seatrial.campaign.design.sweep import design_next_by_mode
+    from seatrial.campaign.inference.quick_estimates import MODE, best_mode, posterior_modes
+    from seatrial.campaign.workflow.next_trial import propose_by_mode
+    from seatrial.campaign.workflow.steps import Workflow
+
+    flow = Workflow(campaign, reporter)
+    trials, campaign = flow.get("trials"), flow.get("candidates")
+    modes = posterior_modes(campaign, trials, reporter)
+    first = best_mode(modes)
+    designs = design_next_by_mode(campaign, first.drawn, reporter)
+    proposal = propose_by_mode(campaign, first, designs, len(trials.fit))
+    cautions = [MODE, *(one.alarm or one.caution for one in modes if one.alarm or one.caution)]
+    return _Found(proposal, designs, own_after(campaign, first.drawn, designs), [], cautions)
+
+
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
+    from seatrial.apps import results
     from seatrial.campaign.inference.baselines import comparison_lines
+    from seatrial.campaign.inference.coefficient_tables import averaged_rows, write_averaged, write_coefficients
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -84,7 +144,12 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         answer.say(verdict)
     for line in proposal.lines:
         answer.say(f"next: {line}")
-    answer.say(f"report: {write_report(outcome)}")
+    folder = outcome.campaign.folder
+    averages = averaged_rows(outcome.estimates, outcome.selection)
+    answer.give(**results.run(outcome, proposal, averages))
+    answer.wrote("report", write_report(outcome))
+    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates))
+    answer.wrote("averaged", write_averaged(folder, averages))
     told = [*(one.reason for one in (*outcome.fits, *outcome.pooled)), *(one.sentence for one in outcome.compared)]
     told += ["; ".join(fit.outside) for fit in outcome.fits if fit.outside]
     return answer.finish(

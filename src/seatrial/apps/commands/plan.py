@@ -1,4 +1,4 @@
-"""Before the trial: a campaign file, what its priors mean, the most informative trial."""
+"""Before the trial: what the priors mean, the most informative trial."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,40 +6,23 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
-
-
-def init(
-    folder: Folder,
-    template: Annotated[
-        str,
-        typer.Option(
-            help="Campaign to begin from: remus100 (simulated), design or steering (no data yet), log (a CSV log)."
-        ),
-    ] = "remus100",
-) -> None:
-    """Write a campaign file to begin from."""
-    from seatrial.campaign.config.templates import TEMPLATES, init_campaign
-
-    path = init_campaign(folder, template)
-    typer.echo(f"wrote {path}: {TEMPLATES[template]}")
-    typer.echo(f"edit it, then: seatrial {'run' if template in ('remus100', 'log') else 'design'} {folder}")
-    for name, meaning in TEMPLATES.items():
-        if name != template:
-            typer.echo(f"instead, --template {name}: {meaning}")
+from seatrial.apps.answer import Answer, Exit
+from seatrial.apps.running import Folder, Quiet, with_campaign
 
 
 def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Show what the priors mean in metres per second, before any data are used."""
+    """Show which speeds the priors allow, before any data."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_prior_picture
 
         found = Workflow(campaign, reporter).get("prior")
         answer.say("\n".join(prior_lines(found)))
-        answer.say(f"picture: {write_prior_picture(campaign.folder, campaign.name, found)}")
+        answer.give(**results.prior(found))
+        answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, found))
         return answer.finish(prior_alarms(found), prior_cautions(found))
 
     with_campaign(folder, quiet, work, context)
@@ -53,7 +36,7 @@ def design(
         typer.Option(
             min=0,
             max=200,
-            help="Also make a schedule of no fixed shape: so many levels of equal length, each sought by itself, for example 24.",
+            help="Also design a schedule of no fixed shape, with this many levels of equal length, for example 24.",
         ),
     ] = 0,
     self_oscillation: Annotated[
@@ -65,16 +48,17 @@ def design(
         typer.Option(
             min=0,
             max=20,
-            help="Also choose a batch of so many different trials that tell most together, for example 3.",
+            help="Also choose this many different trials that are worth most together, for example 3.",
         ),
     ] = 0,
     sensors: Annotated[
-        bool, typer.Option("--sensors", help="Also weigh the best design with other rates and noises of each sensor.")
+        bool,
+        typer.Option("--sensors", help="Also compare the best design under other rates and noises of each sensor."),
     ] = False,
     search: Annotated[
         int,
         typer.Option(
-            min=0, max=100_000, help="Also search between the points of the grid, by CMA-ES over so many designs."
+            min=0, max=100_000, help="Also search between the points of the grid, by CMA-ES with this many designs."
         ),
     ] = 0,
     compare: Annotated[
@@ -82,14 +66,16 @@ def design(
         typer.Option(
             min=0,
             max=1000,
-            help="Also check the ranking: simulate the expected information gain of so many designs (5 or more), for example 12.",
+            help="Also check the ranking: simulate the expected information gain of this many designs (5 or more), for example 12.",
         ),
     ] = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Find the most informative trial of the families, inside the limits."""
+    """Find the most informative trial inside the limits."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
+        from seatrial.campaign.data.simulate import own_lines
         from seatrial.campaign.store.stored_result import Store
         from seatrial.campaign.workflow.steps import Workflow
 
@@ -104,6 +90,11 @@ def design(
         promised = flow.get("promised")
         answer.say(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
         answer.say("\n".join(promised.lines()))
+        own = flow.get("own")
+        if own is not None:
+            answer.say("\n".join((*own.lines(), *own_lines(campaign, campaign.design.own))))
+        answer.give(**results.designs(designs, promised))
+        answer.name_file("schedule", Store(folder).schedule(Store(folder).design))
         options = {
             _free_form: free_form,
             _self_oscillation: self_oscillation,
@@ -112,10 +103,10 @@ def design(
             _searched: search,
             _compared: compare,
         }
-        _each(answer, [partial(option, flow) for option, wanted in options.items() if wanted])
+        _each(answer, [partial(option, flow, answer) for option, wanted in options.items() if wanted])
         if not campaign.has_records:
-            answer.say(f"after the trial its log goes on with this campaign: `seatrial check {folder}` says how")
-        return Exit.OK
+            answer.say(f"after the trial, add its log to this campaign: `seatrial check {folder}` says how")
+        return answer.finish([] if own is None else own.alarms, [])
 
     with_campaign(folder, quiet, work, context)
 
@@ -158,32 +149,54 @@ def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
         raise failed[-1]
 
 
-def _free_form(flow: Any) -> list[str]:
+def _free_form(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.apps import result_shapes, results
+
     found, schedule = flow.get("free_form")
+    answer.give(free_form=results.picked(found, result_shapes.FreeForm))
+    answer.name_file("free-form schedule", schedule)
     return [*found.lines(), f"schedule: {schedule}"]
 
 
-def _self_oscillation(flow: Any) -> list[str]:
+def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.apps import result_shapes, results
     from seatrial.report.figure_files import write_relay_picture
 
     test, schedule = flow.get("relay")
-    return [*test.lines(), f"schedule as foreseen: {schedule}; picture: {write_relay_picture(flow.campaign, test)}"]
+    answer.give(self_oscillation=results.picked(test, result_shapes.SelfOscillation))
+    answer.name_file("self-oscillation schedule", schedule)
+    return [*test.lines(), f"expected schedule: {schedule}; picture: {write_relay_picture(flow.campaign, test)}"]
 
 
-def _together(flow: Any) -> list[str]:
-    return flow.get("batch").lines()
+def _together(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.apps import results
+
+    found = flow.get("batch")
+    answer.give(batch=results.batch(found))
+    return found.lines()
 
 
-def _sensors(flow: Any) -> list[str]:
-    return flow.get("sensors").lines()
+def _sensors(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.apps import results
+
+    found = flow.get("sensors")
+    answer.give(sensors=results.sensor_rows(found))
+    return found.lines()
 
 
-def _searched(flow: Any) -> list[str]:
+def _searched(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.apps import result_shapes, results
     from seatrial.campaign.design.global_search import search_lines
 
     found, family, schedule = flow.get("searched")
+    answer.give(searched=results.picked(found, result_shapes.Searched))
+    answer.name_file("searched schedule", schedule)
     return [*search_lines(found, family), f"schedule: {schedule}"]
 
 
-def _compared(flow: Any) -> list[str]:
-    return flow.get("measures").lines()
+def _compared(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.apps import result_shapes, results
+
+    found = flow.get("measures")
+    answer.give(rankings=[results.picked(one, result_shapes.Ranking) for one in found.agreements])
+    return found.lines()

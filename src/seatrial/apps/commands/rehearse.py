@@ -1,4 +1,4 @@
-"""Before the campaign: how many trials its goal will take, and what choosing each trial anew saves."""
+"""Before the campaign: how many trials its goal will take, and what redesigning each trial saves."""
 
 from typing import Annotated, Any
 
@@ -11,19 +11,24 @@ def rehearse(
     context: typer.Context,
     folder: Folder,
     truths: Annotated[
-        int, typer.Option(min=2, max=10_000, help="How many vehicles are drawn from the priors and identified.")
+        int, typer.Option(min=2, max=10_000, help="Number of vehicles that are drawn from the priors and identified.")
     ] = 20,
     quiet: Quiet = False,
 ) -> None:
-    """Rehearse the campaign on simulated vehicles: trials until the goal is met, chosen anew, repeated or at random."""
+    """Say how many trials the goal will take, on simulated vehicles.
+
+    Each vehicle is identified until the goal is met, with trials designed one after the other, one trial repeated, and random ones.
+    """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_rehearsal_picture
 
         found = Workflow(campaign, reporter, vehicles=truths).get("rehearsal")
         answer.say("\n".join(found.lines()))
-        answer.say(f"picture: {write_rehearsal_picture(campaign, found)}")
+        answer.give(**results.rehearsal(found))
+        answer.wrote("picture", write_rehearsal_picture(campaign, found))
         return answer.finish(found.alarms(), [])
 
     with_campaign(folder, quiet, work, context)

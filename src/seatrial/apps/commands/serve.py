@@ -11,9 +11,7 @@ def serve(
         Path,
         typer.Argument(metavar="[FOLDER]", help="A campaign, or a folder of campaigns; the current one if not given."),
     ] = Path("."),
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; on any but loopback a token is demanded.")
-    ] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Address to listen on; any but loopback needs a token.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any that is free.")] = 8080,
     token: Annotated[
         str | None, typer.Option(help="Token that every request has to show; made and printed if needed and not given.")
@@ -30,7 +28,7 @@ def serve(
     ] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
-    """Serve a web page of campaigns: design, run, look at results, compare and export; no internet needed."""
+    """Show campaigns in a browser, without internet."""
     from seatrial.core.errors import InputError
 
     try:

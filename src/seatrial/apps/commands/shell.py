@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from seatrial.apps.session import Session
 
 _LEAVE = ("quit", "exit")
-_NOT_HERE = ("shell", "serve")
+_NOT_HERE = ("shell", "serve", "live")
 """Commands that go on until they are left."""
 _HELP = """One command a line, without `seatrial` and the folder, such as `design` or `estimate --by mode`.
 help COMMAND   its options
@@ -32,9 +32,9 @@ def shell(
         bool, typer.Option("--cold", help="Do not get the next step ready while nothing is asked.")
     ] = False,
 ) -> None:
-    """Run commands on a campaign in one session, which keeps what they import and compile: they answer as fast as they compute.
+    """Run commands in one session that stays warm.
 
-    Input that is piped is read likewise; the exit code is then that of the first command that failed.
+    Commands may be piped in; the exit code is then that of the first one that failed.
     """
     is_typed = sys.stdin.isatty()
     runner, failed = _Runner(folder, prepares=is_typed and not cold), Exit.OK
@@ -69,7 +69,7 @@ class _Runner:
             typer.echo(_HELP + "\n" + "\n".join(_listed()))
             return Exit.OK
         if words[0] in _NOT_HERE:
-            fail(f"{words[0]} goes on until it is left: run it outside this session")
+            fail(f"{words[0]} runs until it is stopped: start it outside this session")
             return Exit.BAD_INPUT
         if self.session is None or not self.session.is_usable:
             self.close()

@@ -10,6 +10,8 @@ from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
 BOUNDS = ("lower", "upper", "rate")
+OF_RUNS = ("fit", "predict", "trim", "files")
+"""Keys of `[import]` that another log replaces; all others stay."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,40}")
 
 
@@ -32,6 +34,8 @@ def with_limit(folder: Path, text: str, name: str, bound: str, value: str) -> st
 def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
     """Text of a campaign file that imports one log by a channel map; a simulated vehicle and an earlier import become comments.
 
+    What the earlier import says of every run, such as its `step`, is kept.
+
     Args:
         folder: of the campaign.
         text: of the file.
@@ -42,9 +46,12 @@ def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
         InputError: a map that holds anything else, or names a file outside the campaign's folder.
     """
     _check_map(folder, run, channel_map)
+    earlier = toml_content(str(folder / CAMPAIGN), text).get("import")
+    kept = {key: value for key, value in earlier.items() if key not in OF_RUNS} if isinstance(earlier, dict) else {}
     for table in ("truth", "import"):
         text = comment_out(text, table)
-    return f"{text.rstrip()}\n\n[import]\nfit = [{written(run)}]\n\n{channel_map.strip()}\n"
+    lines = [f"fit = [{written(run)}]", *(f"{key} = {written(value)}" for key, value in kept.items())]
+    return "\n".join([text.rstrip(), "", "[import]", *lines, "", channel_map.strip(), ""])
 
 
 def _check_map(folder: Path, run: str, channel_map: str) -> None:

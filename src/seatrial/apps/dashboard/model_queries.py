@@ -143,7 +143,7 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     manoeuvre = chosen.manoeuvre(campaign.families)
     planned = schedule_of(manoeuvre, sweep.family.sample_time)
     with own_settings():
-        plot = as_plot(schedule_figure(planned, campaign.limits), "control", "Control of the design over time")
+        plot = as_plot(schedule_figure(planned, campaign.control_limits), "control", "Control of the design over time")
     with tempfile.TemporaryDirectory() as place:
         schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
     margins = (

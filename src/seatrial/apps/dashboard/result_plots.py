@@ -17,7 +17,7 @@ from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.report.drawing import axes_box, inline_svg, signal_axis, signal_symbol
 from seatrial.report.figures.fit import Z90, autocorrelation
-from seatrial.report.figures.posterior import PriorShape, marginal
+from seatrial.report.figures.posterior import PriorShape, draw_marginal
 from seatrial.report.figures.structures import probability_bars
 from seatrial.report.figures.style import (
     BAND,
@@ -25,6 +25,7 @@ from seatrial.report.figures.style import (
     DOTS,
     INK,
     MUTED,
+    NARROW,
     ORANGE,
     WIDE,
     draw_dots,
@@ -219,7 +220,9 @@ def posteriors(path: Path, truth: tuple[tuple[str, float], ...], most: int = MOS
             low, high = np.quantile(draws, [0.025, 0.975])
             symbol, unit = label_mathtext(str(row["label"].item())), str(row["unit"].item())
             normal = float(row["mode"]), float(row["laplace_sd"])
-            figure = marginal(
+            figure, (axes,) = new_figure(NARROW, [128], left=14, right=14, bottom=38)
+            draw_marginal(
+                axes,
                 draws,
                 symbol,
                 unit,

@@ -286,7 +286,7 @@ class _Run:
             found = self._fetched(future)
         except KilledWorker as cause:
             raise NumericalError(
-                f"a task has ended every worker that took it on, {cause.allowed_failures + 1} of them: most likely their memory is too "
+                f"every worker that ran one of the tasks has died, {cause.allowed_failures + 1} of them: most likely their memory is too "
                 f"small; give each more, and look at the log of {getattr(cause.last_worker, 'address', 'the last one')}"
             ) from cause
         except Exception as cause:

@@ -101,7 +101,7 @@ def _place(campaign: Campaign) -> tuple[str, str]:
         raise InputError(
             where,
             found=f'"{written}"',
-            expected="an address that you vouch for: whoever is there can run code here, and a file may be anybody's",
+            expected="an address that you trust: the program there can run code here, and anybody may have written this file",
             remedy=f"if you trust it: export {VARIABLE}={written}",
         )
     return written, where

@@ -54,6 +54,7 @@ class Campaign:
         sensors: by the channel that each measures.
         design: which trials are tried.
         limits: of the designed control.
+        other_limits: of other controls, by name, which schedules may move.
         motion_limits: of the motion.
         power: what a trial draws; None where nobody asks.
         goal: what ends the campaign; None where nothing is said.
@@ -77,6 +78,7 @@ class Campaign:
     sensors: Mapping[str, SensorSettings]
     design: DesignSettings
     limits: Limits = Limits()
+    other_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
     power: Power | None = None
     goal: Goal | None = None
@@ -157,7 +159,7 @@ class Campaign:
             raise InputError(
                 self.where("structure"),
                 found=f"a vehicle of the states {', '.join(self.model(self.full).states)}",
-                expected=f"one that only moves along X, of which alone {what} knows so far",
+                expected=f"one that moves along X only: {what} supports no other so far",
                 remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
             )
 
@@ -190,9 +192,9 @@ class Campaign:
             columns.append((np.arange(time.size) % max(every, 1) == 0).astype(float))
         return np.column_stack(columns)
 
-    def process_sds(self) -> np.ndarray:
-        """Standard deviation that each state and coefficient of the full structure gains in one second, SI."""
-        names = (*self.model(self.full).states, *self.units)
+    def process_sds(self, model: VehicleModel) -> np.ndarray:
+        """Standard deviation that each state and coefficient of a model gains in one second, SI."""
+        names = (*model.states, *(term.text for term in model.coefficients))
         return np.array([self.process_noise.get(name, 0.0) for name in names])
 
     def prior(self, name: str) -> Prior:
@@ -250,6 +252,11 @@ class Campaign:
         """Control, trim and timing that all designs share."""
         return self.design.family
 
+    @property
+    def control_limits(self) -> Mapping[str, Limits]:
+        """Limits of every control that has any, by name, SI."""
+        return {self.family.control: self.limits, **self.other_limits}
+
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""
         return level_start(model, self.hull.trim)
@@ -289,7 +296,7 @@ class Campaign:
 def sensor_models(sensors: Mapping[str, SensorSettings], residuals: Residuals) -> tuple[Sensor, ...]:
     """Return what is unknown about some sensors; `residuals` are of those that state no others."""
     return tuple(
-        Sensor(channel, one.residuals or residuals, one.bias != "none", one.lag, one.over == "ground")
+        Sensor(channel, one.residuals or residuals, one.bias != "none", one.lag, one.over == "ground", one.mount)
         for channel, one in sensors.items()
     )
 

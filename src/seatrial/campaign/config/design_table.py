@@ -2,15 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from math import inf
+from pathlib import Path
+
+import numpy as np
 
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.schema import DesignTable, LimitsTable, PowerTable, PredictionTable, RelayTable
-from seatrial.campaign.config.settings import DesignSettings, Power, RelaySettings, StatedPrediction
+from seatrial.campaign.config.settings import DesignSettings, OwnSchedule, Power, RelaySettings, StatedPrediction
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.design.motion_limits import Advance, Distance, MotionLimit, StateBound
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Beside, Family
 from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
 
 TRACKS = ("distance", "advance")
@@ -101,26 +105,52 @@ def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool
         )
 
 
-def read_limits(
-    tables: Mapping[str, LimitsTable], keys: FileKeys, control: str, states: Sequence[str]
-) -> tuple[Limits, tuple[MotionLimit, ...]]:
-    """Read the limits of the designed control, and those of the motion in the order of the file.
+def read_own(path: Path, controls: Sequence[str], limits: Mapping[str, Limits], sample_time: float) -> OwnSchedule:
+    """Read a schedule that somebody wrote or recorded.
+
+    Args:
+        path: of the table.
+        controls: of the vehicle.
+        limits: of some of them.
+        sample_time: of designs, s.
 
     Raises:
-        InputError: a name that is neither the control nor a quantity of the motion, a rate of the motion, a lower bound of the distance,
+        InputError: a table that is none of this vehicle, that breaks a limit of a control, or in which nothing moves.
+    """
+    rows = read_rows(path, controls)
+    schedule = rows.schedule(sample_time)
+    for control, bounds in limits.items():
+        rows.check_limits(control, bounds, schedule)
+    if all(np.ptp(values) == 0 for values in schedule.controls.values()):
+        raise InputError(
+            str(path),
+            found=f"{', '.join(schedule.controls)} held at one value",
+            expected="a control that moves: what stands still teaches little",
+            remedy="add the rows at which it changes",
+        )
+    return OwnSchedule(str(path), schedule, rows.skipped(schedule))
+
+
+def read_limits(
+    tables: Mapping[str, LimitsTable], keys: FileKeys, controls: Sequence[str], states: Sequence[str]
+) -> tuple[dict[str, Limits], tuple[MotionLimit, ...]]:
+    """Read the limits of the controls by name, and those of the motion, in the order of the file.
+
+    Raises:
+        InputError: a name that is neither a control nor a quantity of the motion, a rate of the motion, a lower bound of the distance,
             no bound at all, units that do not fit, or lower above upper.
     """
-    known = [control, *states, *TRACKS]
+    known = [*controls, *states, *TRACKS]
     for name in tables:
         if name not in known:
             raise InputError(
                 keys.where(f"limits.{name}"),
                 found=f'"{name}"',
-                expected="the designed control, a state or a track: " + ", ".join(known),
+                expected="a control, a state or a track: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
-    of_control = Limits() if control not in tables else _control_limits(tables[control], keys, control)
-    return of_control, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name != control)
+    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in controls}
+    return of_controls, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name not in controls)
 
 
 def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
@@ -173,11 +203,45 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
         key: keys.si(getattr(table, key), "s", f"design.{key}")
         for key in ("duration", "active", "sample_time", "start", "ramp")
     }
+    largest = keys.si(table.amplitude.stop, unit, "design.amplitude.to")
+    beside = tuple(
+        _beside(name, text, keys, controls, trims, table.control, largest) for name, text in table.together.items()
+    )
     try:
-        return Family(table.control, trim, **seconds)
+        return Family(table.control, trim, **seconds, beside=beside)
     except InputError as error:
         key = keys.where(f"design.{error.where.rpartition(' ')[2]}")
         raise InputError(key, found=error.found, expected=error.expected, remedy=error.remedy) from None
+
+
+def _beside(
+    name: str,
+    text: str | float,
+    keys: FileKeys,
+    controls: Sequence[str],
+    trims: Mapping[str, float],
+    driven: str,
+    largest: float,
+) -> Beside:
+    """Read a control that moves with the driven one, whose largest amplitude is given."""
+    key = f"design.together.{name}"
+    others = [one for one in controls if one != driven]
+    if name not in others:
+        raise InputError(
+            keys.where(key),
+            found=f'"{name}"' + ", which is driven" * (name == driven),
+            expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
+            remedy=nearest(name, others) if others else "remove it",
+        )
+    amplitude = keys.si(text, signal_unit(name), key)
+    if not amplitude > 0:
+        raise InputError(
+            keys.where(key),
+            found=f"{text}",
+            expected="more than 0",
+            remedy="remove it where the control is to stay at trim",
+        )
+    return Beside(name, trims.get(name, 0.0), amplitude / largest)
 
 
 def _relay(table: RelayTable, keys: FileKeys, channels: Sequence[str]) -> RelaySettings:

@@ -95,7 +95,7 @@ def with_known(
         raise InputError(
             keys.where("vehicle.published_to"),
             found="a key without effect: no coefficient that is sought is both published and without a prior of its own",
-            expected="keys that something reads",
+            expected="keys that have an effect",
             remedy="remove it, or the priors that it is to stand for",
         )
     return priors

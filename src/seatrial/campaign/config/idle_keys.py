@@ -39,7 +39,7 @@ def check_idle_keys(file: CampaignFile, campaign: Campaign) -> None:
         raise InputError(
             campaign.where(idle.key),
             found=f"a key without effect: {idle.because}",
-            expected="keys that something reads",
+            expected="keys that have an effect",
             remedy=idle.remedy,
         )
 

@@ -1,6 +1,6 @@
 """Reads `[import]`: runs, and how their logs become records; everything is checked that can be without opening a log."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable
@@ -9,20 +9,25 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
+from seatrial.logs.linear_sum import parse_sum
+from seatrial.vehicles.thrusters import ThrustLaw
 
+COMMAND = "command"
+"""Unit of a column that a law of thrust is for."""
 LONGEST = 80
 """Characters of a run's name."""
 LAYOUT = ("delimiter", "encoding", "header_rows", "names", "skip_rows")
 """Keys of `[[import.files]]` for text alone."""
 
 
-def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str]) -> Imports:
+def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws: Mapping[str, ThrustLaw]) -> Imports:
     """Read what is imported.
 
     Args:
         table: as written.
         keys: of the file.
         known: signals that a record may hold.
+        laws: of thrust, by control.
 
     Raises:
         InputError: a channel or unit that is none, a scale of zero, times that are not positive, or a key without effect.
@@ -48,7 +53,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str]) -> Im
                 remedy="it becomes a file name: use letters and digits",
             )
     ends = {run: _ends(table, keys, run) for run in runs}
-    files = tuple(_file(file, keys, f"import.files[{index}]", known) for index, file in enumerate(table.files))
+    files = tuple(_file(file, keys, f"import.files[{index}]", known, laws) for index, file in enumerate(table.files))
     for run in table.trim:
         if run not in runs:
             raise InputError(
@@ -57,7 +62,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str]) -> Im
                 expected="one of " + ", ".join(runs),
                 remedy=nearest(run, runs),
             )
-    return Imports(tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim))
+    return Imports(tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim), table.schedule)
 
 
 def _positive(text: str | float, keys: FileKeys, key: str) -> float:
@@ -92,7 +97,7 @@ def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
     return found
 
 
-def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str]) -> LogFile:
+def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws: Mapping[str, ThrustLaw]) -> LogFile:
     if file.time is not None and file.time.unit is not None:
         to_si(1.0, file.time.unit, "s", keys.where(f"{key}.time.unit"))
     if file.names is not None and "header_rows" in file.model_fields_set:
@@ -104,7 +109,7 @@ def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str]) -> Lo
         )
     return LogFile(
         file.path,
-        {name: _column(name, one, keys, f"{key}.channels.{name}", known) for name, one in file.channels.items()},
+        {name: _column(name, one, keys, f"{key}.channels.{name}", known, laws) for name, one in file.channels.items()},
         file.table,
         None if file.time is None else file.time.column,
         None if file.time is None else file.time.unit,
@@ -119,7 +124,9 @@ def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str]) -> Lo
     )
 
 
-def _column(name: str, column: ColumnTable, keys: FileKeys, key: str, known: Sequence[str]) -> LogColumn:
+def _column(
+    name: str, column: ColumnTable, keys: FileKeys, key: str, known: Sequence[str], laws: Mapping[str, ThrustLaw]
+) -> LogColumn:
     if name not in (*known, *SOURCES):
         raise InputError(
             keys.where(key),
@@ -127,7 +134,41 @@ def _column(name: str, column: ColumnTable, keys: FileKeys, key: str, known: Seq
             expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
             remedy=f"leave it out where no term needs it; else {nearest(name, known)}",
         )
-    to_si(1.0, column.unit, signal_unit(name), keys.where(f"{key}.unit"))
+    law = laws.get(name)
+    if column.unit == COMMAND or law is not None:
+        _check_command(column, law, keys, key)
+    unit = "N" if column.unit == COMMAND else column.unit
+    to_si(1.0, unit, signal_unit(name), keys.where(f"{key}.unit"))
     if column.scale == 0:
         raise InputError(keys.where(f"{key}.scale"), found="0", expected="a number other than 0", remedy="correct it")
-    return LogColumn(column.column, column.unit, column.scale, column.offset, column.curve)
+    if (column.column is None) == (column.sum is None):
+        raise InputError(
+            keys.where(key),
+            found="both column and sum" if column.sum else "neither column nor sum",
+            expected="one of them",
+            remedy='write column = "data[0]", or sum = "0.12 data[0] - 0.12 data[1]"',
+        )
+    parts = () if column.sum is None else parse_sum(column.sum, keys.where(f"{key}.sum"))
+    written = column.sum or column.column or ""
+    curve = column.curve if law is None else law.table or None
+    return LogColumn(written, unit, column.scale, column.offset, curve, parts, law)
+
+
+def _check_command(column: ColumnTable, law: ThrustLaw | None, keys: FileKeys, key: str) -> None:
+    """Check that a command has a law of thrust, and a law a command."""
+    if column.unit != COMMAND or law is None:
+        raise InputError(
+            keys.where(f"{key}.unit"),
+            found=f'"{column.unit}"' + (", of a channel without a law of thrust" if law is None else ""),
+            expected="a unit, or a thruster with a law"
+            if law is None
+            else f'"{COMMAND}": [vehicle.thrust_laws] makes thrust of it',
+            remedy="give [vehicle.thrust_laws.NAME], or the unit" if law is None else "correct it, or remove the law",
+        )
+    if column.curve is not None:
+        raise InputError(
+            keys.where(f"{key}.curve"),
+            found="a curve beside the thruster's law of thrust",
+            expected="one of them",
+            remedy="remove it here, or the law under [vehicle]",
+        )

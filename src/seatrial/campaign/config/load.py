@@ -1,15 +1,17 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
 from seatrial.campaign.config.campaign import Campaign, sensor_models
-from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_power
+from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed, with_known
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
+from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.nuisance_parameters import check_disturbances, nuisances
 from seatrial.campaign.config.priors import read_priors
 from seatrial.campaign.config.schema import (
@@ -18,28 +20,30 @@ from seatrial.campaign.config.schema import (
     EstimationTable,
     FilterTable,
     GoalTable,
-    SensorTable,
     StructureTable,
 )
+from seatrial.campaign.config.sensor_table import measured_angles, read_sensors, with_attitude, with_mounts
 from seatrial.campaign.config.settings import (
     ComputeSettings,
     EstimationSettings,
     Goal,
     SelectionSettings,
-    SensorSettings,
     SlurmJobs,
     StructureSettings,
 )
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.truth import check_truth
+from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
+from seatrial.core.signals import ANGLES, QUATERNION, signal_unit, thruster_controls
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.thrusters import ThrustLaw
 
 FEWEST_DRAWS = 20
 """Draws that are kept of a chain: its first tenth is held against its last half."""
@@ -92,13 +96,15 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     with located(keys.where("structure")):
         rules = structure.compiled()
     terms = rules.always + rules.optional
-    angles = tuple(angle for angle in ANGLES if angle in (*file.sensors, *file.limits))
-    vehicle = read_vehicle(with_fixed(file.vehicle, found, terms), keys, terms, angles)
+    angles = tuple(angle for angle in ANGLES if angle in (*measured_angles(file.sensors, file.mounts), *file.limits))
+    table = with_attitude(with_fixed(file.vehicle, found, terms), file.sensors, keys)
+    vehicle = read_vehicle(table, keys, terms, angles, tuple(file.prior))
     tables = with_known(file.prior, found, vehicle.published, file.vehicle.published_to, keys, terms)
     with located(keys.where("vehicle")):
         model = vehicle.model(Structure("full", terms))
     units = {term.text: model.unit_of(term) for term in model.coefficients}
-    sensors, estimation = _sensors(file.sensors, keys, model), _estimation(file.estimation, keys, units, model)
+    sensors = with_mounts(read_sensors(file.sensors, keys, model), file.mounts, file.prior, keys)
+    estimation = _estimation(file.estimation, keys, units, model, sensors)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
     check_disturbances(tables, estimation.likelihood, model, keys.where)
     unknown = nuisances(estimation, sensor_models(sensors, estimation.residuals), noise, model, tables)
@@ -107,7 +113,12 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     process_noise = _process_noise(file.filter, keys, units, model)
     design = read_design(file.design, keys, model, vehicle.hull.trim, tuple(sensors))
     check_utility(design, keys, is_one_structure=not rules.optional)
-    limits, motion_limits = read_limits(file.limits, keys, file.design.control, model.states)
+    limits, motion_limits = read_limits(file.limits, keys, model.controls, model.states)
+    if file.design.schedule is not None:
+        where = keys.where("design.schedule")
+        with located(where):
+            own = read_own(find(folder, file.design.schedule, where), model.controls, limits, design.family.sample_time)
+        design = replace(design, own=own)
     is_powered = file.power is not None or design.per == "joule"
     _check_one_source(file, keys)
     recorded = (*model.controls, *model.channel_units())
@@ -119,12 +130,13 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         priors=priors,
         sensors=sensors,
         design=design,
-        limits=limits,
+        limits=limits.pop(file.design.control, Limits()),
+        other_limits=limits,
         motion_limits=motion_limits,
         power=read_power(file.power, keys, file.design.control) if is_powered else None,
         goal=None if file.goal is None else _goal(file.goal, keys, units),
         truth=file.truth,
-        imports=None if file.imported is None else read_imports(file.imported, keys, recorded),
+        imports=None if file.imported is None else read_imports(file.imported, keys, recorded, _laws(vehicle)),
         process_noise=process_noise,
         estimation=estimation,
         selection=SelectionSettings(file.selection.particles, file.selection.repeats, file.selection.draws),
@@ -139,38 +151,14 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     return campaign
 
 
+def _laws(vehicle: CampaignVehicle) -> dict[str, ThrustLaw]:
+    """Return the law of thrust of every control that has one."""
+    laws = vehicle.laws if isinstance(vehicle, WholeVehicle) else ()
+    return dict(zip(thruster_controls(len(laws), commanded_force=True), laws, strict=True))
+
+
 def _structure(table: StructureTable) -> StructureSettings:
     return StructureSettings(tuple(table.always), tuple(table.optional), tuple(table.rules), table.shortlist, table.g)
-
-
-def _sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: VehicleModel) -> dict[str, SensorSettings]:
-    found, known = {}, model.channel_units()
-    for channel, table in tables.items():
-        if channel not in known:
-            raise InputError(
-                keys.where(f"sensors.{channel}"),
-                found=f'channel "{channel}"',
-                expected="one of " + ", ".join(known),
-                remedy=nearest(channel, known),
-            )
-        noise = keys.si(table.noise, signal_unit(channel), f"sensors.{channel}.noise")
-        if not noise > 0:
-            raise InputError(
-                keys.where(f"sensors.{channel}.noise"),
-                found=f"{noise:g}",
-                expected="more than 0",
-                remedy="estimate it from a quiet stretch of the record",
-            )
-        rate = inf if table.rate is None else keys.si(table.rate, "1/s", f"sensors.{channel}.rate")
-        if not rate > 0:
-            raise InputError(
-                keys.where(f"sensors.{channel}.rate"),
-                found=f'"{table.rate}"',
-                expected="more than 0",
-                remedy='for example "5 Hz", or leave the key out for a sample in each step',
-            )
-        found[channel] = SensorSettings(noise, rate, table.residuals, table.bias, table.lag, table.over)
-    return found
 
 
 def _process_noise(
@@ -196,9 +184,9 @@ def _process_noise(
 
 
 def _estimation(
-    table: EstimationTable, keys: FileKeys, known: Collection[str], model: VehicleModel
+    table: EstimationTable, keys: FileKeys, known: Collection[str], model: VehicleModel, measured: Collection[str]
 ) -> EstimationSettings:
-    """Read how coefficients, which are `known`, are estimated."""
+    """Read how coefficients, which are `known`, are estimated from the channels that are `measured`."""
     for name in table.varying:
         if name not in known:
             raise InputError(
@@ -211,15 +199,15 @@ def _estimation(
         raise InputError(
             keys.where("estimation.thin"),
             found=f"one of {table.thin} kept, {kept} of {table.draws} draws of each chain",
-            expected=f"{FEWEST_DRAWS} draws or more of each chain, by which its health is judged",
+            expected=f"{FEWEST_DRAWS} draws or more of each chain, or its health cannot be judged",
             remedy="thin less, or ask for more draws",
         )
-    if table.initial == "estimated" and set(QUATERNION) <= set(model.states):
+    if table.initial == "estimated" and set(QUATERNION) <= set(model.states) and QUATERNION[0] not in measured:
         raise InputError(
             keys.where("estimation.initial"),
-            found='"estimated" with the attitude as a quaternion',
-            expected="an attitude of independent numbers",
-            remedy='set vehicle.attitude = "euler", or initial = "measured"',
+            found='"estimated" with the attitude as a quaternion that no sensor shows',
+            expected="a measured attitude, or one of independent numbers",
+            remedy='add [sensors.attitude], or set vehicle.attitude = "euler" or initial = "measured"',
         )
     return EstimationSettings(**{**table.model_dump(), "varying": tuple(table.varying)})
 
@@ -299,6 +287,6 @@ def _check_start(campaign: Campaign, is_trim_stated: bool) -> None:
             campaign.where(f"vehicle.trim.{control}"),
             found="nothing",
             expected=f"the value of {control} that holds the {trim['u']:g} m/s at which a trial begins",
-            remedy=f'add {control} = "{PROPULSION[control]}" to the trim of [vehicle]; `seatrial prior` shows what the priors make of it',
+            remedy=f'add {control} = "{PROPULSION[control]}" to the trim of [vehicle]; `seatrial prior` shows the resulting speed',
         )
     campaign.control_trim(model)

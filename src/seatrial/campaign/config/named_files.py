@@ -77,11 +77,13 @@ def place_of(folder: Path, written: str, where: str, run: str, limits: Sequence[
 
 
 def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tuple[str, str, str]]:
-    """Key, text and run of every file and folder that a campaign names."""
+    """Key, text and run of the earlier campaigns and logs that a campaign names."""
     for item in known_from:
         yield "vehicle.known_from", item, ""
     if imports is None:
         return
+    for run in imports.runs if imports.schedule is not None else ():
+        yield "import.schedule", imports.schedule or "", run
     for index, file in enumerate(imports.files):
         for run in imports.runs:
             yield f"import.files[{index}].path", file.path, run
@@ -90,9 +92,18 @@ def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tup
                 yield f"import.files[{index}].channels.{name}.curve", column.curve, ""
 
 
-def folders_outside(folder: Path, known_from: Sequence[str], imports: Imports | None) -> list[str]:
-    """Folders outside a campaign's own from which it reads files, and earlier campaigns; what is missing is left out."""
-    found = dict[str, None]()
+def folders_outside(
+    folder: Path, known_from: Sequence[str], imports: Imports | None, others: Sequence[Path] = ()
+) -> list[str]:
+    """Folders outside a campaign's own from which it reads files, and earlier campaigns; what is missing is left out.
+
+    Args:
+        folder: of the campaign.
+        known_from: earlier campaigns, as written.
+        imports: runs and their logs.
+        others: files that were found.
+    """
+    found = {str(path.resolve().parent): None for path in others if not _is_below(path, [folder.resolve()])}
     for key, written, run in named_in(known_from, imports):
         try:
             path = find(folder, written, key, run)

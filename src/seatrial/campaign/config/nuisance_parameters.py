@@ -9,6 +9,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
+from seatrial.estimation.mounts import SCALE, mount_unit
 from seatrial.estimation.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import LogUniform, Normal, Prior, Uniform
@@ -92,6 +93,11 @@ def nuisances(
     if estimation.current != "none":
         because = f'estimation.current = "{estimation.current}"'
         yield Nuisance(CURRENT, "m/s", r"u_{\mathrm{current}}", None, because, _ERROR, signed=True)
+    for one in model.unknowns:
+        yield Nuisance(one.name, one.unit, one.label, signed=one.signed)
+    for name in dict.fromkeys(name for sensor in sensors if sensor.mount for name in sensor.mount.unknown):
+        part, _, whose = name.partition("_")
+        yield Nuisance(name, mount_unit(name), rf"{part}_{{\mathrm{{{whose}}}}}", signed=part != SCALE)
     for sensor in sensors:
         yield from _of_sensor(sensor, noise[sensor.channel])
     if estimation.likelihood == "filter-error":
@@ -186,4 +192,6 @@ def _of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
 
 
 def _label(channel: str) -> str:
-    return SIGNALS[channel].label if channel in SIGNALS else rf"\dot{{{channel.removesuffix('dot')}}}"
+    base = channel.removesuffix("dot")
+    label = SIGNALS[base].label if base in SIGNALS else base
+    return label if base == channel else rf"\dot{{{label}}}"

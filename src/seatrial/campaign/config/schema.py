@@ -22,14 +22,14 @@ Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f
 
 
 class CampaignTable(Table):
-    """`[campaign]`: its name, and the seed of everything random."""
+    """`[campaign]`: the name of the campaign, and the seed of all random numbers."""
 
     name: Name
     seed: int = Field(ge=0, lt=2**63)
 
 
 class ActuatorTable(Table):
-    """`[vehicle.actuators.CONTROL]`: how late it follows its command, and its limits; `rate` by the second."""
+    """`[vehicle.actuators.CONTROL]`: how late an actuator follows its command, and its limits."""
 
     lag: Quantity = "0 s"
     lower: Quantity | None = None
@@ -40,13 +40,42 @@ class ActuatorTable(Table):
 Triple = list[Quantity]
 
 
-class VehicleTable(Table):
-    """`[vehicle]`: a catalogue name, or mass ("unknown" for coefficients per unit mass), thrust deduction and fixed coefficients.
+class ThrustLawTable(Table):
+    """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
 
-    A whole vehicle is one of the catalogue in six degrees of freedom, or one by hand that says which of u v w p q r `moves`; then
-    `given` are velocities and angles that are measured, `positions` those of x y z that are states, and lengths are from the body's
-    origin. `published_to` is how well the catalogue's coefficients are believed, as a share of each, where they have no prior;
-    `known_from` names folders of earlier campaigns, whose coefficients are priors here where they are sought, and fixed where not.
+    `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
+    powers of the command less `neutral`, the constant first. There is no thrust between the two commands of `dead_zone`, and where it is
+    negative the share `reverse` of it; `lag` is the time constant by which the thrust follows. A channel f_1 in the unit "command" goes
+    through the law of thruster 1.
+    """
+
+    curve: str | None = None
+    polynomial: list[float] | None = Field(default=None, min_length=2, max_length=12)
+    neutral: float = 0.0
+    dead_zone: list[float] | None = Field(default=None, min_length=2, max_length=2)
+    reverse: float = Field(default=1.0, gt=0.0)
+    lag: Quantity | None = None
+
+
+class ThrusterTable(Table):
+    """`[[vehicle.thrusters]]`: place from the body's origin and direction of positive thrust, forward, starboard and down.
+
+    `law` names its law of thrust; where there is one alone it is that of every thruster.
+    """
+
+    place: Triple = Field(min_length=3, max_length=3)
+    direction: list[float] = Field(min_length=3, max_length=3)
+    law: str | None = None
+
+
+class VehicleTable(Table):
+    """`[vehicle]`: a vehicle of the catalogue by name, or one described here.
+
+    A surge vehicle needs a mass, a thrust deduction and its known coefficients. A whole vehicle is one of the catalogue in six degrees
+    of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin.
+
+    `thrusters`, those of the catalogue where there are none, are driven by the forces f_1, f_2, …, or with terms of T by the speeds n_1,
+    n_2, …. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
     """
 
     catalogue: str | None = None
@@ -63,6 +92,9 @@ class VehicleTable(Table):
     positions: list[Literal["x", "y", "z"]] = []
     attitude: Literal["quaternion", "euler"] = "euler"
     actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
+    thrusters: list[ThrusterTable] = Field(default=[], max_length=64)
+    thrust_laws: dict[str, ThrustLawTable] = {}
+    added_coriolis: Literal["named", "automatic"] = "named"
     published_to: Quantity | None = None
     known_from: list[str] = []
     thrust_deduction: float = Field(default=0.0, ge=0.0, lt=1.0)
@@ -72,12 +104,11 @@ class VehicleTable(Table):
 
 
 class StructureTable(Table):
-    """`[structure]`: terms always there, terms whose presence the data decide, and which of them may stand together.
+    """`[structure]`: terms that are always there, terms that the data may keep or drop, and which of them may stand together.
 
     Rules are lines such as "X_uabsu requires X_u", "together X_u X_uabsu", "at most one of X_u3 X_du3", "never X_0", "heredity".
-    Where more than 64 structures are left, a screening in closed form chooses `shortlist` of them at most to be simulated. `g` screens
-    under Zellner's g-prior about zero, whose variance is g times that of least squares, in place of the stated priors; "rows" makes it
-    worth one row.
+    If they leave more than 64 structures, a screening in closed form chooses at most `shortlist` of them to be simulated. It uses the
+    stated priors, or Zellner's g-prior about zero, whose variance is g times that of least squares; with "rows" it is worth one row.
     """
 
     always: list[str] = []
@@ -88,7 +119,7 @@ class StructureTable(Table):
 
 
 class PriorTable(Table):
-    """`[prior.NAME]`: what is believed before the trial; `unit` if the numbers are not SI.
+    """`[prior.NAME]`: what is believed of a coefficient before the trial.
 
     | distribution | numbers |
     |---|---|
@@ -117,10 +148,11 @@ class PriorTable(Table):
 
 
 class SensorTable(Table):
-    """`[sensors.CHANNEL]`: standard deviation of its noise, its rate if lower than the sample rate, and what is unknown about it.
+    """`[sensors.CHANNEL]`: the noise of a sensor, how often it measures, and what is unknown about it.
 
-    `residuals` overrides that of `[estimation]`; `bias` is a constant error, `lag` a time constant, each with a prior of its own
-    (`[prior.bias_u]`, `[prior.lag_u]`); `over` says whether a speed is measured over ground or through the water.
+    An unknown `bias` (a constant error) or `lag` (a time constant) needs a prior, `[prior.bias_u]` or `[prior.lag_u]`.
+
+    `[sensors.attitude]` is the whole attitude, by a quaternion or three angles of the log, with its noise as an angle about any axis.
     """
 
     noise: Quantity
@@ -131,9 +163,25 @@ class SensorTable(Table):
     over: Literal["ground", "water"] = "ground"
 
 
+class MountTable(Table):
+    """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
+
+    `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
+    `scale` is what it shows of what is there. Each is an unknown where it has a prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`,
+    `[prior.scale_NAME]`.
+    """
+
+    channels: list[str] = Field(min_length=1)
+    place: Triple | None = Field(default=None, min_length=3, max_length=3)
+    roll: Quantity = "0 deg"
+    pitch: Quantity = "0 deg"
+    yaw: Quantity = "0 deg"
+    scale: float = Field(default=1.0, gt=0.0)
+
+
 class LimitsTable(Table):
-    """`[limits.NAME]`: bounds of a control and of its rate of change, of a state of the motion (`u`), of the distance travelled
-    (`distance`) or of the advance along the course (`advance`)."""
+    """`[limits.NAME]`: bounds of any control and of its rate of change, of a state of the motion such as `u`, of the distance travelled
+    (`distance`), or of the advance along the course (`advance`)."""
 
     lower: Quantity | None = None
     upper: Quantity | None = None
@@ -149,8 +197,7 @@ class RangeTable(Table):
 
 
 class PowerTable(Table):
-    """`[power]`: what a trial draws from the battery: the hotel load, and the propulsion at one operating point (~ cube of the
-    control)."""
+    """`[power]`: what a trial draws from the battery: the hotel load, and the propulsion, which grows with the cube of the control."""
 
     hotel: Quantity
     propulsion: Quantity
@@ -158,16 +205,16 @@ class PowerTable(Table):
 
 
 class RelayTable(Table):
-    """`[design.relay]`: the self-oscillating test: the control goes from one side of trim to the other whenever the measured `output`
-    is a `threshold` away from its trim; with the heading as output it is the zigzag of ships."""
+    """`[design.relay]`: the self-oscillating test. The control changes to the other side of trim whenever the measured `output` is a
+    `threshold` away from its trim. With the heading as output it is the zigzag of ships."""
 
     output: str
     threshold: RangeTable
 
 
 class PredictionTable(Table):
-    """`[design.prediction]`: what the coefficients are wanted for: a state, the `distance` travelled or the `advance`, so long after the
-    designed control is set to `control` at trim; with the propeller stopped, `of = "distance"` is the stopping distance."""
+    """`[design.prediction]`: the prediction for which the coefficients are wanted: a state, the `distance` travelled or the `advance`, some
+    time after the designed control is set to a value at trim. With the propeller stopped, `of = "distance"` is the stopping distance."""
 
     of: str
     control: Quantity
@@ -175,13 +222,23 @@ class PredictionTable(Table):
 
 
 class DesignTable(Table):
-    """`[design]`: families of inputs that are swept over one grid of amplitudes and periods, and what makes one of them the best.
+    """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and what makes one of them the best.
 
-    `utility` is the entropy reduction by the `filter`, or a criterion of the Fisher information: `fisher-d` (nats), `fisher-a` (mean
-    variance), `fisher-e` (least known combination), `fisher-me` (balance), `fisher-c` (the stated `prediction`), or `discrimination`
-    (evidence against the structure that is hardest to tell from the full one), `over` the mean of draws of what is believed, at its
-    mean (`local`) or at the worst draw; `per` trial, joule or second, where a trial is ended when that pays and takes `turnaround` more
-    around it. Limits on the motion are kept with `probability`.
+    | utility | the best design ... |
+    |---|---|
+    | `entropy` | lowers the entropy of the coefficients most, in nats, as the `filter` computes it |
+    | `fisher-d` | the same, by the Fisher information |
+    | `fisher-a` | leaves the smallest mean variance |
+    | `fisher-e` | teaches most about the combination that is least known |
+    | `fisher-me` | teaches about all combinations alike |
+    | `fisher-c` | makes the stated `prediction` most certain |
+    | `discrimination` | tells the full structure best from the one most like it |
+
+    With `per` a joule or a second, a trial ends when more of it does not pay.
+
+    `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`: it is
+    weighed beside the families, and is the first trial that is run. Controls named under `together` move at the same
+    time, each with its amplitude where that of `control` is the largest: `{ n = "100 rpm" }`.
     """
 
     control: str
@@ -193,11 +250,13 @@ class DesignTable(Table):
     turnaround: Quantity = "0 s"
     probability: float = Field(default=0.95, gt=0.0, lt=0.99)
     trim: Quantity | None = None
+    together: dict[str, Quantity] = {}
     duration: Quantity
     active: Quantity
     start: Quantity = "1 s"
     ramp: Quantity = "0 s"
     sample_time: Quantity
+    schedule: str | None = None
     amplitude: RangeTable
     period: RangeTable
     relay: RelayTable | None = None
@@ -205,8 +264,10 @@ class DesignTable(Table):
 
 
 class GoalTable(Table):
-    """`[goal]`: what ends the campaign: `sd` of each coefficient, a quantity or a percentage of its value ("10 %"), whether one
-    structure is to hold 95 % of the probability, and the most trials to run; where only these are given, all of them are run."""
+    """`[goal]`: what ends the campaign. A standard deviation is a quantity or a percentage of the value ("10 %").
+
+    If only `trials` is given, all of them are run.
+    """
 
     sd: dict[str, Quantity | float] = {}
     decided: bool = False
@@ -214,20 +275,25 @@ class GoalTable(Table):
 
 
 class TimeTable(Table):
-    """Which column holds time, and in which unit; the unit may be left out where the log states it."""
+    """The column that holds time, and its unit."""
 
     column: str
     unit: str | None = None
 
 
 class ColumnTable(Table):
-    """Which column holds a channel, in which unit; `scale` multiplies it, -1 to turn an axis round, and then `offset` is added.
+    """The column that holds a channel, its unit, and what is done to its numbers: `scale` multiplies them, then `offset` is added.
 
-    `curve` is a CSV of two columns with a header, the logged number and what it stands for in `unit`, between whose rows it is
-    interpolated: the thrust of each PWM width in microseconds, from the maker's table.
+    `curve` is a CSV with a header and two columns: a logged number, and what it stands for in `unit`. Between its rows it is interpolated.
+    Use it for the maker's table of thrust over PWM width.
+
+    In place of a column, `sum` is a sum of columns of the table with factors, such as "0.12 data[0] - 0.12 data[1]"; names with other
+    signs than letters, digits and . _ / [ ] stand between single quotes, and the curve holds for each column. Forces of thrusters may be
+    in the unit "command", see `[vehicle.thrust_laws]`.
     """
 
-    column: str
+    column: str | None = None
+    sum: str | None = None
     unit: str
     scale: float = 1.0
     offset: float = 0.0
@@ -237,10 +303,8 @@ class ColumnTable(Table):
 class FileTable(Table):
     """`[[import.files]]`: one log of a trial; `{run}` in the path stands for the run's label.
 
-    `table` is the topic, type of message, struct or variable where a log has several. `time` may be left out where the format
-    has a clock of its own. `axes` are NED with body axes forward, right, down, or ENU with forward, left, up (REP 103). Channels
-    `v_north`, `v_east` and `v_down` become velocities along the body, and `q_w`, `q_x`, `q_y`, `q_z` angles. For CSV and TSV are
-    `delimiter` ("whitespace" too), `encoding`, `skip_rows`, `header_rows` and, for those without a header, `names` of all columns.
+    `time` is not needed if the format has a clock of its own. Channels `v_north`, `v_east` and `v_down` become velocities along the body,
+    and `q_w`, `q_x`, `q_y`, `q_z` become angles. `delimiter`, `encoding`, `skip_rows`, `header_rows` and `names` are for CSV and TSV.
     """
 
     path: str
@@ -257,7 +321,7 @@ class FileTable(Table):
 
 
 class TrimTable(Table):
-    """`[import.trim.RUN]`: where one run begins and ends, in place of what `[import]` says for all."""
+    """`[import.trim.RUN]`: where one run begins and ends, instead of what `[import]` says for all runs."""
 
     start: Quantity | None = None
     end: Quantity | None = None
@@ -266,8 +330,9 @@ class TrimTable(Table):
 class ImportTable(Table):
     """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
 
-    Every run is trimmed to between `start` and `end`, counted from where its files overlap, and cut into pieces of about `split`, each
-    a trial with a start of its own: for long records, and for vehicles that leave their course slowly.
+    Every run is cut to `start` and `end`, counted from where its files overlap. `split` divides it into pieces, each a trial with a start
+    of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the table that was
+    commanded, `{run}` standing for the run's label: a run without `start` and `end` is cut to it, and how well it was followed is told.
     """
 
     fit: list[str] = Field(min_length=1)
@@ -277,23 +342,27 @@ class ImportTable(Table):
     end: Quantity | None = None
     trim: dict[str, TrimTable] = {}
     split: Quantity | None = None
+    schedule: str | None = None
     files: list[FileTable] = Field(min_length=1)
 
 
 class FilterTable(Table):
-    """`[filter]`: what the model leaves out, as the standard deviation that each state or coefficient gains in one second."""
+    """`[filter]`: process noise of the filter, for what the model leaves out."""
 
     process_noise: dict[str, Quantity | float] = {}
 
 
 class EstimationTable(Table):
-    """`[estimation]`: likelihood, initial state, residuals, a current along the course, what varies between trials, size of the chains.
+    """`[estimation]`: likelihood, initial state, noise, current, what varies between trials, and size of the chains.
 
-    `filter-error` adds process noise, with a prior of each state's (`[prior.process_u]`, what it gains in one second), or a force with
-    a memory on any axis (`[prior.disturbance_X]`, its standard deviation in the unit of X_0, and `[prior.disturbance_time_X]`, its
-    correlation time), beside which process noise of any state may be left out. Residuals are `white`, `coloured` (with
-    `[prior.tau_u]`) or `heavy`-tailed. Coefficients under `varying` differ from trial to trial about a common value, by a spread with
-    a prior of its own (`[prior.spread_X_u]`).
+    | setting | priors that it needs |
+    |---|---|
+    | `residuals = "coloured"` | `[prior.tau_u]`, the correlation time |
+    | `likelihood = "filter-error"`, process noise | `[prior.process_u]`, what each state gains in one second |
+    | the same, a disturbance | `[prior.disturbance_X]`, its standard deviation in the unit of X_0 |
+    | | and `[prior.disturbance_time_X]`, its correlation time |
+    | `current` | `[prior.current]` |
+    | `varying = ["X_u"]` | `[prior.spread_X_u]`, how much X_u differs between trials |
     """
 
     likelihood: Literal["output-error", "filter-error"] = "output-error"
@@ -309,11 +378,9 @@ class EstimationTable(Table):
 
 
 class SelectionTable(Table):
-    """`[selection]`: size of the two methods behind each evidence: particles and independent repeats of tempered SMC, and draws of the
-    importance sampling about the modes.
+    """`[selection]`: size of the two methods that compute each evidence.
 
-    Without `particles` there are 512, or 64 for each parameter where that is more. Where a verdict asks for more particles, more
-    repeats or more draws, these are meant.
+    If a verdict asks for more particles, repeats or draws, raise these.
     """
 
     particles: int | None = Field(default=None, ge=64, le=1_000_000)
@@ -322,7 +389,7 @@ class SelectionTable(Table):
 
 
 class SlurmTable(Table):
-    """`[compute.slurm]`: what each of some jobs asks for; a worker of one thread on each of its cores shares its memory."""
+    """`[compute.slurm]`: what each job asks for. Its memory is shared by its workers, one on each core."""
 
     memory: str = Field(pattern=r"^[0-9.]+ ?[kMGT]i?B$")
     walltime: str = Field(pattern=r"^[0-9:-]+$")
@@ -334,7 +401,7 @@ class SlurmTable(Table):
 
 
 class ComputeTable(Table):
-    """`[compute]`: where work is done, which is no part of what is computed: `local`, `slurm`, or the address of a Dask scheduler."""
+    """`[compute]`: where the work is done. It does not change any result."""
 
     workers: str = "local"
     slurm: SlurmTable | None = None
@@ -348,6 +415,7 @@ class CampaignFile(Table):
     structure: StructureTable
     prior: dict[str, PriorTable] = {}
     sensors: dict[str, SensorTable] = Field(min_length=1)
+    mounts: dict[str, MountTable] = {}
     limits: dict[str, LimitsTable] = {}
     design: DesignTable
     power: PowerTable | None = None

@@ -3,14 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
+from pathlib import PurePath
 from typing import Literal
 
 import numpy as np
 
+from seatrial.estimation.mounts import Mount
 from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.names import DEFAULT, SamplerName
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import structure_rules
+from seatrial.vehicles.thrusters import ThrustLaw
 
 Residuals = Literal["white", "coloured", "heavy"]
 Scope = Literal["none", "shared", "own"]
@@ -53,6 +57,7 @@ class SensorSettings:
         bias: whether it has a constant error, and whose.
         lag: whether it answers late.
         over: whether a speed is measured over ground or through the water.
+        mount: where it sits, how it is turned, and its scale; None where nothing is said.
     """
 
     noise: float
@@ -61,6 +66,7 @@ class SensorSettings:
     bias: Scope = "none"
     lag: bool = False
     over: Literal["ground", "water"] = "ground"
+    mount: Mount | None = None
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,26 @@ class StatedPrediction:
     after: float
 
 
+@dataclass(frozen=True, eq=False)
+class OwnSchedule:
+    """A schedule that somebody wrote or recorded.
+
+    Attributes:
+        source: its file.
+        schedule: controls over time, sampled as designs are, SI.
+        skipped: lines between two samples, of which these take nothing.
+    """
+
+    source: str
+    schedule: Schedule
+    skipped: tuple[int, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Name of its record."""
+        return PurePath(self.source).stem
+
+
 @dataclass(frozen=True)
 class DesignSettings:
     """Designs to try, and what makes one of them the best.
@@ -97,6 +123,7 @@ class DesignSettings:
         probability: with which limits of the motion are kept.
         relay: the self-oscillating test.
         prediction: what the coefficients are wanted for.
+        own: schedule that is weighed beside the families, and run first; no design of a family depends on it.
     """
 
     family: Family
@@ -111,6 +138,7 @@ class DesignSettings:
     probability: float = 0.95
     relay: RelaySettings | None = None
     prediction: StatedPrediction | None = None
+    own: OwnSchedule | None = field(default=None, compare=False)
 
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         """Return amplitudes, SI, and periods, s."""
@@ -160,13 +188,19 @@ class Goal:
 
 @dataclass(frozen=True)
 class LogColumn:
-    """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off."""
+    """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off.
+
+    Of a sum of columns, `column` is the sum as it was written, and `parts` are its factors and columns. `law` is that of a thruster, whose
+    commands the column holds.
+    """
 
     column: str
     unit: str
     scale: float = 1.0
     offset: float = 0.0
     curve: str | None = None
+    parts: tuple[tuple[float, str], ...] = ()
+    law: ThrustLaw | None = None
 
 
 @dataclass(frozen=True)
@@ -216,6 +250,7 @@ class Imports:
         split: length of the pieces into which a run is cut, s; None to leave it whole.
         ends: of each run, where it starts and ends, s from where its logs overlap, as far as anything is said.
         own_ends: runs whose ends are stated for themselves.
+        schedule: table that was commanded, with `{run}` in place of the run's label; None where that is not known.
     """
 
     fit: tuple[str, ...]
@@ -225,6 +260,7 @@ class Imports:
     split: float | None = None
     ends: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     own_ends: tuple[str, ...] = ()
+    schedule: str | None = None
 
     @property
     def runs(self) -> tuple[str, ...]:

@@ -237,7 +237,7 @@ def _line_remedy(line: str) -> str:
         return 'write straight quotes, as in "60 s"'
     bare = _TEXT.sub('""', line).partition("#")[0]
     return next(
-        (remedy for sign, remedy in _SLIPS if re.search(sign, bare)), "mend the line named, or the one before it"
+        (remedy for sign, remedy in _SLIPS if re.search(sign, bare)), "correct the line named, or the one before it"
     )
 
 
@@ -246,7 +246,7 @@ def _nested(path: Path | str, line: int) -> InputError:
         f"{path}:{line}",
         found="tables or lists within each other without end",
         expected=f"at most {DEEPEST} levels",
-        remedy="mend the brackets, or the dots of the key",
+        remedy="correct the brackets, or the dots of the key",
     )
 
 

@@ -10,6 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
 from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.mounts import mount_names
 from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.vehicles.model import VehicleModel
@@ -27,6 +28,7 @@ def beyond_structures(campaign: Campaign) -> set[str]:
         {actuator_lag(control) for control in campaign.model(campaign.full).controls}
         | {CURRENT, DELAY}
         | {name(channel) for channel in campaign.channels for name in of_channel}
+        | {name for one in campaign.sensors.values() if one.mount for name in mount_names(one.mount.name)}
     )
 
 

@@ -22,6 +22,7 @@ from seatrial.vehicles.catalogue import PublishedVehicle
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.thrusters import ThrustLaw
 from seatrial.vehicles.whole import whole_vehicle
 
 
@@ -120,6 +121,8 @@ class WholeVehicle:
         attitude: how it is written.
         actuators: lags and limits by control.
         catalogue: its name there; empty for one by hand.
+        laws: of thrust, one of each thruster of `body`; none where nothing is said of them.
+        unknowns: numbers beside the coefficients that are sought.
     """
 
     body: PublishedVehicle
@@ -131,6 +134,8 @@ class WholeVehicle:
     attitude: Literal["quaternion", "euler"] = "euler"
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     catalogue: str = ""
+    laws: tuple[ThrustLaw, ...] = ()
+    unknowns: tuple[str, ...] = ()
 
     @property
     def published(self) -> Mapping[str, float]:
@@ -155,6 +160,7 @@ class WholeVehicle:
             added_coriolis=self.body.added_coriolis,
             thrusters=self.body.thrusters,
             actuators=dict(self.actuators),
+            unknowns=self.unknowns,
         )
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
@@ -166,9 +172,11 @@ class WholeVehicle:
 
 
 def level_start(model: VehicleModel, known: Mapping[str, float]) -> tuple[float, ...]:
-    """Every state from values of some signals, SI: a quaternion from angles, an actuator from its command, 0 where nothing is known."""
-    angles = tuple(known.get(angle, 0.0) for angle in ANGLES)
-    turned = dict(zip(QUATERNION, map(float, quaternion_of_angles(*angles)), strict=True))
+    """Every state from values of signals, SI, 0 where nothing is known: an actuator from its command, a quaternion also from angles."""
+    parts = quaternion_of_angles(*(known.get(angle, 0.0) for angle in ANGLES))
+    if set(QUATERNION) <= set(known):
+        parts = tuple(known[name] for name in QUATERNION)
+    turned = dict(zip(QUATERNION, (np.array(parts) / np.linalg.norm(parts)).tolist(), strict=True))
     return tuple(
         turned[state] if state in turned else known.get(state, known.get(state.removesuffix(ACTUAL), 0.0))
         for state in model.states

@@ -1,14 +1,16 @@
 """Reads `[vehicle]`: by its axes or as a whole, a published one or one by hand, as the table says."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.schema import VehicleTable
+from seatrial.campaign.config.thruster_table import read_thrust_laws, read_thrusters, thruster_lags
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit
+from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit, thruster_controls
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
@@ -18,15 +20,17 @@ BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "pu
 """Keys of a vehicle by its axes."""
 BODY = (
     *("name", "mass", "inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy"),
-    *("thrust_deduction", "wake"),
+    *("thrust_deduction", "wake", "added_coriolis"),
 )
 """Keys of a body that a catalogue entry already says."""
+UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse)_[fn](_\d+)?|lag_.+")
+"""Names of priors that may be unknowns of a whole vehicle beside its coefficients."""
 OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in zip("XYZKMN", RATES, strict=True))
 """Added masses that act against the acceleration which they are of; the others may have either sign."""
 
 
 def read_vehicle(
-    table: VehicleTable, keys: FileKeys, terms: Sequence[str], angles: Sequence[str] = ()
+    table: VehicleTable, keys: FileKeys, terms: Sequence[str], angles: Sequence[str] = (), stated: Collection[str] = ()
 ) -> CampaignVehicle:
     """Read the vehicle of a campaign.
 
@@ -35,6 +39,7 @@ def read_vehicle(
         keys: of the file.
         terms: that any structure may have.
         angles: that a sensor measures or a limit bounds.
+        stated: names that have a prior in the file, among which may be unknowns of a whole vehicle beside its coefficients.
 
     Raises:
         InputError: keys that contradict each other, or numbers that no vehicle has.
@@ -58,7 +63,7 @@ def read_vehicle(
                 remedy=nearest(name, SIGNALS),
             )
     if table.moves is not None or (table.catalogue is not None and table.catalogue not in surge_names()):
-        return _whole_vehicle(table, keys, terms, angles)
+        return _whole_vehicle(table, keys, terms, angles, stated)
     others = sorted(table.model_fields_set - set(BY_AXES))
     if others:
         raise InputError(
@@ -98,11 +103,11 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, axes: tuple[str, ...]) ->
 
 
 def _whole_vehicle(
-    table: VehicleTable, keys: FileKeys, terms: Sequence[str], angles: Sequence[str] = ()
+    table: VehicleTable, keys: FileKeys, terms: Sequence[str], angles: Sequence[str], stated: Collection[str]
 ) -> WholeVehicle:
     """Read the vehicle of a campaign that says what moves, or names one of the catalogue that is whole."""
     if table.catalogue is None:
-        body = PublishedVehicle(_by_hand(table, keys), {}, tuple(table.moves or ()))
+        body = PublishedVehicle(_by_hand(table, keys), {}, tuple(table.moves or ()), table.added_coriolis)
     else:
         with located(keys.where("vehicle.catalogue")):
             body = load_vehicle(table.catalogue)
@@ -114,9 +119,13 @@ def _whole_vehicle(
                 expected="a vehicle with coefficients to estimate",
                 remedy="simulate it to make records, and estimate another one from them",
             )
+    body = replace(body, thrusters=read_thrusters(table, keys, body.thrusters))
+    laws = read_thrust_laws(table, keys, len(body.thrusters))
     sought = {CoefficientName.parse(term) for term in terms}
     known = {**body.hull.fixed, **body.coefficients, **table.fixed}
     fixed = {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
+    controls = thruster_controls(len(body.thrusters), not any(term.axis == "T" for term in sought))
+    actuators = _actuators(table, keys, body, thruster_lags(table, keys, controls))
     return WholeVehicle(
         body,
         replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}),
@@ -125,8 +134,10 @@ def _whole_vehicle(
         tuple(table.positions),
         tuple(angles),
         table.attitude,
-        _actuators(table, keys, body),
+        actuators,
         table.catalogue or "",
+        laws,
+        tuple(name for name in stated if UNKNOWN.fullmatch(name)),
     )
 
 
@@ -168,11 +179,13 @@ def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:
         )
 
 
-def _actuators(table: VehicleTable, keys: FileKeys, body: PublishedVehicle) -> dict[str, Actuator]:
-    """Lags and limits by hand; the published ones of a catalogue entry where `actuators = "published"`."""
+def _actuators(
+    table: VehicleTable, keys: FileKeys, body: PublishedVehicle, lags: Mapping[str, float]
+) -> dict[str, Actuator]:
+    """Lags and limits by hand; the published ones of a catalogue entry where `actuators = "published"`; lags of thrusters beside them."""
+    found = {control: Actuator(lag) for control, lag in lags.items()}
     if table.actuators == "published":
-        return dict(body.actuators)
-    found = {}
+        return {**body.actuators, **found}
     for name, written in (table.actuators or {}).items():
         key = f"vehicle.actuators.{name}"
         if not is_signal(name) or not written.model_fields_set:

@@ -9,6 +9,7 @@ from jaxtyping import Array
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
+from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.programs import program
@@ -85,6 +86,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     findings = [
         finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise[name])
     ]
+    findings += check_thrusters(campaign, record)
     if not np.isfinite(expected).all():
         remedy = "narrow the priors, so that the vehicle at their means can be simulated over this record"
         findings.append(

@@ -1,29 +1,39 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
 from xarray import Dataset
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.settings import Imports, LogFile
-from seatrial.campaign.data.simulate import check_simulated, no_record, simulated_records
+from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
+from seatrial.campaign.data.no_record import no_record
+from seatrial.campaign.data.simulate import check_simulated, simulated_records
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError, located
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record, Role
 from seatrial.core.record_file import read_record, record_dataset
+from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
-from seatrial.logs.curve import read_curve
+from seatrial.logs.curve import CellCurve, Curve, read_curve
+from seatrial.logs.followed import follow
 from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.read import read_log
 from seatrial.logs.segments import cut
-from seatrial.logs.source import ColumnMap, LogSource
+from seatrial.logs.source import ColumnMap, LogSource, LogTable
+from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.thrusters import ThrustLaw
+
+_TRIED = 401
+"""Commands at which a polynomial of thrust is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +111,7 @@ def read_untrimmed(campaign: Campaign, run: str) -> Record:
     imports = campaign.imports
     if imports is None:
         raise no_record(campaign)
-    return _aligned(campaign, imports, run, _located(campaign, imports, run), {})
+    return align(_tables(campaign, imports, _located(campaign, imports, run)), step=imports.step, label=run)
 
 
 def stored_record(
@@ -127,13 +137,55 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
 
 
 def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], ends: Mapping[str, float]) -> Record:
-    """Read the files of a run, and put them on one axis between its ends."""
-    logs, roles = [], _roles(campaign.model(campaign.full))
+    """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
+    tables = _tables(campaign, imports, paths)
+    if imports.schedule is None:
+        return align(tables, step=imports.step, **ends, label=run)
+    path, whole = _commanded(campaign, imports, run), align(tables, step=imports.step, label=run)
+    with located(campaign.where("import.schedule")):
+        commanded = read_rows(path, campaign.model(campaign.full).controls).schedule(campaign.family.sample_time)
+        followed = follow(whole, commanded.time, commanded.controls, path.name)
+    record = align(tables, step=imports.step, **(ends or followed.ends), label=run)
+    options = record.provenance.options
+    cautions = [*options["cautions"], *followed.cautions]
+    told = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
+    return replace(record, provenance=replace(record.provenance, options=told))
+
+
+def _commanded(campaign: Campaign, imports: Imports, run: str) -> Path:
+    """Schedule of a run that names one."""
+    return find(campaign.folder, imports.schedule or "", campaign.where("import.schedule"), run)
+
+
+def _tables(campaign: Campaign, imports: Imports, paths: list[Path]) -> list[LogTable]:
+    """Read the files of a run, with velocities along the body."""
+    logs, roles = [], signal_roles(campaign.model(campaign.full))
     for index, (file, path) in enumerate(zip(imports.files, paths, strict=True)):
-        source = _source(campaign, file, path, index, roles)
+        _check_layout(campaign, file, path, index)
+        source = log_source(campaign, file, path, index, roles)
         with located(campaign.where(f"import.files[{index}]")):
             logs.append(read_log(source))
-    return align(to_body(logs, roles), step=imports.step, **ends, label=run)
+    tables = [_without_idle(table, campaign.channels) for table in to_body(logs, roles)]
+    return [one for one in tables if one.channels]
+
+
+def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
+    """Leave out measurements that never move and that no sensor of the campaign reads, and say so."""
+    idle = {
+        one.name: float(known[0])
+        for one in table.channels
+        if one.role == "measurement" and one.name not in (*wanted, *QUATERNION)
+        if (known := table.columns[one.name][np.isfinite(table.columns[one.name])]).size and np.ptp(known) == 0
+    }
+    said = (
+        f'channel "{name}": {value:g} in every sample; no sensor reads it: left out' for name, value in idle.items()
+    )
+    return replace(
+        table,
+        channels=tuple(one for one in table.channels if one.name not in idle),
+        columns={name: column for name, column in table.columns.items() if name not in idle},
+        notes=(*table.notes, *said),
+    )
 
 
 def _located(campaign: Campaign, imports: Imports, run: str) -> list[Path]:
@@ -151,7 +203,10 @@ def _key(campaign: Campaign, imports: Imports, run: str, paths: list[Path], hash
         if column.curve
     ]
     hashes = [hash_of(path) for path in (*paths, *curves)]
-    return key_of("record", run, hashes, imports.step, imports.files, imports.ends.get(run, {}))
+    sent = (
+        () if imports.schedule is None else (hash_of(_commanded(campaign, imports, run)), campaign.family.sample_time)
+    )
+    return key_of("record", run, hashes, imports.step, imports.files, imports.ends.get(run, {}), *sent)
 
 
 def _curve(campaign: Campaign, index: int, name: str, written: str) -> Path:
@@ -159,22 +214,38 @@ def _curve(campaign: Campaign, index: int, name: str, written: str) -> Path:
     return find(campaign.folder, written, campaign.where(f"import.files[{index}].channels.{name}.curve"))
 
 
-def _roles(model: VehicleModel) -> dict[str, Role]:
-    """Every signal that a record may hold, and whether it drives the vehicle or observes it."""
+def signal_roles(model: VehicleModel) -> dict[str, Role]:
+    """Return every signal that a record may hold, and whether it drives the vehicle or observes it."""
     return {
         name: "control" if name in model.controls else "measurement"
         for name in (*model.controls, *model.channel_units())
     }
 
 
-def _source(campaign: Campaign, file: LogFile, path: Path, index: int, roles: Mapping[str, Role]) -> LogSource:
+def _check_layout(campaign: Campaign, file: LogFile, path: Path, index: int) -> None:
+    """Refuse the layout of a text where the log is none."""
     if file.layout and not format_of(path).is_text:
         raise InputError(
             campaign.where(f"import.files[{index}].{file.layout[0]}"),
             found=f"a key without effect: {path.name} is {format_of(path).name}",
-            expected="keys that something reads",
+            expected="keys that have an effect",
             remedy=f"remove {', '.join(file.layout)}: they say how text is laid out",
         )
+
+
+def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles: Mapping[str, Role]) -> LogSource:
+    """Return how one log is read.
+
+    Args:
+        campaign: whose folder holds curves.
+        file: of its [import] table.
+        path: of the log, or what stands for it.
+        index: of the file in the table, for errors.
+        roles: of `signal_roles`.
+
+    Raises:
+        InputError: a curve that cannot be read.
+    """
     channels = {
         name: ColumnMap(
             column.column,
@@ -182,12 +253,8 @@ def _source(campaign: Campaign, file: LogFile, path: Path, index: int, roles: Ma
             roles.get(name, "measurement"),
             scale=column.scale,
             offset=column.offset,
-            curve=read_curve(
-                _curve(campaign, index, name, column.curve),
-                campaign.where(f"import.files[{index}].channels.{name}.curve"),
-            )
-            if column.curve
-            else None,
+            curve=_cell_curve(campaign, index, name, column),
+            parts=column.parts,
         )
         for name, column in file.channels.items()
     }
@@ -205,3 +272,59 @@ def _source(campaign: Campaign, file: LogFile, path: Path, index: int, roles: Ma
         table=file.table,
         axes=file.axes,
     )
+
+
+def _cell_curve(campaign: Campaign, index: int, name: str, column: LogColumn) -> CellCurve | None:
+    """Return what the cells of a channel stand for: by its own curve, or by the law of a thruster.
+
+    Raises:
+        InputError: a curve that cannot be read, or a table of thrust that turns back.
+    """
+    key = f"import.files[{index}].channels.{name}"
+    where = campaign.where(f"{key}.curve" if column.law is None else f"{key}.unit")
+    curve = read_curve(_curve(campaign, index, name, column.curve), where) if column.curve else None
+    if column.law is None:
+        return curve
+    if curve is not None and np.unique(np.sign(np.diff(curve.value))[np.diff(curve.value) != 0]).size > 1:
+        back = int(np.flatnonzero(np.diff(np.sign(np.diff(curve.value))) != 0)[0]) + 1
+        raise InputError(
+            where,
+            found=f"thrust that turns back at {curve.logged[back]:g} of {curve.name}: {curve.value[back]:g} N",
+            expected="thrust that only rises with the command, or only falls; flat stretches may lie between",
+            remedy="smooth the measured points, or leave out the one that is wrong",
+        )
+    return _Thrust(column.law, curve)
+
+
+@dataclass(frozen=True)
+class _Thrust:
+    """The law of a thruster, with its table, as a curve of cells."""
+
+    law: ThrustLaw
+    table: Curve | None
+
+    @property
+    def name(self) -> str:
+        """See `CellCurve`."""
+        return f"law of thrust, {self.table.name if self.table else 'polynomial'}"
+
+    def __call__(self, cells: Float[np.ndarray, " n"], where: str) -> Float[np.ndarray, " n"]:
+        """Return the thrust, N.
+
+        Raises:
+            InputError: a command beyond the table, or beyond where a polynomial turns back.
+        """
+        if self.table is not None:
+            return self.law.thrust(cells, self.table(cells, where))
+        known = cells[np.isfinite(cells)]
+        tried = np.linspace(known.min(), known.max(), _TRIED) if known.size else known
+        steps = np.diff(np.polynomial.polynomial.polyval(tried - self.law.neutral, self.law.polynomial))
+        if known.size and steps.min() < 0 < steps.max():
+            at = tried[1 + int(np.flatnonzero(np.diff(np.sign(steps)))[0])]
+            raise InputError(
+                where,
+                found=f"commands from {known.min():g} to {known.max():g}, between which the polynomial turns back, near {at:.5g}",
+                expected="thrust that only rises with the command, or only falls",
+                remedy="check the units of the column, `neutral` and the polynomial, or give a table: curve",
+            )
+        return self.law.thrust(cells)

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.design_table import read_own
+from seatrial.campaign.config.settings import OwnSchedule
+from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.true_vehicle import FIRST, true_vehicle
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.design.sweep import design_first, design_key
@@ -20,7 +23,6 @@ from seatrial.campaign.store.stored_result import (
     write_dataset,
     write_stamped_json,
 )
-from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.files import depend_on
 from seatrial.core.progress import SILENT, Reporter
@@ -32,45 +34,7 @@ from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.relay import read_relay_family
-from seatrial.manoeuvres.schedule import Schedule, read_rows, schedule_of
-
-# What to write into a campaign file that says nothing of its trials, once one has been run or is to be simulated.
-
-
-def no_record(campaign: Campaign) -> InputError:
-    """Return the error of what needs a record in a campaign that has neither [import] nor [truth]: both, ready to paste."""
-    schedule, log = Store(campaign.folder).schedule(Store(campaign.folder).design), "`seatrial inspect LOG --map`"
-    first = "" if schedule.is_file() else f"design it with `seatrial design {campaign.folder}`, "
-    return InputError(
-        campaign.where("import"),
-        found="neither [import] nor [truth]: no trial has been run",
-        expected="the log of a trial, or a vehicle to simulate",
-        remedy=f"{first}run the trial of {schedule}, put its log into {campaign.folder}, and add to the file, by what {log} prints:\n"
-        + _indented(import_example(campaign))
-        + "\n  or, to simulate it, a value of each coefficient:\n"
-        + _indented(truth_example(campaign)),
-    )
-
-
-def import_example(campaign: Campaign) -> str:
-    """Return an [import] that maps every control and sensor of a campaign to a column of its name."""
-    names = dict.fromkeys((*campaign.model(campaign.full).controls, *campaign.channels))
-    columns = [f'channels.{name} = {{ column = "{name}", unit = "{shown_unit(name)[1]}" }}' for name in names]
-    head = ["[import]", 'fit = ["1"]', "", "[[import.files]]", 'path = "log_{run}.csv"']
-    return "\n".join([*head, 'time = { column = "time", unit = "s" }', *columns])
-
-
-def truth_example(campaign: Campaign) -> str:
-    """Return a [truth] at the prior means of the coefficients, SI."""
-    model = campaign.model(campaign.full)
-    values = [(term.text, campaign.prior(term.text).mean) for term in model.coefficients]
-    return "\n".join(["[truth]", *(f"{name} = {float(mean):.4g}" for name, mean in values)])
-
-
-def _indented(text: str) -> str:
-    """Return lines set in below a remedy."""
-    return "\n".join(f"    {line}".rstrip() for line in text.splitlines())
-
+from seatrial.manoeuvres.schedule import Schedule, schedule_of
 
 LONGEST = 80
 """Characters of a label."""
@@ -186,8 +150,13 @@ def later_trials(campaign: Campaign) -> tuple[Later, ...]:
 
 
 def _all_trials(campaign: Campaign) -> tuple[Later | None, ...]:
-    """Every trial in its order; None stands for the best design."""
-    return (*((None,) * (not _sequence(campaign)[1])), *later_trials(campaign))
+    """Every trial in its order; None stands for the best design, which is the first where [design] names no schedule."""
+    later, without_first = _sequence(campaign)
+    own = campaign.design.own
+    first = None if own is None else _of_own(own, own.label)
+    if without_first or (first is not None and first.label in [getattr(one, "label", None) for one in later]):
+        return later
+    return (first, *later)
 
 
 def _sequence(campaign: Campaign) -> tuple[tuple[Later, ...], bool]:
@@ -247,7 +216,9 @@ def check_simulated(campaign: Campaign) -> None:
 
 
 def _begun(campaign: Campaign) -> str:
-    return key_of("begun", design_key(campaign), campaign.truth, campaign.seed)
+    own = campaign.design.own
+    first = () if own is None else (_of_own(own, own.label).as_plain(),)
+    return key_of("begun", design_key(campaign), campaign.truth, campaign.seed, *first)
 
 
 def ask_for(
@@ -280,7 +251,7 @@ def ask_for(
             remedy="name the trial that is to be run",
         )
     before = len(_all_trials(campaign))
-    if design == "design" and label is None:
+    if design == "design" and label is None and campaign.design.own is None:
         _write_sequence(campaign, () if alone else later_trials(campaign), False)
     else:
         asked = () if design is None else designed_trials(campaign, design, label, reporter)
@@ -350,19 +321,30 @@ def own_trial(campaign: Campaign, path: Path, label: str | None, reporter: Repor
 def _scheduled(
     campaign: Campaign, path: Path, label: str, step: float, reporter: Reporter, relay: Mapping[str, Any] | None = None
 ) -> Scheduled:
-    _check_label(label)
     trim = campaign.control_trim(campaign.model(campaign.full))
-    rows = read_rows(path, [name for name, _ in trim])
-    schedule = rows.schedule(step)
-    rows.check_limits(campaign.family.control, campaign.limits, schedule)
-    if lost := rows.skipped(schedule):
-        reporter.say(
-            f"caution: {path}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of {step:g} s: "
-            "what bends there is not simulated; lower `sample_time` of [design]"
+    own = read_own(path, [name for name, _ in trim], campaign.control_limits, step)
+    for line in own_lines(campaign, own):
+        reporter.say(line)
+    return _of_own(own, label, relay)
+
+
+def own_lines(campaign: Campaign, own: OwnSchedule) -> list[str]:
+    """Say what is not taken from a schedule of one's own, and what it leaves at trim."""
+    name, lost, said = PurePath(own.source).name, own.skipped, []
+    if lost:
+        said.append(
+            f"caution: {own.source}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of "
+            f"{own.schedule.time[1]:g} s: corners there are left out; lower `sample_time` of [design]"
         )
-    if still := [name for name, _ in trim if name not in rows.controls]:
-        reporter.say(f"{path.name}: {', '.join(still)} held at trim")
-    return Scheduled(label, path.name, schedule, relay)
+    trim = campaign.control_trim(campaign.model(campaign.full))
+    if still := [control for control, _ in trim if control not in own.schedule.controls]:
+        said.append(f"{name}: {', '.join(still)} held at trim")
+    return said
+
+
+def _of_own(own: OwnSchedule, label: str, relay: Mapping[str, Any] | None = None) -> Scheduled:
+    _check_label(label)
+    return Scheduled(label, PurePath(own.source).name, own.schedule, relay)
 
 
 def _check_label(label: str) -> None:
@@ -371,7 +353,7 @@ def _check_label(label: str) -> None:
     if not plain or taken:
         raise InputError(
             f"--label {label[: 2 * LONGEST]}",
-            found="a name that decided trials have" if taken else "a name that is no file's",
+            found="a name that seatrial gives its own trials" if taken else "a name that no file can have",
             expected=f"a plain name of at most {LONGEST} characters",
             remedy="name the record otherwise, for example --label sea-1",
         )

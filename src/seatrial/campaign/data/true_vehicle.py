@@ -115,7 +115,12 @@ def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
     kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy"}
     noise = next((kind for name, kind in kinds.items() if name in truth), "white")
     return Sensor(
-        channel, noise, bias_name(channel) in truth, truth.get(lag_name(channel), 0.0) > 0, sensor.over_ground
+        channel,
+        noise,
+        bias_name(channel) in truth,
+        truth.get(lag_name(channel), 0.0) > 0,
+        sensor.over_ground,
+        sensor.mount,
     )
 
 
@@ -156,7 +161,7 @@ def _fed_back(simulator: Simulator, relay: Mapping[str, Any], controls: tuple[st
             "self-oscillation",
             found=f"a test that feeds {output} back and holds {', '.join(name for name, _ in family.trim)}",
             expected=f"sensors {', '.join(channels)} and controls {', '.join(controls)}, which the campaign now has",
-            remedy="design the test anew, or change the campaign back",
+            remedy="design the test again, or change the campaign back",
         )
     return channels.index(output)
 

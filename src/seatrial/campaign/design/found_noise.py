@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.estimates import Drawn
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.prediction import noise_sd
 from seatrial.estimation.sensors import correlation_name, noise_name
@@ -21,14 +21,14 @@ TOLD = 1.3
 """Ratio of the two standard deviations from which on a reader is told."""
 
 
-def with_found_noise(campaign: Campaign, estimate: Estimate) -> Campaign:
+def with_found_noise(campaign: Campaign, estimate: Drawn) -> Campaign:
     """Return the campaign with the noise of its sensors as an estimate found it."""
     noise = found_noise(campaign, estimate)
     sensors = {name: replace(sensor, noise=noise[name]) for name, sensor in campaign.sensors.items()}
     return replace(campaign, sensors=sensors)
 
 
-def found_noise(campaign: Campaign, estimate: Estimate) -> dict[str, float]:
+def found_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
     """Return for each channel the standard deviation of the white noise that blurs a designed trial as the fit's residuals would, SI."""
     found, slowest = {}, float(campaign.design.grid()[1].max())
     for sensor in campaign.sensor_models:
@@ -48,11 +48,11 @@ def found_noise(campaign: Campaign, estimate: Estimate) -> dict[str, float]:
     return found
 
 
-def noise_words(campaign: Campaign, estimate: Estimate) -> str:
+def noise_words(campaign: Campaign, estimate: Drawn) -> str:
     """Say what noise a promise counts on where that is not what [sensors] says; empty where it is."""
     said = []
     for name, sd in found_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
         if not nominal / TOLD < sd < nominal * TOLD:
             said.append(f"{sd * factor:.2g} {unit} in each sample of {name} ([sensors] says {nominal * factor:.2g})")
-    return f"counting on errors as the fit left them: {', '.join(said)}" if said else ""
+    return f"with the noise that the fit found: {', '.join(said)}" if said else ""

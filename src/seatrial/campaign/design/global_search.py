@@ -20,7 +20,7 @@ from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.global_search import search_globally
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
-from seatrial.design.sweep import all_controls
+from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family
 
@@ -62,7 +62,7 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
 
 def search_lines(found: Searched, family: Family) -> list[str]:
     """Say what was found."""
-    rest = "" if found.settled else "; it had not come to rest: search longer"
+    rest = "" if found.settled else "; the search had not settled: search longer"
     rounded = f" ({found.budget} asked for: whole populations of {POPULATION} in each family)"
     over = f"{found.evaluations} designs{rounded if found.evaluations != found.budget else ''}"
     best, beside = (f"{value:.3f} {found.unit}".rstrip() for value in (found.utility, found.beside))
@@ -162,13 +162,12 @@ def _box(design: DesignSettings) -> tuple[np.ndarray, np.ndarray]:
 def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.ndarray):
     """Utility of designs by amplitude and period; NaN where one does not fit or may leave the limits."""
     criterion, few = criterion_of(campaign, plan, draws), utility_draws(campaign.design, draws)
-    trim, limits, worst = campaign.control_trim(plan.model), campaign.limits, campaign.design.over == "worst"
-    place = [name for name, _ in trim].index(family.control)
+    trim, worst = campaign.control_trim(plan.model), campaign.design.over == "worst"
 
     def worth(settings: np.ndarray) -> np.ndarray:
         controls = all_controls(family, trim, settings[:, 0], settings[:, 1])
         allowed = family.fits(settings[:, 1])
-        allowed &= [not limits.excess(one, family.sample_time) for one in controls[..., place]]
+        allowed &= inside_limits(family, controls, trim, campaign.control_limits)
         if campaign.motion_limits:
             # Designs that are refused stand in with the trim, which is quick to judge and not looked at.
             held = np.where(allowed[:, None, None], controls, [value for _, value in trim])

@@ -1,7 +1,7 @@
 """A design as the operator runs it: its schedule as CSV, and as JSON with what else is to be said of it; and those that a campaign has."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import is_there, write_json, write_text
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.schedule import schedule_of, table_text
+from seatrial.manoeuvres.schedule import Schedule, schedule_of, table_text
 
 # Designs in words, in the units of the boundary.
 
@@ -19,9 +19,13 @@ from seatrial.manoeuvres.schedule import schedule_of, table_text
 def design_words(family: Family, amplitude: float, period: float) -> str:
     """Name one member of a family: `repeated doublet of ±200 rpm about 1194 rpm in n, period 10 s`."""
     factor, unit = shown_unit(family.control)
+    others = []
+    for one in family.beside:
+        own, its = shown_unit(one.control)
+        others.append(f" and {family.shape.sides}{one.ratio * amplitude * own:.4g} {its} in {one.control}")
     return (
         f"{family.words} of {family.shape.sides}{amplitude * factor:.4g} {unit} about {family.trim * factor:.4g} {unit} "
-        f"in {family.control}, {family.shape.period_is} {period:.3g} s"
+        f"in {family.control}{''.join(others)}, {family.shape.period_is} {period:.3g} s"
     )
 
 
@@ -33,32 +37,49 @@ def write_schedule(
     A trial that is ended away from trim goes back to it, as fast as its edges are, or in one sample. A closed-loop trial has a `rule`,
     which its schedule only foresees; `about` is kept beside it.
     """
-    control = manoeuvre.control
     rows = schedule_of(manoeuvre, sample_time).bends()
-    back = _way_back(manoeuvre, sample_time, float(rows.controls[control][-1]))
+    back = _way_back(manoeuvre, sample_time, {name: float(values[-1]) for name, values in rows.controls.items()})
     time = [*map(float, rows.time), *(t for t, _ in back)]
-    text = table_text(time, {control: [*map(float, rows.controls[control]), *(value for _, value in back)]})
-    if not is_there(path) or path.read_bytes() != text.encode():
-        write_text(path, text)
-    written = [line.split(",") for line in text.splitlines()[1:]]
+    columns = {name: [*map(float, values), *(at[name] for _, at in back)] for name, values in rows.controls.items()}
+    text = table_text(time, columns)
+    settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
     content = {
         "manoeuvre": manoeuvre.name,
-        "control": control,
-        "unit": shown_unit(control)[1],
-        "settings_si": {name: float(value) for name, value in manoeuvre.parameters.items()},
+        "settings_si": settings,
         **({"rule": rule} if rule else {}),
         **(about or {}),
-        "time_s": [float(t) for t, _ in written],
-        "value": [float(value) for _, value in written],
     }
-    write_json(path.with_suffix(".json"), content)
+    return _write(path, text, tuple(columns), content)
+
+
+def write_own(path: Path, schedule: Schedule, name: str) -> Path:
+    """Write a schedule of one's own, by the name of its file, where designs are, so that it goes out as they do; returns the CSV file."""
+    rows = schedule.bends()
+    text = table_text([*map(float, rows.time)], {one: [*map(float, x)] for one, x in rows.controls.items()})
+    return _write(path, text, tuple(rows.controls), {"manoeuvre": f"schedule {name}"})
+
+
+def _write(path: Path, text: str, controls: Sequence[str], content: Mapping[str, Any]) -> Path:
+    """Write a table, and its columns with what else is said of it as JSON: of several controls each by its name."""
+    if not is_there(path) or path.read_bytes() != text.encode():
+        write_text(path, text)
+    time, *values = zip(*(map(float, line.split(",")) for line in text.splitlines()[1:]), strict=True)
+    columns = [
+        {"control": name, "unit": shown_unit(name)[1], "value": value}
+        for name, value in zip(controls, values, strict=True)
+    ]
+    driven = columns[0] if len(columns) == 1 else {"controls": columns}
+    write_json(path.with_suffix(".json"), {**content, **driven, "time_s": time})
     return path
 
 
-def _way_back(manoeuvre: Manoeuvre, sample_time: float, last: float) -> list[tuple[float, float]]:
-    """Rows that hold the last value to the end and lead back to trim; none where the trial ends there."""
-    trim = manoeuvre.parameters.get("trim")
-    if trim is None or abs(last - trim) <= 1e-9 * max(1.0, abs(trim)):
+def _way_back(
+    manoeuvre: Manoeuvre, sample_time: float, last: Mapping[str, float]
+) -> list[tuple[float, Mapping[str, float]]]:
+    """Rows that hold the last values to the end and lead back to trim; none where the trial ends there."""
+    known = {name: manoeuvre.parameters.get("trim" if name == manoeuvre.control else f"trim {name}") for name in last}
+    trim = {name: last[name] if value is None else value for name, value in known.items()}
+    if all(abs(last[name] - value) <= 1e-9 * max(1.0, abs(value)) for name, value in trim.items()):
         return []
     end, edge = round(manoeuvre.duration / sample_time) * sample_time, manoeuvre.parameters.get("ramp", 0.0)
     return [(end, last), (end + edge, trim)] if edge > 0 else [(end, trim)]
@@ -70,6 +91,7 @@ def find_schedules(folder: Path) -> dict[str, Path]:
     known = {
         "proposed": store.proposed,
         "next": store.schedule(store.next_design),
+        "own": store.schedule(store.own_design),
         "design": store.schedule(store.design),
         "free_form": store.schedule(store.free_design),
     }

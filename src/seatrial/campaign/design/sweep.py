@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
@@ -19,7 +20,7 @@ from seatrial.campaign.design.prior_state_space import HALF, belief_space, belie
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import read_sweeps
-from seatrial.campaign.store.estimates import Estimate, OfStructure
+from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import on_accelerator
@@ -140,7 +141,8 @@ def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
-        return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim)
+        others = campaign.other_limits
+        return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim, others=others)
 
     return _Prepared(plan_of(campaign, model), scales, predict)
 
@@ -177,6 +179,7 @@ def design_key(campaign: Campaign) -> str:
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
         *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits, campaign.seed),
+        *([campaign.other_limits] if campaign.family.beside else []),
     )
 
 
@@ -215,10 +218,10 @@ class Designs:
         return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()] + self.diverging()
 
     def diverging(self) -> list[str]:
-        """The families of which some designs are left out, since under what is believed their motion diverges."""
+        """The families of which some designs are left out, because their motion diverges for vehicles that the priors allow."""
         counts = {sweep.family.kind: int(np.isposinf(sweep.peak_speed).sum()) for sweep in self.sweeps}
         return [
-            f"{kind}: {count} of {self.best.gain.size} designs left out, since under what is believed their motion diverges"
+            f"{kind}: {count} of {self.best.gain.size} designs left out, because their motion diverges for vehicles that the priors allow"
             for kind, count in counts.items()
             if count
         ]
@@ -270,15 +273,22 @@ def is_designed(campaign: Campaign) -> bool:
 def design_next(campaign: Campaign, estimate: Estimate, reporter: Reporter = SILENT) -> Designs:
     """Sweep the grid for a structure from what its posterior says of coefficients and noise so far; a current result is read."""
 
-    def sweep() -> xr.Dataset:
-        structure = estimate.structure
-        draws = estimate.draws([name for name in structure.terms if name in estimate.names])
-        belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
-        basis = f"the posterior of {structure.label}"
-        order = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
-        return _sweep(with_found_noise(campaign, estimate), structure, belief, draws[order], basis, reporter)
+    basis = f"the posterior of {estimate.structure.label}"
+    return stored_next(campaign, estimate).read_or_make(lambda: _sweep_after(campaign, estimate, basis, reporter))
 
-    return stored_next(campaign, estimate).read_or_make(sweep)
+
+def design_next_by_mode(campaign: Campaign, drawn: Drawn, reporter: Reporter = SILENT) -> Designs:
+    """Likewise from draws about the posterior mode of a structure."""
+    key = key_of("next by mode", design_key(campaign), drawn.structure.terms, drawn.draws().tolist())
+    kept = StoredResult(Store(campaign.folder).mode_design, key, partial(read_designs, campaign))
+    basis = f"the posterior mode of {drawn.structure.label}"
+    return kept.read_or_make(lambda: _sweep_after(campaign, drawn, basis, reporter))
+
+
+def coefficient_draws(drawn: Drawn, seed: int) -> Float[np.ndarray, "S k"]:
+    """Return draws of a structure's coefficients, SI, as many as designs are chosen and judged by."""
+    draws = drawn.draws([name for name in drawn.structure.terms if name in drawn.names])
+    return draws[np.random.default_rng(seed).permutation(len(draws))[: 2 * HALF]]
 
 
 def read_designs(campaign: Campaign, path: Path) -> Designs:
@@ -303,6 +313,14 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     schedule, about = Store(campaign.folder).schedule(path), {"design": design_key(campaign)}
     write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about)
     return found
+
+
+def _sweep_after(campaign: Campaign, drawn: Drawn, basis: str, reporter: Reporter) -> xr.Dataset:
+    structure = drawn.structure
+    draws = drawn.draws([name for name in structure.terms if name in drawn.names])
+    belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
+    few = coefficient_draws(drawn, campaign.seed)
+    return _sweep(with_found_noise(campaign, drawn), structure, belief, few, basis, reporter)
 
 
 def _sweep(

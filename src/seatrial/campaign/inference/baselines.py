@@ -16,7 +16,7 @@ from seatrial.estimation.acceleration_baseline import acceleration_baseline
 from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.baselines import BASELINES, FittedBaseline, fit_baselines
 
-NOTHING_HELD_BACK = "no run is held back: whether a simpler model predicts as well is not judged"
+NOTHING_HELD_BACK = "no run is held back, so no simpler model could be compared"
 
 
 def stored_baselines(campaign: Campaign, trials: HasKey) -> StoredResult[FittedBaselines]:

@@ -102,7 +102,7 @@ def _check_runs(campaign: Campaign, trials: Trials) -> None:
 def _cautions(trials: Trials) -> list[str]:
     pieces = [record.label for record in trials.fit if "piece" in record.provenance.options]
     return (
-        [f"{', '.join(pieces)} are pieces of longer runs: what they share, each predicts of the others"]
+        [f"{', '.join(pieces)} are pieces of the same long runs, so that each piece knows what the others share"]
         if pieces
         else []
     )

@@ -26,7 +26,7 @@ from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
-from seatrial.estimation.priors import Prior
+from seatrial.estimation.priors import prior_curve
 from seatrial.estimation.robust_errors import RobustErrors, robust_errors
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
@@ -43,8 +43,6 @@ from seatrial.sampling.target import Target
 from seatrial.selection.structures import Structure
 
 CHECKPOINT_EVERY = 5
-CURVE = 241
-"""Points of a prior's density."""
 
 
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
@@ -230,11 +228,5 @@ def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.nd
 @program
 def _prior_curves(posterior: Posterior) -> tuple[jax.Array, jax.Array]:
     """Return values of every parameter along z, and their log prior densities per unit of the value, shape (points, d)."""
-    z = jnp.linspace(-4.0, 4.0, CURVE)
-
-    def curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
-        value, slope = jax.jvp(prior.constrain, (z,), (jnp.ones_like(z),))
-        return value, prior.log_density(z) - jnp.log(jnp.abs(slope))
-
-    values, log_density = zip(*(curve(parameter.prior) for parameter in posterior.parameters), strict=True)
+    values, log_density = zip(*(prior_curve(parameter.prior) for parameter in posterior.parameters), strict=True)
     return jnp.stack(values, -1), jnp.stack(log_density, -1)

@@ -26,7 +26,8 @@ from seatrial.vehicles.discretise import discretise
 
 def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[xr.Dataset]:
     """Return where the traces of the filter are kept, and what they depend on."""
-    key = key_of("filter", estimate.key, list(campaign.noise.values()), campaign.process_sds().tolist())
+    gained = campaign.process_sds(campaign.model(estimate.structure)).tolist()
+    key = key_of("filter", estimate.key, list(campaign.noise.values()), gained)
     return StoredResult(Store(campaign.folder).filter, key, open_dataset)
 
 
@@ -83,7 +84,7 @@ def filter_record(
     chol[range(d), range(d)] = STATE_SD
     chol[d:, d:] = belief.chol_cov
     initial = Gaussian(np.concatenate([initial_state(campaign, model, record), belief.mean]), chol)
-    gained = campaign.process_sds() * np.sqrt(np.median(record.step)) / np.concatenate([np.ones(d), scales])
+    gained = campaign.process_sds(model) * np.sqrt(np.median(record.step)) / np.concatenate([np.ones(d), scales])
     noise = np.array(list(campaign.noise.values()))
     space = discretise(model, campaign.channels, initial, gained, noise, scales.tolist())
     delay = float(estimate.draws(["delay"]).mean()) if campaign.has_delay else 0.0

@@ -14,7 +14,7 @@ from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.random_keys import seeded_key
 from seatrial.core.record import Record
-from seatrial.core.signals import ANGLES, QUATERNION, signal_unit
+from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.disturbance import disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error
 from seatrial.estimation.first_guess import first_guess
@@ -148,7 +148,7 @@ def build_likelihood(
         "varying": varying(campaign.estimation, model),
         "starts_over_ground": table.initial != "trim",
     }
-    _check_turns(model, records)
+    _check_turns(model, records, campaign.channels)
     with located(str(campaign.path)):
         if table.likelihood == "filter-error":
             spread = [first_sd(campaign.noise, state) for state in model.states]
@@ -159,19 +159,20 @@ def build_likelihood(
         )
 
 
-def _check_turns(model: VehicleModel, records: Sequence[Record]) -> None:
-    """Refuse measured angles beyond half a turn where the attitude is a quaternion, whose angles never are."""
+def _check_turns(model: VehicleModel, records: Sequence[Record], channels: Sequence[str]) -> None:
+    """Refuse angles of sensors beyond half a turn where the attitude is a quaternion, whose angles never are."""
     if not set(QUATERNION) <= set(model.states):
         return
     for record in records:
-        for angle in (name for name in ANGLES if name in record.measured):
+        for angle in (name for name in ANGLES if name in channels and name in record.measured):
             furthest = float(np.nanmax(np.abs(record.channel(angle))))
             if furthest > np.pi:
                 raise InputError(
                     f'record "{record.label}", channel "{angle}"',
                     found=f"{np.degrees(furthest):.0f} deg",
                     expected="angles within 180 deg, as a quaternion gives them",
-                    remedy='set vehicle.attitude = "euler", whose angles go on over full turns',
+                    remedy="give [sensors.attitude] in place of the angles, which jumps nowhere; without loops and rolls over the "
+                    'vertical vehicle.attitude = "euler" will do',
                 )
 
 
@@ -197,6 +198,7 @@ def _initial_states(
         )
         for label, start in zip(labels, starts, strict=True)
         for state, value in zip(model.states, start, strict=True)
+        if not state.endswith(ACTUAL)  # it stands where it is commanded to be
     ]
 
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -13,7 +13,7 @@ import xarray as xr
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
-from seatrial.campaign.store.estimates import Estimate, Fit, HasKey, OfStructure, read_predictions
+from seatrial.campaign.store.estimates import Drawn, Estimate, Fit, HasKey, OfStructure, read_predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
@@ -35,7 +35,6 @@ from seatrial.estimation.sensors import correlation_name
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
 from seatrial.estimation.validation import DIVERGES, Score, score_channel
-from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
 MOST_NAMED = 6
@@ -44,24 +43,6 @@ LEAVES = "leaves its course by itself"
 """What the verdict is about where a vehicle that is well predicted for a while cannot be for a whole run."""
 CURVES = ("time", "measured", "mean", "motion_sd", "sd")
 """What is kept of a prediction at each sample."""
-
-
-class Drawn(Protocol):
-    """Draws of the parameters of one structure, of a posterior or of what stands for it."""
-
-    @property
-    def structure(self) -> Structure:
-        """Which terms."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        ...
-
-    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
-        """Draws of the named parameters, SI, shape (n, k)."""
-        ...
 
 
 class HeldBack(NamedTuple):
@@ -182,7 +163,9 @@ def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[s
     """What else keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
     together = [f"held-back runs: {one.reason}" for one in pooled if one.level in ("caution", "unjudged")]
     beyond = {fit.record: fit.outside for fit in fits if fit.outside}
-    left = [f"held-back run {record} leaves what was fitted: {'; '.join(words)}" for record, words in beyond.items()]
+    left = [
+        f"held-back run {record} goes beyond what was fitted: {'; '.join(words)}" for record, words in beyond.items()
+    ]
     return together + _sentences([fit for fit in fits if not _is_alarm(fit)]) + left
 
 
@@ -190,12 +173,12 @@ def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
     if campaign.imports is not None and not trials.predict:
         return [
-            "no run was held back: whether the stated bands hold on runs that were not fitted is unjudged; "
-            "name a run under predict of [import] instead of fit"
+            "no run was held back, so it is not known whether the stated bands hold on new runs; "
+            "move a run from fit to predict in [import]"
         ]
     return [
-        f"held-back run {record.label} has the input of run {other.label}: that it is predicted well shows that the vehicle "
-        "repeats itself, not that the model predicts other motion; hold a run of another input back"
+        f"held-back run {record.label} has the input of run {other.label}: a good prediction shows only that the vehicle repeats "
+        "itself; hold back a run with another input"
         for record in trials.predict
         for other in trials.fit
         if np.array_equal(record.control, other.control)

@@ -1,4 +1,4 @@
-"""Profile likelihoods of the full structure, kept on disk one by one: where the data alone allow each parameter to be."""
+"""Profile likelihoods of the full structure, kept on disk one by one: the range of each parameter that the data alone allow."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields

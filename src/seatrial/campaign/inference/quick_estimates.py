@@ -39,6 +39,8 @@ WINDOW = 2.0
 """Width of the window that smooths speeds where no acceleration is measured and none is given, s."""
 BRIDGED = 0.25
 """Distance from the nearest measured speed, in windows, up to which a smoothed one is used."""
+DESIGNED_FROM = 800
+"""Draws about a mode from which the next trial is designed: half choose, half judge the limits."""
 MOST_ROBUST = 8
 """Structures of which the standard deviations with model error are told at first sight; of more they would take longer than the modes."""
 MODE = (
@@ -66,6 +68,7 @@ class FirstAnswer:
         log_evidence: of the structure, by Laplace; None where there is none.
         wider: standard deviations that survive an error of the model, where they are larger by more than a half.
         wider_words: what these are made of; empty where nobody asked.
+        drawn: draws about the mode, of which the next trial is designed; None where there is no mode.
     """
 
     structure: Structure
@@ -78,6 +81,7 @@ class FirstAnswer:
     log_evidence: float | None = None
     wider: Mapping[str, float] = field(default_factory=dict)
     wider_words: str = ""
+    drawn: "NormalPosterior | None" = None
 
     def lines(self) -> list[str]:
         """A table of the answer."""
@@ -121,6 +125,18 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     )
 
 
+def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
+    """Return the mode of the most probable structure, by Laplace.
+
+    Raises:
+        NumericalError: no structure has a mode.
+    """
+    there = [one for one in found if one.log_evidence is not None]
+    if not there:
+        raise NumericalError("; ".join(one.alarm for one in found))
+    return max(there, key=lambda one: one.log_evidence or 0.0)
+
+
 def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:
     """Regression of the accelerations of every structure, plain and refined.
 
@@ -147,7 +163,8 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
     finally:
         progress(1, 1)
     robust = robust_errors(posterior, mode) if len(campaign.structures) <= MOST_ROBUST else None
-    drawn, mode = draw_about_mode(campaign.seed, structure, posterior, mode), mode.only(posterior.places)
+    drawn, more = (draw_about_mode(campaign.seed, structure, posterior, mode, n) for n in (N_DRAWS, DESIGNED_FROM))
+    mode = mode.only(posterior.places)
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
@@ -171,14 +188,17 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
         log_evidence=float(mode.log_evidence),
         wider={name: sd for name, sd in wider.items() if sd is not None},
         wider_words=robust.words if robust else "",
+        drawn=more,
     )
 
 
-def draw_about_mode(seed: int, structure: Structure, posterior: Posterior, mode: Mode) -> NormalPosterior:
-    """Draw from the normal approximation about the mode of a structure's posterior; both as they were found, before `Mode.only`."""
+def draw_about_mode(
+    seed: int, structure: Structure, posterior: Posterior, mode: Mode, count: int = N_DRAWS
+) -> NormalPosterior:
+    """Draw so often from the normal approximation about the mode of a posterior; both as they were found, before `Mode.only`."""
     key = random_key(seed, f"about the mode {structure.terms}")
     random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
-    z = random.multivariate_normal(mode.z, mode.cov, N_DRAWS, method="eigh")
+    z = random.multivariate_normal(mode.z, mode.cov, count, method="eigh")
     values = values_of(posterior, z)[:, posterior.places]
     return NormalPosterior(structure, posterior.present_names, values)
 
@@ -229,15 +249,11 @@ def _smoothed(model: VehicleModel, record: Record, window: float) -> Acceleratio
 
 def _how(found: Regression, window: float | None) -> str:
     source = "measured accelerations" if window is None else f"speeds smoothed by cubics over {window:g} s"
-    return f"{source}, {found.acceleration_sd:.3g} m/s^2 left over  {' '.join(found.names)}"
+    return f"{source}, residual {found.acceleration_sd:.3g} m/s^2  {' '.join(found.names)}"
 
 
 def left_out(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
     noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
     names = [one.name for one, _ in campaign.nuisances(campaign.model(structure)) if one.name not in noise]
-    return (
-        f"a regression of accelerations takes as absent, which draws its values aside: {', '.join(names)}"
-        if names
-        else ""
-    )
+    return f"a regression of accelerations ignores {', '.join(names)}, which biases its values" if names else ""

@@ -34,6 +34,7 @@ from seatrial.estimation.sensors import bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits
+from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
@@ -217,11 +218,9 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
             "the largest input of [design] inside the limits",
         )
     )
-    time, driven = manoeuvre.sample(campaign.family.sample_time)
-    held = campaign.hull.trim
-    columns = [
-        driven if name == manoeuvre.control else np.full(time.size, held.get(name, 0.0)) for name in model.controls
-    ]
+    driven, held = schedule_of(manoeuvre, campaign.family.sample_time), campaign.hull.trim
+    time = driven.time
+    columns = driven.columns([(name, held.get(name, 0.0)) for name in model.controls])
     priors = {term.text: (campaign.prior(term.text), model.unit_of(term)) for term in model.coefficients}
     if campaign.has_delay:
         priors["delay"] = campaign.prior("delay"), "s"
@@ -229,7 +228,7 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
         words,
         "",
         time,
-        np.column_stack(columns),
+        np.column_stack(list(columns.values())),
         tuple(held.get(state, 0.0) for state in model.states),
         None,
         {name: prior for name, (prior, _) in priors.items()},

@@ -15,7 +15,7 @@ HELD, HARDLY = 0.8, 0.5
 def prior_lines(found: PriorPredictive) -> list[str]:
     """The parameters' priors, and what they mean together."""
     rows = [_row(item) for item in found.believed]
-    heads = ("prior", "5 %", "50 %", "95 %", "unit", "steady speed, it alone varying")
+    heads = ("prior", "5 %", "50 %", "95 %", "unit", "steady speed if only this prior varies")
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     table = [
         "  ".join(
@@ -37,7 +37,7 @@ def prior_summary(found: PriorPredictive) -> list[str]:
         f"{found.diverged.size} draws over {found.over}",
         f"steady speed at {found.at}: {range_words(found.steady, 'm/s')}",
         f"time constant there: {range_words(found.settling, 's')}",
-        f"draws that diverge: {_percent(found.diverged)}; that settle in no steady speed: {_percent(np.isnan(found.steady))}",
+        f"draws that diverge: {_percent(found.diverged)}; draws that reach no steady speed: {_percent(np.isnan(found.steady))}",
     ]
     if np.isfinite(found.held):
         said.append(f"measured speeds inside the prior's 90 % range: {found.held:.0%}; {_verdict(found.held)}")
@@ -51,11 +51,11 @@ def prior_alarms(found: PriorPredictive) -> list[str]:
         said.append(f"most draws from the prior diverge ({_percent(found.diverged)}): {_mend(found)}")
     elif not most_have(found.steady):
         said.append(
-            f"most draws from the prior settle in no steady speed ({_percent(np.isnan(found.steady))}): " + _mend(found)
+            f"most draws from the prior reach no steady speed ({_percent(np.isnan(found.steady))}): " + _mend(found)
         )
     if found.held < HARDLY:
         said.append(
-            f"the prior does not hold the measured speeds, of which {found.held:.0%} lie inside its 90 % range: "
+            f"the prior misses the measured speeds, of which {found.held:.0%} lie inside its 90 % range: "
             "check units, signs and the channel map, then move or widen the priors"
         )
     return said
@@ -65,18 +65,20 @@ def prior_cautions(found: PriorPredictive) -> list[str]:
     """What about the priors is worth mending."""
     said = []
     if found.lost.mean() > SOME and found.diverged.mean() <= MOST and most_have(found.steady):
-        said.append(f"{_percent(found.lost)} of the draws from the prior run away, as no vehicle does: {_mend(found)}")
+        said.append(
+            f"{_percent(found.lost)} of the draws from the prior run away, which no vehicle does: {_mend(found)}"
+        )
     if most_have(found.steady) and not found.held < HARDLY:
         low, high = np.nanquantile(np.abs(found.steady), (0.05, 0.95))
         if high > WIDE * low:
             widest = max((item for item in found.believed if item.speed), key=_width)
             said.append(
-                f"the prior is wide: 90 % of its steady speeds lie between {low:.2g} and {high:.2g} m/s, and {widest.name} does most "
-                "of it; where you know the vehicle better than that, narrow the priors, for the evidence depends on them"
+                f"the prior is wide: 90 % of its steady speeds lie between {low:.2g} and {high:.2g} m/s, mostly "
+                f"because of {widest.name}; if you know the vehicle better, narrow the priors, because the evidence depends on them"
             )
     if HARDLY <= found.held < HELD:
         said.append(
-            f"the prior holds only part of the measured speeds, {found.held:.0%} inside its 90 % range: "
+            f"the prior covers only part of the measured speeds, {found.held:.0%} inside its 90 % range: "
             "move or widen the priors"
         )
     return said
@@ -110,8 +112,8 @@ def _width(item: Believed) -> float:
 
 def _verdict(held: float) -> str:
     if held < HARDLY:
-        return "it does not hold them"
-    return "it holds them" if held >= HELD else "it holds part of them"
+        return "the prior misses them"
+    return "the prior covers them" if held >= HELD else "the prior covers part of them"
 
 
 def _percent(which: np.ndarray) -> str:
@@ -128,4 +130,4 @@ def _mend(found: PriorPredictive) -> str:
     if worst.blame == 0.0:
         return f"check the signs and units of the priors{also}"
     end, bound = ("large", "lower its upper bound") if worst.blame > 0 else ("small", "raise its lower bound")
-    return f"they are those of {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
+    return f"those with a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"

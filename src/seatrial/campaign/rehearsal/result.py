@@ -184,14 +184,14 @@ class Rehearsal:
             # Trials beyond the most allowed are not counted, so that they cannot tell the two apart: what they reached may.
             here, there = (float(self.share_met(one)[0][-1]) for one in (ADAPTIVE, name))
             words = (
-                f"within {self._most} choosing each anew meets the goal in {here:.0%} of the vehicles and "
+                f"within {self._most} redesigning each trial meets the goal in {here:.0%} of the vehicles and "
                 f"this in {there:.0%}, {100 * more.value:+.0f} ± {100 * more.error:.0f} points"
             )
             return f"against {name}: {words}" + (", which may be chance" if chance > CHANCE else "")
         if abs(saved.value) <= 2.0 * saved.error:
             return f"against {name}: no difference beyond chance, {_signed(saved)} trials of {of.value:.1f}"
         verb = "saves" if saved.value > 0 else "costs"
-        return f"against {name}: choosing each trial anew {verb} {abs(saved.value):.2f} ± {saved.error:.2f} trials of {of.value:.1f}"
+        return f"against {name}: redesigning each trial {verb} {abs(saved.value):.2f} ± {saved.error:.2f} trials of {of.value:.1f}"
 
 
 def read_rehearsal(path: Path) -> Rehearsal:

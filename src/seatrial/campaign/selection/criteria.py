@@ -235,8 +235,8 @@ def _criteria_in(stored: StoredCriteria) -> dict[str, PredictiveCriterion]:
 
 METHODS = ("DIC", "BPIC", "AIC", "BIC", "WAIC", "PSIS-LOO", FUTURE)
 WHY = (
-    "DIC and BPIC decide little: an idle term costs them 2 or 3 and earns a chi-square of one degree of freedom, 1 ± 1.4, so that "
-    "a few units are noise, and neither sees what the term's prior claimed; decide by evidence (seatrial select)"
+    "DIC and BPIC decide little: a useless term changes them by 2 or 3 less a random 1 ± 1.4, so that a few units are noise; and "
+    "neither charges a term for a wide prior. Decide by evidence (seatrial select)"
 )
 
 

@@ -1,4 +1,4 @@
-"""Stored designs: sweeps, the free-form trial, the self-oscillating test, the global search, measures side by side."""
+"""Stored designs: sweeps, a schedule of one's own, the free-form trial, the self-oscillating test, the global search, measures."""
 
 import json
 from dataclasses import dataclass, fields
@@ -123,6 +123,61 @@ class FreeTrial:
             self.status,
             *self.safety,
         ]
+
+
+@dataclass(frozen=True)
+class OwnTrial:
+    """A schedule of one's own, and what it is worth beside the best of the families.
+
+    Attributes:
+        source: name of its file.
+        duration: s.
+        utility: over draws of what is believed, by the campaign's criterion; the D criterion where that is the filter's entropy.
+        beside: the same of the best design of the families.
+        best: that one, in words.
+        best_duration: s.
+        unit: of the utility.
+        names: coefficients.
+        units: of them, SI.
+        sd: their standard deviations after it, SI.
+        sd_beside: the same after the best design.
+        safety: how surely each limit of the motion is kept.
+        is_safe: whether all are with the probability asked for.
+        probability: that one.
+    """
+
+    source: str
+    duration: float
+    utility: float
+    beside: float
+    best: str
+    best_duration: float
+    unit: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    sd: tuple[float, ...]
+    sd_beside: tuple[float, ...]
+    safety: tuple[str, ...]
+    is_safe: bool
+    probability: float
+
+    def lines(self) -> list[str]:
+        """In words."""
+        worth, beside = (f"{value:.2f} {self.unit}".rstrip() for value in (self.utility, self.beside))
+        rows = zip(self.names, self.units, self.sd, self.sd_beside, strict=True)
+        sds = (f"{name} ± {own:.2g} {unit} ({best:.2g})" for name, unit, own, best in rows)
+        return [
+            f"your schedule {self.source}, {self.duration:.4g} s: {worth}; the best of the families ({self.best}), "
+            f"{self.best_duration:.4g} s: {beside} by the same measure",
+            f"  after it, and in brackets after that one: {', '.join(sds)}",
+            *(f"  {line}" for line in self.safety),
+        ]
+
+    @property
+    def alarms(self) -> list[str]:
+        """That it may leave the limits of the motion."""
+        said = f"{self.source} may leave the limits of the motion, which {self.probability:g} of the vehicles are to keep: shorten it"
+        return [] if self.is_safe else [f"{said}, lower its amplitude, or widen [limits]"]
 
 
 @dataclass(frozen=True)
@@ -264,6 +319,11 @@ def read_measures(path: Path) -> Measures:
 def read_free_trial(path: Path, made_by: str) -> FreeTrial:
     """Read the free-form trial."""
     return _read_trial(FreeTrial, path, made_by)
+
+
+def read_own_trial(path: Path, made_by: str) -> OwnTrial:
+    """Read what a schedule of one's own is worth."""
+    return _read_trial(OwnTrial, path, made_by)
 
 
 def read_relay_trial(path: Path, made_by: str) -> RelayTrial:

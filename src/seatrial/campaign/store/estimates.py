@@ -13,6 +13,7 @@ from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset_file import open_dataset, stored, text_of
 from seatrial.core.errors import InputError
+from seatrial.core.notebook import result_html
 from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.pooled_coverage import Pooled
@@ -22,6 +23,7 @@ from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
     import xarray as xr
+    from pandas import DataFrame
 
 VAIN = 10.0
 """Standard deviation over the value from which a percentage says nothing."""
@@ -45,6 +47,24 @@ class OfStructure(HasKey, Protocol):
     @property
     def structure(self) -> Structure:
         """Which terms."""
+        ...
+
+
+class Drawn(Protocol):
+    """Draws of the parameters of one structure, of a posterior or of what stands for it."""
+
+    @property
+    def structure(self) -> Structure:
+        """Which terms."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        ...
+
+    def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
+        """Draws of the named parameters, SI, shape (n, k)."""
         ...
 
 
@@ -84,6 +104,27 @@ class Estimate:
         """Draws of the named parameters, SI, all chains together, shape (n, k)."""
         chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
         return chosen.values.reshape(-1, chosen.sizes["parameter"])
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Shortest interval that holds 95 % of the draws of a parameter, SI."""
+        from arviz_stats.base.array import array_stats
+
+        lower, upper = array_stats.hdi(np.sort(self.draws([name])[:, 0]), prob=0.95)
+        return float(lower), float(upper)
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each parameter, SI: mean, sd, 95 % interval, mode, and the health of its draws."""
+        from pandas import DataFrame
+
+        lower, upper = np.transpose([self.interval(name) for name in self.names])
+        stored = ("mode", "model_error_sd", "mcse", "r_hat", "ess_bulk", "ess_tail")
+        columns = {name: self.data[name].values for name in ("unit", "mean", "sd")}
+        columns |= {"lower_95": lower, "upper_95": upper} | {name: self.data[name].values for name in stored}
+        return DataFrame(columns, index=list(self.names))
+
+    def _repr_html_(self) -> str:
+        heading = f"Structure {self.structure.label}: {', '.join(self.structure.terms)}"
+        return result_html(heading, self.summary(), (*self.alarms, *self.cautions))
 
     def wider(self, name: str) -> float | None:
         """Standard deviation of a parameter that survives an error of the model, SI; None where it is not larger by more than a half."""
@@ -205,7 +246,7 @@ class Known:
             )
             for item in self.parameters
         ]
-        heads = ("", *(["expected"] if before else []), "known to", "of the prior's sd left", "strongest correlation")
+        heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
         widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
         said = [
             "  ".join(
@@ -215,8 +256,8 @@ class Known:
             for row in (heads, *rows)
         ]
         if len(self.directions) > 1:
-            said.append(f"one standard error of the data alone, at its smallest: {self.directions[0].words}")
-            said.append(f"and at its largest: {self.directions[-1].words}")
+            said.append(f"best-known direction, one standard error of the data alone: {self.directions[0].words}")
+            said.append(f"least-known direction: {self.directions[-1].words}")
         return [f"  {line}" for line in (*said, *(self.verdict or (BY_ITSELF,)))]
 
 

@@ -57,9 +57,19 @@ class Store:
         return self.results / "next.nc"
 
     @property
+    def mode_design(self) -> Path:
+        """Designs swept for the next trial from what the posterior mode says."""
+        return self.results / "next_by_mode.nc"
+
+    @property
     def free_design(self) -> Path:
         """The free-form trial."""
         return self.results / "free_form.json"
+
+    @property
+    def own_design(self) -> Path:
+        """What a schedule of one's own is worth beside the families."""
+        return self.results / "own.json"
 
     @property
     def relay_design(self) -> Path:
@@ -79,6 +89,16 @@ class Store:
     def measures(self) -> Path:
         """Every measure of some designs side by side."""
         return self.results / "measures.nc"
+
+    @property
+    def coefficients(self) -> Path:
+        """Table of the parameters of every structure, as CSV."""
+        return self.results / "coefficients.csv"
+
+    @property
+    def averaged(self) -> Path:
+        """Table of the parameters averaged over all structures, as CSV."""
+        return self.results / "averaged.csv"
 
     @property
     def sequence(self) -> Path:

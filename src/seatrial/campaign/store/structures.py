@@ -198,7 +198,7 @@ class Screened:
         settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
         said = [
             f"screening of {data.attrs['count']} structures in closed form{settings} "
-            "(in brackets: prior three times narrower; wider; worth one row):"
+            "(in brackets: prior three times narrower, three times wider, worth one row):"
         ]
         here = data["inclusion"].sel(term=optional).values
         unit = data["inclusion_by_unit_information"].sel(term=optional).values

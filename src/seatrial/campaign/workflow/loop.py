@@ -3,8 +3,6 @@
 from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
-
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.data.simulate import add_trial
@@ -24,6 +22,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
+from seatrial.campaign.workflow.whole_run import WholeRun
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.signals import signal_unit
@@ -44,8 +43,13 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     campaign.control_trim(campaign.model(campaign.full))
-    flow = Workflow(campaign, reporter)
-    found = {step.name: flow.get(step.name) for step in LOOP}
+    standing = Workflow(campaign)
+    whole = WholeRun(reporter, [step.name for step in LOOP if step.stored and standing.state(step.name) != "current"])
+    flow, found = Workflow(campaign, whole), {}
+    for step in LOOP:
+        whole.begin(step.name)
+        found[step.name] = flow.get(step.name)
+        whole.end()
     screened, cautions = found["screening"]
     fits, predictions = found["predictions"]
     same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders", "left_out")
@@ -138,11 +142,7 @@ def _next_trial(designs: Designs) -> dict[str, Any]:
 
 
 def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
-    from arviz_stats.base.array import array_stats
-
-    row = estimate.data.sel(parameter=name)
-    draws = np.sort(estimate.draws([name])[:, 0])
-    lower, upper = array_stats.hdi(draws, prob=0.95)
+    row, (lower, upper) = estimate.data.sel(parameter=name), estimate.interval(name)
     numbers = {
         key: float(row[key])
         for key in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd", "r_hat", "ess_bulk", "ess_tail", "geweke")
@@ -153,6 +153,6 @@ def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
         "label": str(row["label"].values),
         **numbers,
         "model_error_sd": estimate.wider(name),
-        "lower_95": float(lower),
-        "upper_95": float(upper),
+        "lower_95": lower,
+        "upper_95": upper,
     }

@@ -10,16 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.predict import held_back_alarms
+from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import Contenders
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.design.sweep import Sweep
 from seatrial.estimation.remedies import percent
 from seatrial.selection.verdict import DECIDED
 
+Known = dict[str, tuple[float, float]]
+"""Mean and standard deviation of each coefficient, SI."""
 ENOUGH = 0.2
 """Entropy reduction, nats, below which another trial of the family is not worth running."""
 
@@ -59,18 +63,47 @@ def propose(outcome: Outcome) -> Proposal:
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
     found = outcome.contenders
     if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
-        sweep = outcome.next.best
         promise = (
             f"it settles {' against '.join(found.labels)} with probability {odds:.2f} ({found.nats:.2g} nat expected)"
         )
         if not unmet or odds > 0.5:
-            return _run(outcome, sweep, found.decisive, standing, promise)
-    sweep = outcome.next.best
-    gain = float(sweep.gain[sweep.best])
+            return _run(outcome.next, found.decisive, _known(outcome), _noise(outcome), standing, promise)
+    return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting)
+
+
+def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, trials: int) -> Proposal:
+    """Weigh the goal and what the best designs promise, by the posterior mode of the most probable structure.
+
+    Args:
+        campaign: with its goal.
+        first: the mode.
+        designs: swept from draws about it.
+        trials: that were fitted.
+    """
+    known = {name: (value, sd) for name, _, ((value, sd),) in first.rows}
+    goal = campaign.goal
+    standing = [f"after {trials} trial{'s' * (trials != 1)}, by the posterior mode of {first.structure.label}:"]
+    unmet = {} if goal is None else goal.unmet(known)
+    for name, ratio in unmet.items():
+        mean, sd = known[name]
+        standing.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
+    counting = goal is not None and goal.only_trials
+    if goal is not None and not (unmet or goal.decided or counting):
+        return Proposal(
+            None, tuple(standing), ("stop: by the mode the goal is met; `seatrial next` without --by says surely",)
+        )
+    assert first.drawn is not None
+    return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)
+
+
+def _most_informative(
+    designs: Designs, known: Known, noise: str, standing: tuple[str, ...], counting: bool
+) -> Proposal:
+    gain = float(designs.best.gain[designs.best.best])
     if gain < ENOUGH and not counting:
         why = f"stop: another trial of this kind would teach little ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
-    return _run(outcome, sweep, sweep.best, standing, f"it lowers the entropy of the coefficients by {gain:.2f} nat")
+    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain))
 
 
 def settling(contenders: Contenders, probability: Sequence[float]) -> float:
@@ -87,7 +120,16 @@ def settling(contenders: Contenders, probability: Sequence[float]) -> float:
     return share * beyond(odds + m) + (1 - share) * beyond(-odds + m)
 
 
-def _known(outcome: Outcome) -> dict[str, tuple[float, float]]:
+def _gain_words(gain: float) -> str:
+    """Return what an entropy reduction of so many nats does."""
+    return f"it shrinks the joint uncertainty of the coefficients {np.exp(gain):.2g} times ({gain:.2f} nat)"
+
+
+def _noise(outcome: Outcome) -> str:
+    return noise_words(outcome.campaign, outcome.chosen)
+
+
+def _known(outcome: Outcome) -> Known:
     return {row["name"]: (row["mean"], row["sd"]) for row in outcome.summary["coefficients"]}
 
 
@@ -137,19 +179,21 @@ def _wrong(outcome: Outcome) -> tuple[str, ...]:
     further = " or, where runs leave what was fitted, fit such runs" if any(fit.outside for fit in failed) else ""
     return (
         f"stop: {found[0]}",
-        f"more trials would make its coefficients sharper, not truer: mend the model{further} before the next one",
+        f"more trials would narrow the error bars without removing the error: correct the model{further} before the next one",
     )
 
 
-def _run(outcome: Outcome, sweep: Sweep, at: tuple[int, int], standing: tuple[str, ...], promise: str) -> Proposal:
+def _run(
+    designs: Designs, at: tuple[int, int], known: Known, noise: str, standing: tuple[str, ...], promise: str
+) -> Proposal:
+    sweep = designs.best
     chosen = chosen_of(sweep, at)
     words = design_words(sweep.family, chosen.amplitude, chosen.period)
-    known, after = _known(outcome), dict(zip(outcome.next.names, sweep.final_sd[at], strict=True))
+    after = dict(zip(designs.names, sweep.final_sd[at], strict=True))
     shrink = ", ".join(
         f"{name} from {percent(known[name][1] / abs(known[name][0]))} to {percent(float(sd) / abs(known[name][0]))}"
         for name, sd in after.items()
         if name in known
     )
-    noise = noise_words(outcome.campaign, outcome.chosen)
     advice = (f"run a {words}", f"{promise}; expected: {shrink}", *((noise,) if noise else ()))
     return Proposal(chosen, standing, advice)

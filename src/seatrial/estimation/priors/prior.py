@@ -10,6 +10,7 @@ from math import inf
 from typing import Any, Protocol
 
 import jax
+import jax.numpy as jnp
 
 from seatrial.core.coefficients import AXES, CoefficientName, Factor
 from seatrial.core.errors import InputError
@@ -18,6 +19,8 @@ from seatrial.estimation.priors.box import LogUniform, Uniform
 from seatrial.estimation.priors.normal import Normal
 from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_normal
 
+CURVE = 241
+"""Points of a prior's curve."""
 _VELOCITY = dict(zip(AXES, RATES, strict=False))
 """Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order."""
 
@@ -59,6 +62,13 @@ class Prior(Protocol):
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """Return the draws of z."""
         ...
+
+
+def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
+    """Return values over nearly all of a prior's support, and the log density per unit of the value there, shape (241,)."""
+    z = jnp.linspace(-4.0, 4.0, CURVE)
+    value, slope = jax.jvp(prior.constrain, (z,), (jnp.ones_like(z),))
+    return value, prior.log_density(z) - jnp.log(jnp.abs(slope))
 
 
 def physical_support(term: CoefficientName, inertia: float) -> tuple[float, float] | None:

@@ -286,6 +286,13 @@ def value_at(trial: Trial, time: Float[np.ndarray, " k"]) -> Float[np.ndarray, "
 
 
 def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
+    if "controls" in content:
+        raise InputError(
+            str(path),
+            found=", ".join(str(one["control"]) for one in content["controls"]),
+            expected="one control, which is all that an exported trial moves",
+            remedy=f"let your own driver read {path}, which has a column for each",
+        )
     control = content["control"]
     factor, unit = shown_unit(control)
     if content["unit"] != unit:

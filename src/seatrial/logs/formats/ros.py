@@ -7,6 +7,7 @@ takes the numbers out of them. What the library unpacks is bounded by the memory
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,24 @@ from seatrial.logs.formats.protocol import (
     Wanted,
     optional,
 )
-from seatrial.logs.formats.ros_messages import Decoder, Definitions, Step, Undefined, columns_of, steps_of
+from seatrial.logs.formats.ros_messages import (
+    Decoder,
+    Definitions,
+    Step,
+    Undefined,
+    columns_of,
+    has_sequences,
+    lengths_of,
+    steps_of,
+)
 
 _SQLITE = b"SQLite format 3\0"
 _MCAP = b"\x89MCAP0\r\n"
 _ROS_1 = b"#ROSBAG V"
 _MEMORY = 2 << 30
 """A chunk that unpacks to more ends the process that reads it."""
+_LOOKED_AT = 20
+"""Messages of a topic by which the length of its sequences is told."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +59,7 @@ def _is_folder(path: Path, head: bytes) -> bool:
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     with _opened(log) as reader:
-        return tuple(_table(topic) for topic in _topics(reader, log))
+        return tuple(_table(topic, _lengths(topic, reader)) for topic in _topics(reader, log))
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
@@ -140,8 +152,16 @@ def _definitions(kind: str, definition: Any, log: LogFile) -> Definitions:
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs
 
 
-def _table(topic: _Topic) -> TableInfo:
-    columns = (ColumnInfo(LOG_TIME, "ns"), *columns_of(topic.steps))
+def _lengths(topic: _Topic, reader: Any) -> dict[str, int]:
+    """Return how long the sequences of a topic are in its first messages."""
+    if topic.trouble or not has_sequences(topic.steps):
+        return {}
+    first = islice(reader.messages(connections=topic.connections), _LOOKED_AT)
+    return lengths_of((data for _, _, data in first), topic.steps, _is_cdr(reader))
+
+
+def _table(topic: _Topic, lengths: dict[str, int]) -> TableInfo:
+    columns = (ColumnInfo(LOG_TIME, "ns"), *columns_of(topic.steps, lengths))
     stamps = [column.name for column in columns if column.name in ("header.stamp", "stamp")]
     rows = sum(connection.msgcount for connection in topic.connections)
     return TableInfo(topic.name, columns, (*stamps, LOG_TIME), rows, topic.kind, topic.trouble)

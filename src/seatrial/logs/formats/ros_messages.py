@@ -7,7 +7,8 @@ ROS 1 does not.
 
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -91,14 +92,41 @@ def steps_of(kind: str, definitions: Definitions, is_cdr: bool) -> tuple[Step, .
     return tuple(_steps(kind, definitions, is_cdr, "", 0, budget))
 
 
-def columns_of(steps: Sequence[Step], prefix: str = "") -> Iterator[ColumnInfo]:
-    """Yield the columns that a catalogue lists: every number, of arrays the first elements, of sequences the first one."""
+def columns_of(steps: Sequence[Step], lengths: Mapping[str, int], prefix: str = "") -> Iterator[ColumnInfo]:
+    """Yield the columns that a catalogue lists: every number, and the elements of arrays and sequences, the first 64 of long ones.
+
+    Args:
+        steps: of the message type.
+        lengths: of sequences by their path, see `lengths_of`; of one that is not there, or empty, the first element is listed.
+        prefix: path so far.
+    """
     for step in steps:
         if isinstance(step, Leaf):
             yield ColumnInfo(_joined(prefix, step.path), "ns" if step.code in "tT" else None)
         elif isinstance(step, Many) and step.path:
-            for k in range(1 if step.count is None else min(step.count, MOST_ELEMENTS)):
-                yield from columns_of(step.steps, f"{_joined(prefix, step.path)}[{k}]")
+            path = _joined(prefix, step.path)
+            count = max(lengths.get(path, 1), 1) if step.count is None else step.count
+            for k in range(min(count, MOST_ELEMENTS)):
+                yield from columns_of(step.steps, lengths, f"{path}[{k}]")
+
+
+def has_sequences(steps: Sequence[Step]) -> bool:
+    """Say whether the length of a message of these steps is known by the message alone."""
+    return any(
+        isinstance(step, Many) and step.path and (step.count is None or has_sequences(step.steps)) for step in steps
+    )
+
+
+def lengths_of(messages: Iterable[bytes], steps: Sequence[Step], is_cdr: bool) -> dict[str, int]:
+    """Return the greatest length of every sequence in some messages, by its path; what a damaged message has is left out."""
+    lengths: dict[str, int] = {}
+    for data in messages:
+        with suppress(struct.error):
+            walk = _Walk(data, is_cdr, frozenset())
+            walk.all(steps)
+            for path, count in walk.counts.items():
+                lengths[path] = max(count, lengths.get(path, 0))
+    return lengths
 
 
 @dataclass(eq=False)
@@ -163,7 +191,7 @@ class Decoder:
 
 
 class _Walk:
-    """Places of the wanted numbers of a message (byte and kind), and of the bytes of all lengths in it."""
+    """Places of the wanted numbers of a message (byte and kind) and of the bytes of all lengths in it, and these lengths by path."""
 
     def __init__(self, data: bytes, is_cdr: bool, wanted: frozenset[str]):
         if is_cdr and (len(data) < _HEADER or data[0] != 0 or data[1] > 1):
@@ -173,6 +201,7 @@ class _Walk:
         self.at = _HEADER if is_cdr else 0
         self.numbers: dict[str, tuple[int, np.dtype]] = {}
         self.lengths: list[int] = []
+        self.counts: dict[str, int] = {}
 
     def all(self, steps: Sequence[Step]) -> None:
         """Walk a whole message.
@@ -199,6 +228,8 @@ class _Walk:
         number = self._length() if step.count is None else step.count
         if number * step.least > len(self.data) - self.at:
             raise struct.error(f"{number} elements in {len(self.data) - self.at} bytes")
+        if step.count is None and step.path:
+            self.counts[path] = number
         leaf = step.steps[0] if len(step.steps) == 1 else None
         if isinstance(leaf, Leaf):
             chosen = self._indices(path) if step.path else ()

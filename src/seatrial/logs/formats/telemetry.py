@@ -6,11 +6,11 @@ A record is the time of receipt in microseconds since 1970 (eight bytes, big-end
 
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,56 @@ class _Skipped:
     """Bytes that are no records."""
 
     count: int = 0
+
+
+class Packet(NamedTuple):
+    """One message as it came over a link.
+
+    Attributes:
+        table: type of the message.
+        sender: system and component.
+        columns: its numbers by the names that a log of it has, and the time of receipt, us.
+        record: the bytes that a telemetry log holds of it.
+    """
+
+    table: str
+    sender: tuple[int, int]
+    columns: dict[str, float]
+    record: bytes
+
+
+def packets(data: bytes, time: int, wanted: Container[str]) -> list[Packet]:
+    """Return the messages in a datagram whose check bytes are right; of types that are not wanted only the bytes.
+
+    Args:
+        data: as received.
+        time: of receipt, us since 1970.
+        wanted: types of messages.
+
+    Raises:
+        InputError: without pymavlink.
+    """
+    dialect = optional(_DIALECT, "ardupilot", Path("MAVLink over UDP"))
+    stamp, at, found = struct.pack(">Q", time), 0, []
+    while at < len(data):
+        piece = stamp + data[at:]
+        packet = _packet(piece, 0, dialect.mavlink_map, dialect.x25crc)
+        if packet is None:
+            at += 1
+            continue
+        kind, sender, payload, length = packet
+        message = dialect.mavlink_map.get(kind)
+        name, columns = ("", {}) if message is None else (message.msgname, {})
+        if name in wanted:
+            layout = _layout(message)
+            row = np.frombuffer(payload.ljust(layout.itemsize, b"\0"), layout)[0]
+            for column in _columns(message):
+                field, _, element = column.name.partition("[")
+                columns[column.name] = float(row[field][int(element[:-1])] if element else row[field])
+            columns[LOG_TIME] = float(time)
+        found.append(Packet(name, sender, columns, piece[:length]))
+        at += length - len(stamp)
+    return found
 
 
 def _recognises(path: Path, head: bytes) -> bool:
@@ -199,6 +249,7 @@ def _packet(
     )
 
 
+@lru_cache(maxsize=256)
 def _layout(message: Any) -> np.dtype:
     """Return the numbers of a payload, in their order on the wire."""
     tokens = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format.lstrip("<"))

@@ -365,11 +365,11 @@ def _ragged(log: LogFile, expected: int, rows: int, wrong: int, first: _Row, las
     if wrong == rows:
         remedy = "correct the delimiter, or skip the header and give the name of every column with `names`"
     elif not isinstance(cells, str):
-        remedy = "mend or delete the row; look for a stray quotation mark"
+        remedy = "correct or delete the row; look for a stray quotation mark"
     elif line == last:
         remedy = "the last row is cut off: delete it"
     else:
-        remedy = "mend or delete the row"
+        remedy = "correct or delete the row"
     return InputError(
         f"{log.path}, row {line}",
         found=f"{width} cells; {wrong} of {rows} rows are so",
@@ -464,7 +464,7 @@ def _no_cells(log: LogFile, line: int, found: str) -> InputError:
         f"{log.path}, row {line}",
         found=f"a row that is not cells ({found})",
         expected=f"cells separated by {separator(log)!r}",
-        remedy="mend or delete the row; look for a stray quotation mark",
+        remedy="correct or delete the row; look for a stray quotation mark",
     )
 
 

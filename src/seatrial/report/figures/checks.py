@@ -1,12 +1,15 @@
 """Checks of a campaign: what its priors mean in metres per second, ranks of truths in posteriors, and rehearsed trials."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
+from seatrial.estimation.calibration import BINS, DRAWS, Calibration
 from seatrial.report.figures.fit import Driven
 from seatrial.report.figures.style import (
+    BAND,
     BLUE,
     DOTS,
     FONT,
@@ -15,34 +18,18 @@ from seatrial.report.figures.style import (
     ORANGE,
     PAPER,
     POINT,
+    PURPLE,
     SMALL,
+    WIDE,
     draw_dots,
     label_axes,
     limit_ticks,
+    new_figure,
+    power_of_ten,
+    sized_figure,
     style_axes,
     thin,
     thin_steps,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-from seatrial.estimation.calibration import BINS, DRAWS, Calibration
-from seatrial.report.figures.style import BAND
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING, NamedTuple
-
-from jaxtyping import Float
-
-from seatrial.report.figures.style import (
-    PURPLE,
-    WIDE,
-    new_figure,
-    power_of_ten,
     unit_label,
 )
 
@@ -96,6 +83,7 @@ def prior_motions(
     steady: np.ndarray,
     settling: np.ndarray,
     words: Sequence[str] = (),
+    figure: "Figure | None" = None,
 ) -> "Figure":
     """Draw u(t) as the prior expects it, its control below, and the steady speed and time constant of every draw.
 
@@ -108,13 +96,13 @@ def prior_motions(
         steady: steady speed of each draw, m/s, NaN where there is none, shape (draws,).
         settling: time constant of each draw, s, likewise.
         words: lines printed above.
+        figure: an empty one to draw into; made if not given.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
     top = 12.0 + 14.0 * len(words)
     total = HEIGHT + top
-    figure = Figure(figsize=(WIDTH * POINT, total * POINT), dpi=72)
+    figure = sized_figure(WIDTH, total, figure)
     figure.add_artist(Rectangle((0, 0), 1, 1, transform=figure.transFigure, facecolor=PAPER, zorder=-9))
     for i, text in enumerate(words):
         figure.text(
@@ -124,28 +112,51 @@ def prior_motions(
     def panel(left: float, bottom: float, width: float, height: float) -> "Axes":
         return style_axes(figure.add_axes((left / WIDTH, bottom / total, width / WIDTH, height / total)))
 
-    low_panels = 46.0 * len(controls)
+    low_panels, half = 46.0 * len(controls), (WIDTH - 48 - 12 - 24) / 2
     motion = panel(48, 158 + low_panels + 12, WIDTH - 60, HEIGHT - 182 - low_panels)
+    driven = [panel(48, 158 + 46.0 * (len(controls) - 1 - i), WIDTH - 60, 36) for i in range(len(controls))]
+    spreads = [panel(48, 40, half, 66), panel(48 + half + 24, 40, half, 66)]
+    for upper in [motion, *driven][:-1]:
+        upper.tick_params(labelbottom=False)
+    draw_motions(
+        [motion, *driven, *spreads],
+        time,
+        bands,
+        single,
+        controls,
+        measured=measured,
+        steady=steady,
+        settling=settling,
+    )
+    return figure
+
+
+def draw_motions(
+    axes: "Sequence[Axes]",
+    time: np.ndarray,
+    bands: np.ndarray,
+    single: np.ndarray,
+    controls: Sequence[Driven],
+    *,
+    measured: np.ndarray | None = None,
+    steady: np.ndarray,
+    settling: np.ndarray,
+) -> None:
+    """Draw what `prior_motions` does into axes: u(t), each control, steady speeds, time constants."""
+    motion, *driven, of_speed, of_time = axes
     _draw_motion(motion, time, bands, single, measured)
-    for i, control in enumerate(controls):
-        driven = panel(48, 158 + 46.0 * (len(controls) - 1 - i), WIDTH - 60, 36)
+    for below, control in zip(driven, controls, strict=True):
         keep = thin_steps(control.values)
-        driven.plot(
+        below.plot(
             time[keep], control.values[keep], color=MUTED, linewidth=1.0, drawstyle="steps-post", label="control"
         )
-        driven.set_xlim(float(time[0]), float(time[-1]))
-        driven.margins(y=0.15)
-        limit_ticks(driven.yaxis, 2)
-        label_axes(driven, y=control.label)
-        if i < len(controls) - 1:
-            driven.tick_params(labelbottom=False)
-        else:
-            label_axes(driven, "time [s]")
-    motion.tick_params(labelbottom=False)
-    half = (WIDTH - 48 - 12 - 24) / 2
-    _draw_spread(panel(48, 40, half, 66), steady, "steady speed [m/s]")
-    _draw_spread(panel(48 + half + 24, 40, half, 66), settling, "time constant [s]")
-    return figure
+        below.set_xlim(float(time[0]), float(time[-1]))
+        below.margins(y=0.15)
+        limit_ticks(below.yaxis, 2)
+        label_axes(below, y=control.label)
+    label_axes([motion, *driven][-1], "time [s]")
+    _draw_spread(of_speed, steady, "steady speed [m/s]")
+    _draw_spread(of_time, settling, "time constant [s]")
 
 
 def rank_figure(result: Calibration, words: str) -> "Figure":

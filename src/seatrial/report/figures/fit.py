@@ -21,15 +21,7 @@ from seatrial.report.figures.style import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Z90 = 1.6448536269514722
@@ -75,22 +67,36 @@ def record_fit(
     held_back: bool = False,
     most: int = 1500,
 ) -> "Figure":
-    """Draw a panel for each channel, then a low one for each control; held-back records are orange.
+    """Draw a column of panels, one for each channel, then a low one for each control; see `draw_fit`."""
+    figure, axes = new_figure(WIDE, [*[150.0] * len(channels), *[52.0] * len(controls)])
+    draw_fit(axes, time, channels, controls, held_back, most)
+    return figure
+
+
+def draw_fit(
+    axes: "Sequence[Axes]",
+    time: np.ndarray,
+    channels: Sequence[Predicted],
+    controls: Sequence[Driven] = (),
+    held_back: bool = False,
+    most: int = 1500,
+) -> None:
+    """Draw each channel, then each control, into axes of its own; held-back records are orange.
 
     Args:
+        axes: one for each channel and each control.
         time: s, shape (n,).
         channels: what was measured and predicted.
         controls: what drove the vehicle.
         held_back: whether the record was kept out of the fit.
         most: number of samples worth drawing.
     """
-    figure, axes = new_figure(WIDE, [*[150.0] * len(channels), *[52.0] * len(controls)])
     colour = ORANGE if held_back else BLUE
     for panel, channel in zip(axes, channels, strict=False):
         measured = np.flatnonzero(np.isfinite(channel.measured))
         measured = measured[thin(measured.size, most)]
         draw_dots(panel, time[measured], channel.measured[measured], color=DOTS, label="measured")
-        keep = thin(time.size, min(most, 700))
+        keep = thin(time.size, min(most, 400))
         at, mean, half = time[keep], channel.mean[keep], Z90 * channel.sd[keep]
         panel.fill_between(
             at, mean - half, mean + half, color=colour, alpha=BAND, linewidth=0, label="90 % band", zorder=1.5
@@ -105,21 +111,33 @@ def record_fit(
         label_axes(panel, y=control.label)
     axes[-1].set_xlim(float(time[0]), float(time[-1]))
     label_axes(axes[-1], "time [s]")
-    return figure
 
 
 def record_residuals(
     time: np.ndarray, channels: Sequence[Predicted], held_back: bool = False, most: int = 1500
 ) -> "Figure":
-    """Draw for each channel its residuals over time and, below, their autocorrelation over lag.
+    """Draw two panels for each channel, its residuals over their autocorrelation; see `draw_residuals`."""
+    figure, axes = new_figure(WIDE, [120.0, 58.0] * len(channels), gap=38, share_x=False)
+    draw_residuals(axes, time, channels, held_back, most)
+    return figure
+
+
+def draw_residuals(
+    axes: "Sequence[Axes]",
+    time: np.ndarray,
+    channels: Sequence[Predicted],
+    held_back: bool = False,
+    most: int = 1500,
+) -> None:
+    """Draw for each channel its residuals over time and, in the next axes, their autocorrelation over lag.
 
     Args:
+        axes: two for each channel.
         time: s, shape (n,).
         channels: what was measured and predicted.
         held_back: whether the record was kept out of the fit.
         most: number of samples worth drawing.
     """
-    figure, axes = new_figure(WIDE, [120.0, 58.0] * len(channels), gap=38, share_x=False)
     colour = ORANGE if held_back else BLUE
     for panel, below, channel in zip(axes[::2], axes[1::2], channels, strict=True):
         present = np.flatnonzero(np.isfinite(channel.residual))
@@ -136,7 +154,6 @@ def record_residuals(
             "residual [sd]" if len(channels) == 1 else f"{channel.label.split(' [')[0]} residual [sd]",
         )
         _draw_autocorrelation(below, *autocorrelation(time, channel.residual), colour)
-    return figure
 
 
 def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -197,6 +214,7 @@ def _draw_autocorrelation(axes: "Axes", lag: np.ndarray, correlation: np.ndarray
         axes.vlines(lag, 0, correlation, color=colour, linewidth=1.4, label="autocorrelation")
         axes.margins(x=0.02)
     axes.axhline(0.0, color=MUTED, linewidth=0.8)
-    axes.set_ylim(min(-0.55, 1.1 * float(correlation.min(initial=0.0))), 1.0)
-    axes.set_yticks([-0.5, 0, 0.5, 1])
+    reach = 1.25 * max(0.08, float(np.abs(correlation).max(initial=0.0)), 2 / np.sqrt(max(count, 4)))
+    axes.set_ylim(max(-1.0, -reach), min(1.0, reach))
+    limit_ticks(axes.yaxis, 3)
     label_axes(axes, "lag [s]", "autocorr.")

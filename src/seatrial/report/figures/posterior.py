@@ -1,48 +1,31 @@
 """Parameters before and after the data: one at a time, those known together, and profile likelihoods."""
 
+from collections.abc import Sequence
 from math import pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.report.figures.style import (
-    BLUE,
-    INK,
-    MUTED,
-    NARROW,
-    PURPLE,
-    label_axes,
-    limit_ticks,
-    new_figure,
-    power_of_ten,
-    unit_label,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-from seatrial.report.figures.style import (
-    DOTS,
-    ORANGE,
-    SMALL,
-    draw_dots,
-    thin,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
 from seatrial.estimation.profile import DROP, Profile
 from seatrial.report.figures.style import (
     BAND,
+    BLUE,
+    DOTS,
     FONT,
+    INK,
+    MUTED,
+    ORANGE,
     PAPER,
     POINT,
+    PURPLE,
+    SMALL,
+    draw_dots,
+    label_axes,
+    limit_ticks,
+    power_of_ten,
     style_axes,
+    thin,
+    unit_label,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +35,6 @@ if TYPE_CHECKING:
 WIDTH, HIGHEST = 4.5, 2.5
 """Half width of the frame, posterior standard deviations; its height, in heights of the draws, at most."""
 SHARES = (0.95, 0.5)
-LEGIBLE, FAINT, SYMBOL = 6, 0.05, 9
 PROFILE_WIDTH, ROW, HEAD, BELOW = 640.0, 104.0, 22.0, 40.0
 COLUMNS = 3
 DEEPEST = 2.4
@@ -89,23 +71,25 @@ class Panel(NamedTuple):
     truth: float | None = None
 
 
-def marginal(
+def draw_marginal(
+    axes: "Axes",
     draws: np.ndarray,
     symbol: str,
     unit: str,
     *,
-    prior: PriorShape,
+    prior: PriorShape | None,
     interval: tuple[float, float],
     normal: tuple[float, float] | None = None,
     truth: float | None = None,
-) -> "Figure":
-    """Draw the posterior of one parameter.
+) -> None:
+    """Draw the posterior of one parameter into axes.
 
     Args:
+        axes: where.
         draws: SI, shape (n,).
         symbol: of the parameter, within dollars.
         unit: its SI unit.
-        prior: its prior.
+        prior: its prior; None where it is not to be shown.
         interval: 95 % interval.
         normal: mode and standard deviation of the normal approximation, where there is one.
         truth: of a simulated vehicle.
@@ -114,13 +98,14 @@ def marginal(
     low, high = _frame(draws, mean, sd, prior, truth)
     exponent = power_of_ten(low, high)
     scale = 10.0**-exponent
-    figure, (axes,) = new_figure(NARROW, [128], left=14, right=14, bottom=38)
     counts, edges = np.histogram(draws, bins=_bins(draws.size), range=(low, high))
     density = counts / (draws.size * (edges[1] - edges[0]))
     top = float(density.max())
     axes.stairs(density / top, edges * scale, fill=True, color=BLUE, alpha=0.45, linewidth=0, label="posterior draws")
     grid, peak = np.linspace(low, high, 160), 1.1
-    axes.plot(grid * scale, prior.density(grid) / top, color=MUTED, linewidth=1.4, linestyle=(0, (4, 3)), label="prior")
+    if prior is not None:
+        height = prior.density(grid) / top
+        axes.plot(grid * scale, height, color=MUTED, linewidth=1.4, linestyle=(0, (4, 3)), label="prior")
     if normal is not None and normal[1] > 0:
         height = normal_density(grid, *normal) / top
         peak = float(np.clip(1.05 * height.max(), peak, HIGHEST))
@@ -140,7 +125,6 @@ def marginal(
     axes.grid(False)
     limit_ticks(axes.xaxis, 5)
     label_axes(axes, unit_label(symbol, unit, exponent))
-    return figure
 
 
 def normal_density(x: np.ndarray, mean: float, sd: float) -> np.ndarray:
@@ -154,16 +138,18 @@ def normal_density(x: np.ndarray, mean: float, sd: float) -> np.ndarray:
     return np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * sqrt(2 * pi))
 
 
-def pair(
+def draw_pair(
+    axes: "Axes",
     x: np.ndarray,
     y: np.ndarray,
     symbols: tuple[str, str],
     units: tuple[str, str],
     truth: tuple[float, float] | None = None,
-) -> "Figure":
-    """Draw joint draws of two parameters with the regions that hold 50 % and 95 % of them.
+) -> None:
+    """Draw joint draws of two parameters into axes, with the regions that hold 50 % and 95 % of them.
 
     Args:
+        axes: where.
         x: draws of the first, SI, shape (n,).
         y: draws of the second, likewise.
         symbols: within dollars.
@@ -174,7 +160,6 @@ def pair(
 
     exponents = [power_of_ten(*np.quantile(values, [0.001, 0.999])) for values in (x, y)]
     x, y = x * 10.0 ** -exponents[0], y * 10.0 ** -exponents[1]
-    figure, (axes,) = new_figure(NARROW, [190], left=50)
     keep = thin(x.size, 900)
     draw_dots(axes, x[keep], y[keep], size=1.5, color=DOTS, label="draws").set_alpha(0.6)
     ranges = [np.quantile(values, [0.0005, 0.9995]) + np.ptp(values) * np.array([-0.06, 0.06]) for values in (x, y)]
@@ -205,51 +190,6 @@ def pair(
     axes.set(xlim=ranges[0], ylim=ranges[1])
     limit_ticks(axes.xaxis, 4)
     label_axes(axes, unit_label(symbols[0], units[0], exponents[0]), unit_label(symbols[1], units[1], exponents[1]))
-    return figure
-
-
-def correlations(matrix: np.ndarray, symbols: Sequence[str]) -> "Figure":
-    """Draw the correlation of every pair as a square whose size and colour show it; strong ones are written out.
-
-    Args:
-        matrix: shape (k, k).
-        symbols: within dollars, shape (k,).
-    """
-    from matplotlib.collections import PatchCollection
-    from matplotlib.patches import Rectangle
-
-    count = len(symbols)
-    margin = 14 + 5.0 * max(map(_length, symbols))
-    side = NARROW - margin - 10
-    figure, (axes,) = new_figure(NARROW, [side], left=margin, right=10, bottom=margin, top=6)
-    axes.grid(False)
-    rows, columns = np.tril_indices(count, -1)
-    for sign, colour in ((1, BLUE), (-1, ORANGE)):
-        chosen = [(r, c) for r, c in zip(rows, columns, strict=True) if sign * matrix[r, c] >= FAINT]
-        sizes = [0.92 * np.sqrt(abs(matrix[r, c])) for r, c in chosen]
-        squares = [
-            Rectangle((c - size / 2, r - size / 2), size, size) for (r, c), size in zip(chosen, sizes, strict=True)
-        ]
-        axes.add_collection(PatchCollection(squares, facecolor=colour, edgecolor="none", alpha=0.55))
-    for row, column in zip(rows, columns, strict=True):
-        if np.isfinite(matrix[row, column]) and (count <= LEGIBLE or abs(matrix[row, column]) >= 0.5):
-            text = f"{matrix[row, column]:+.2f}".replace("-", "−")
-            axes.text(
-                float(column),
-                float(row),
-                text,
-                ha="center",
-                va="center",
-                fontsize=SMALL if count <= LEGIBLE else 6,
-                color=INK,
-            )
-    axes.set(xlim=(-0.5, count - 1.5), ylim=(count - 0.5, 0.5))
-    axes.set_xticks(range(count - 1), symbols[:-1], rotation=90 if count > 5 else 0)
-    axes.set_yticks(range(1, count), symbols[1:])
-    axes.tick_params(length=0, labelsize=SYMBOL)
-    for spine in axes.spines.values():
-        spine.set_color(MUTED)
-    return figure
 
 
 def profile_figure(panels: Sequence[Panel], words: Sequence[str] = ()) -> "Figure":
@@ -293,23 +233,19 @@ def _bins(count: int) -> int:
     return int(np.clip(count**0.4, 20, 60))
 
 
-def _frame(draws: np.ndarray, mean: float, sd: float, prior: PriorShape, truth: float | None) -> tuple[float, float]:
+def _frame(
+    draws: np.ndarray, mean: float, sd: float, prior: PriorShape | None, truth: float | None
+) -> tuple[float, float]:
     """Limits that hold nearly all draws and the truth, and no more of the prior's outside than shows where it ends."""
     low, high = np.quantile(draws, [0.0005, 0.9995])
     low, high = max(float(low), mean - 1.5 * WIDTH * sd), min(float(high), mean + 1.5 * WIDTH * sd)
     low, high = min(low, mean - WIDTH * sd), max(high, mean + WIDTH * sd)
-    if prior.is_bounded:
+    if prior is not None and prior.is_bounded:
         low, high = max(low, min(prior.lower, draws.min())), min(high, max(prior.upper, draws.max()))
     if truth is not None:
         low, high = min(low, truth), max(high, truth)
     width = high - low if high - low > 1e-9 * abs(high) else abs(high) or 1.0
     return low - 0.04 * width, high + 0.04 * width
-
-
-def _length(symbol: str) -> int:
-    """Return the number of characters that a symbol prints, about."""
-    bare = re.sub(r"\\(mathrm|dot)|[${}_^]", "", symbol)
-    return len(re.sub(r"\\[A-Za-z]+ ?", "x", bare))
 
 
 def _levels(density: np.ndarray) -> list[float]:

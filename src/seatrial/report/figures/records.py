@@ -15,18 +15,14 @@ from seatrial.report.figures.style import (
     WIDE,
     draw_dots,
     label_axes,
+    limit_ticks,
     new_figure,
     thin,
     thin_steps,
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-from seatrial.report.figures.style import limit_ticks
-
-if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -90,9 +86,11 @@ def covered(
 # The control of a designed trial over time, with the limits it keeps.
 
 
-def control_over_time(
-    time: np.ndarray, control: np.ndarray, label: str, limits: tuple[float | None, float | None] = (None, None)
-) -> "Figure":
+Ends = tuple[float | None, float | None]
+"""Lowest and highest value allowed, where there are any."""
+
+
+def control_over_time(time: np.ndarray, control: np.ndarray, label: str, limits: Ends = (None, None)) -> "Figure":
     """Draw one control, and those of its limits that are near.
 
     Args:
@@ -101,7 +99,18 @@ def control_over_time(
         label: of the control, unit included.
         limits: lowest and highest value allowed, where there are any.
     """
-    figure, (axes,) = new_figure(WIDE, [190])
+    return controls_over_time(time, [(control, label, limits)])
+
+
+def controls_over_time(time: np.ndarray, panels: Sequence[tuple[np.ndarray, str, Ends]]) -> "Figure":
+    """Draw several controls below each other, each as `control_over_time`: its values, label and limits."""
+    figure, every = new_figure(WIDE, [190] * len(panels))
+    for axes, (control, label, limits) in zip(every, panels, strict=True):
+        _draw_control(axes, time, control, label, limits)
+    return figure
+
+
+def _draw_control(axes: "Axes", time: np.ndarray, control: np.ndarray, label: str, limits: Ends) -> None:
     keep = thin_steps(control)
     axes.plot(time[keep], control[keep], color=BLUE, linewidth=1.4, label="control")
     low, high = float(control.min()), float(control.max())
@@ -123,7 +132,6 @@ def control_over_time(
     pad = 0.1 * ((high - low) or 1.0)
     axes.set(xlim=(float(time[0]), float(time[-1])), ylim=(low - pad, high + pad))
     label_axes(axes, "time [s]", label)
-    return figure
 
 
 def relay_figure(

@@ -18,25 +18,19 @@ from seatrial.report.figures.style import (
     PAPER,
     SMALL,
     WIDE,
+    draw_dots,
     label_axes,
+    limit_ticks,
     new_figure,
+    power_of_ten,
+    unit_label,
 )
 from seatrial.selection.verdict import DECIDED
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-from typing import TYPE_CHECKING
-
-from seatrial.report.figures.style import (
-    limit_ticks,
-    power_of_ten,
-    unit_label,
-)
-
-if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 # The space of structures: one column for each of the most probable ones, as wide as it is probable; one row for each
 # term.
@@ -46,26 +40,26 @@ STRUCTURE_ROW = 18.0
 # What the choice between two structures changes: by how much the speed of the best exceeds the runner-up's in a
 # manoeuvre.
 
-GAP_ROW, HEAD = 92.0, 22.0
-"""Height of a panel and of the line above it, points."""
-# Probability that each term is needed: by the closed form over all structures, and beside it by simulation where there
-# is one.
-
-TERM_ROW = 30.0
-"""Height of a term, points."""
+MOTION_ROW, GAP_ROW, HEAD = 110.0, 60.0, 22.0
+"""Heights of the panels of motion and of difference, and of the line above them, points."""
 AXIS = "factor on the priors’ standard deviations"
 NEAR = 11.0
 """Least distance of two names at the right edge, points."""
 
 
 class Gap(NamedTuple):
-    """Speed of the best minus the runner-up's in one manoeuvre, m/s, with its 90 % band; `where` is plain text."""
+    """Speed of the best minus the runner-up's in one manoeuvre, m/s, with its 90 % band; `where` is plain text.
+
+    `best` is the speed of the best; `measured` are times and speeds of the record, none of a trial that was not run.
+    """
 
     where: str
     time: Float[np.ndarray, " n"]
+    best: Float[np.ndarray, " n"]
     difference: Float[np.ndarray, " n"]
     lower: Float[np.ndarray, " n"]
     upper: Float[np.ndarray, " n"]
+    measured: tuple[np.ndarray, np.ndarray] | None = None
 
 
 class CoefficientPath(NamedTuple):
@@ -118,18 +112,22 @@ def model_space(
 
 
 def speed_gaps(gaps: Sequence[Gap], noise: float) -> "Figure":
-    """Draw one panel for each manoeuvre, on one scale of speed, with the sensor's noise on both sides.
+    """Draw two panels for each manoeuvre: both structures over what was measured, and their difference, on one scale.
 
     Args:
         gaps: from the top.
         noise: standard deviation of the sensor, m/s; NaN where the speed is not measured.
     """
-    figure, panels = new_figure(
-        WIDE, [GAP_ROW] * len(gaps), left=58, right=14, top=HEAD, gap=HEAD + 22, bottom=38, share_x=False
-    )
+    heights = [MOTION_ROW, GAP_ROW] * len(gaps)
+    figure, panels = new_figure(WIDE, heights, left=58, right=14, top=HEAD, gap=HEAD + 14, bottom=38, share_x=False)
     reach = 1.15 * max(float(np.nanmax(np.abs([gap.lower, gap.upper, gap.difference]))) for gap in gaps)
     reach = max(reach, 1.15 * noise if np.isfinite(noise) and noise < 4 * reach else 0.0, 1e-9)
-    for axes, gap in zip(panels, gaps, strict=True):
+    for motion, axes, gap in zip(panels[::2], panels[1::2], gaps, strict=True):
+        if gap.measured is not None:
+            draw_dots(motion, *gap.measured, label="measured")
+        motion.plot(gap.time, gap.best, color=BLUE, linewidth=1.6, label="best", zorder=3)
+        other = gap.best - gap.difference
+        motion.plot(gap.time, other, color=ORANGE, linewidth=1.4, linestyle=(0, (4, 3)), label="runner-up", zorder=4)
         axes.fill_between(
             gap.time, gap.lower, gap.upper, color=BLUE, alpha=BAND, linewidth=0, label="90 % band of both posteriors"
         )
@@ -138,83 +136,21 @@ def speed_gaps(gaps: Sequence[Gap], noise: float) -> "Figure":
         for side in (-noise, noise):
             if np.isfinite(side):
                 axes.axhline(side, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="noise of the sensor")
-        axes.set(xlim=(float(gap.time[0]), float(gap.time[-1])), ylim=(-reach, reach))
-        axes.set_title(gap.where.replace("$", r"\$"), fontsize=SMALL, color=INK, loc="left", pad=4)
-        label_axes(axes, y=r"$\Delta u$ [m/s]")
+        axes.set(ylim=(-reach, reach))
+        for panel in (motion, axes):
+            panel.set_xlim(float(gap.time[0]), float(gap.time[-1]))
+        motion.tick_params(labelbottom=False)
+        motion.set_title(gap.where.replace("$", r"\$"), fontsize=SMALL, color=INK, loc="left", pad=4)
+        label_axes(motion, y="$u$ [m/s]")
+        label_axes(axes, y="difference\n[m/s]")
     label_axes(panels[-1], "time [s]")
     return figure
 
 
-def inclusion_bars(
-    labels: Sequence[str], closed: "ArrayLike", simulated: "ArrayLike", error: "ArrayLike | None" = None
-) -> "Figure":
-    """Draw two bars for each term, from the top down, and the lines beyond which the data have decided.
-
-    Args:
-        labels: names; text within dollars is mathematics.
-        closed: probability by the screening, NaN where there is none, shape (k,).
-        simulated: probability by simulation, NaN where there is none, shape (k,).
-        error: Monte Carlo standard error of `simulated`, shape (k,); None for none.
-    """
-    count = len(labels)
-    first, second = np.asarray(closed, float), np.asarray(simulated, float)
-    spread = np.zeros(count) if error is None else np.nan_to_num(np.asarray(error, float))
-    figure, (axes,) = new_figure(WIDE, [max(44.0, TERM_ROW * count)], left=62, right=44, top=24)
-    place = np.arange(count)
-    both = np.isfinite(first).any() and np.isfinite(second).any()
-    height, apart = (0.34, 0.19) if both else (0.6, 0.0)
-    for value, offset, colour, name in (
-        (first, -apart, DOTS, "closed form"),
-        (second, apart, BLUE, "simulation"),
-    ):
-        there = np.isfinite(value)
-        if not there.any():
-            continue
-        axes.barh(place[there] + offset, value[there], height=height, color=colour, zorder=2, label=name)
-        for index in place[there]:
-            edge = value[index] + (spread[index] if value is second else 0.0)
-            axes.annotate(
-                f"{value[index]:.2f}",
-                (min(float(edge), 1.0), index + offset),
-                xytext=(5, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=SMALL,
-                color=INK,
-                annotation_clip=False,
-                bbox={"facecolor": PAPER, "linewidth": 0, "pad": 0.6},
-                zorder=5,
-            )
-    there = np.isfinite(second)
-    value, spread = second[there], spread[there]
-    axes.errorbar(
-        value,
-        place[there] + apart,
-        xerr=[np.minimum(spread, value), np.minimum(spread, 1 - value)],
-        fmt="none",
-        ecolor=INK,
-        elinewidth=1.2,
-        capsize=2,
-        zorder=3,
-    )
+def mark_decided(axes: "Axes") -> None:
+    """Draw the lines across bars of probabilities beyond which the data have decided."""
     for line in (1 - DECIDED, DECIDED):
         axes.axvline(line, color=ORANGE, linewidth=1.1, linestyle=(0, (4, 3)), zorder=4)
-        axes.annotate(
-            f"{line:.2f}",
-            (line, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 4),
-            textcoords="offset points",
-            ha="center",
-            fontsize=SMALL,
-            color=MUTED,
-        )
-    axes.set(xlim=(0, 1), ylim=(count - 0.45, -0.55))
-    axes.set_yticks(place, labels, fontsize=FONT)
-    axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
-    axes.grid(False, axis="y")
-    label_axes(axes, "probability that it is needed")
-    return figure
 
 
 def probability_bars(
@@ -224,9 +160,24 @@ def probability_bars(
     chosen: int | None = None,
     axis_label: str = "probability",
 ) -> "Figure":
-    """Draw one bar for each entry, from the top down, with error bars of one standard error inside [0, 1].
+    """Draw one bar for each entry; see `draw_probabilities`."""
+    figure, (axes,) = new_figure(WIDE, [max(40.0, 22.0 * len(labels))], left=62, right=44)
+    draw_probabilities(axes, labels, probability, error, chosen, axis_label)
+    return figure
+
+
+def draw_probabilities(
+    axes: "Axes",
+    labels: Sequence[str],
+    probability: "ArrayLike",
+    error: "ArrayLike",
+    chosen: int | None = None,
+    axis_label: str = "probability",
+) -> None:
+    """Draw one bar for each entry into axes, from the top down, with error bars of one standard error inside [0, 1].
 
     Args:
+        axes: where.
         labels: names; text within dollars is mathematics.
         probability: shape (k,).
         error: Monte Carlo standard errors, shape (k,).
@@ -235,7 +186,6 @@ def probability_bars(
     """
     count = len(labels)
     value, spread = np.asarray(probability, float), np.nan_to_num(np.asarray(error, float))
-    figure, (axes,) = new_figure(WIDE, [max(40.0, 22.0 * count)], left=62, right=44)
     place = np.arange(count)
     colours = [BLUE if chosen in (None, index) else DOTS for index in range(count)]
     axes.barh(place, value, height=0.62, color=colours, zorder=2)
@@ -266,7 +216,6 @@ def probability_bars(
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     axes.grid(False, axis="y")
     label_axes(axes, axis_label)
-    return figure
 
 
 def inclusion_paths(

@@ -57,15 +57,14 @@ def new_figure(
     bottom: float = 36,
     gap: float = 14,
     share_x: bool = True,
+    figure: "Figure | None" = None,
 ) -> "tuple[Figure, list[Axes]]":
     """Return a figure with a column of axes of the given heights; all sizes in points.
 
     Margins are fixed rather than fitted, so that the axes of neighbouring figures align.
     """
-    from matplotlib.figure import Figure
-
     total = sum(heights) + gap * (len(heights) - 1) + top + bottom
-    figure = Figure(figsize=(width * POINT, total * POINT), dpi=72)
+    figure = sized_figure(width, total, figure)
     axes, y = [], total - top
     for height in heights:
         y -= height
@@ -76,6 +75,16 @@ def new_figure(
         for upper in axes[:-1]:
             upper.tick_params(labelbottom=False)
     return figure, axes
+
+
+def sized_figure(width: float, height: float, figure: "Figure | None" = None) -> "Figure":
+    """Return an empty figure of this size, points; the one given, where there is one, as that of a notebook."""
+    if figure is not None:
+        figure.set_size_inches(width * POINT, height * POINT)
+        return figure
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width * POINT, height * POINT), dpi=72)
 
 
 def style_axes(axes: "Axes") -> "Axes":
@@ -129,7 +138,8 @@ def draw_dots(
     path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], x.size)) if x.size else Path(np.zeros((0, 2)))
     path.should_simplify = False
     patch = PathPatch(path, fill=False, edgecolor=color, linewidth=size, capstyle="round", label=label)
-    axes.add_patch(patch)
+    patch.set_snap(False)  # snapped to pixels, strokes as short as these vanish
+    axes.add_artist(patch)  # of a patch Matplotlib would look for the limits of every stroke
     if x.size:
         axes.update_datalim(np.stack([x, y], -1))
         axes.autoscale_view()

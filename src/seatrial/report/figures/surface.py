@@ -28,9 +28,27 @@ COLOURS, LEVELS = "viridis", 12
 def design_surface(
     period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], labels: tuple[str, str]
 ) -> "Figure":
+    """Draw the entropy reduction over a grid of designs; see `draw_surface`."""
+    thin = min(gain.shape) < 2
+    figure, (axes,) = new_figure(WIDE, [170]) if thin else new_figure(WIDE, [190], right=78)
+    draw_surface(axes, period, amplitude, gain, best, labels)
+    return figure
+
+
+def draw_surface(
+    axes: "Axes",
+    period: np.ndarray,
+    amplitude: np.ndarray,
+    gain: np.ndarray,
+    best: tuple[int, int],
+    labels: tuple[str, str],
+) -> None:
     """Draw the entropy reduction as filled contours, the best design as a star, and hatch what the limits forbid.
 
+    Where one setting alone is swept, a line takes the place of the contours.
+
     Args:
+        axes: where; the colour bar stands to the right of it.
         period: s, shape (P,).
         amplitude: change from trim, in the unit of its label, shape (A,).
         gain: nats, NaN where a limit is broken, shape (A, P).
@@ -38,8 +56,8 @@ def design_surface(
         labels: of period and amplitude, units included.
     """
     if min(gain.shape) < 2:
-        return _line(period, amplitude, gain, best, labels)
-    figure, (axes,) = new_figure(WIDE, [190], right=78)
+        _line(axes, period, amplitude, gain, best, labels)
+        return
     axes.grid(False)
     if np.isnan(gain).any():
         _hatch(axes)
@@ -65,8 +83,7 @@ def design_surface(
     for spine in axes.spines.values():
         spine.set_visible(True)
     label_axes(axes, *labels)
-    _bar(figure, contours)
-    return figure
+    _bar(axes, contours)
 
 
 def _levels(gain: np.ndarray) -> np.ndarray:
@@ -97,9 +114,10 @@ def _hatch(axes: "Axes") -> None:
     )
 
 
-def _bar(figure: "Figure", contours) -> None:
-    place = figure.axes[0].get_position()
-    holder = figure.add_axes((place.x1 + 0.03, place.y0, 0.032, place.height))
+def _bar(axes: "Axes", contours) -> None:
+    figure = axes.get_figure()
+    assert figure is not None
+    holder = axes.inset_axes((1.046, 0.0, 0.049, 1.0))
     bar = figure.colorbar(contours, cax=holder)
     holder.set_frame_on(False)
     for part in holder.collections:
@@ -109,12 +127,16 @@ def _bar(figure: "Figure", contours) -> None:
 
 
 def _line(
-    period: np.ndarray, amplitude: np.ndarray, gain: np.ndarray, best: tuple[int, int], labels: tuple[str, str]
-) -> "Figure":
+    axes: "Axes",
+    period: np.ndarray,
+    amplitude: np.ndarray,
+    gain: np.ndarray,
+    best: tuple[int, int],
+    labels: tuple[str, str],
+) -> None:
     """Draw a sweep over one setting only."""
     over_period = gain.shape[0] == 1
     x = period if over_period else amplitude
-    figure, (axes,) = new_figure(WIDE, [170])
     axes.plot(x, gain.ravel(), color=BLUE, linewidth=1.6, marker="o", markersize=3)
     axes.plot(
         x[best[1] if over_period else best[0]],
@@ -130,4 +152,3 @@ def _line(
     )
     axes.margins(x=0.03)
     label_axes(axes, labels[0] if over_period else labels[1], "entropy reduction [nat]")
-    return figure

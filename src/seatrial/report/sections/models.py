@@ -1,117 +1,110 @@
-"""Which terms the data support: probabilities of models and terms, the evidence behind them, and all structures in closed form."""
+"""The models beside each other: what choosing between them changes, all structures in closed form, and runs that were left out."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.store.structures import ENOUGH, undecided_words
+from seatrial.campaign.store.structures import ENOUGH
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.row_fit import SCREENING
-from seatrial.report.drawing import Drawing, draw, labels_of
-from seatrial.report.figures.structures import probability_bars
-from seatrial.report.labels import label_html, label_mathtext, sentence_html
-from seatrial.report.numbers import decimals, probability
-from seatrial.report.term_figures import term_figures
+from seatrial.report.drawing import digits_of, draw, labels_of, model_html, moments_of, names_of, sentence_of, unit_row
+from seatrial.report.labels import label_html, name_html
+from seatrial.report.numbers import decimals
+from seatrial.report.term_figures import contenders_figure, screening_figures
 
-MOST = 12
+MOST, BESIDE = 8, 4
+"""Models that are listed before the others fold, and models whose coefficients stand beside each other."""
 
 
 def models_section(outcome: Outcome) -> dict[str, Any]:
-    """Return what `models.html` prints."""
-    selection, labels = outcome.selection, labels_of(outcome)
-    order = np.argsort(-selection.probability, kind="stable")
-    always = outcome.campaign.structure.always
-    optional = outcome.campaign.structure.optional
+    """Return what `models.html` prints; nothing of one model that nothing was compared with."""
+    selection = outcome.selection
+    if len(selection.structures) == 1 and outcome.screened is None and outcome.cross_validation is None:
+        return {}
+    order = [int(index) for index in np.argsort(-selection.probability, kind="stable")]
     best = selection.evidences[selection.chosen].log_value
-    rows = [_row(outcome, int(index), optional, best) for index in order]
+    rows = [_row(outcome, index, best) for index in order]
     return {
+        "sound": not any(row["status"] for row in rows),
         "rows": rows[:MOST],
         "more": rows[MOST:],
-        "always": [label_html(labels.get(term, term)) for term in always],
-        "optional": [(term, label_html(labels.get(term, term))) for term in optional],
-        "figures": _figures(outcome, order),
-        "alone": len(selection.structures) == 1,
+        "always": [label_html(labels_of(outcome).get(term, term)) for term in outcome.campaign.structure.always],
+        "beside": _beside(outcome, order[:BESIDE]),
+        "contenders": _contenders(outcome),
+        "screening": _screening(outcome),
+        "left_out": _left_out(outcome),
     }
 
 
-def terms_section(outcome: Outcome) -> dict[str, Any]:
-    """Return what `terms.html` prints."""
-    screened, contenders, labels = outcome.screened, outcome.contenders, labels_of(outcome)
-    selection, said = outcome.selection, []
-    if contenders is not None:
-        told = contenders.nats > ENOUGH
-        said = [
-            {"kind": "finding", "text": sentence_html(contenders.difference_words(), labels)},
-            {"kind": "finding", "text": sentence_html(undecided_words(selection), labels)},
-            {
-                "kind": "finding" if told else "caution",
-                "text": sentence_html(contenders.trial_words(selection), labels),
-            },
-        ]
-    cautions = [] if screened is None else screened.cautions
-    return {
-        "findings": [*said, *({"kind": "caution", "text": sentence_html(text, labels)} for text in cautions)],
-        "screened": screened is not None,
-        "note": sentence_html(SCREENING, labels),
-        "figures": [
-            draw(item.figure, f"terms-{item.name}", item.heading, item.caption, item.heading)
-            for item in term_figures(outcome.campaign.units, selection, screened, contenders)
-        ],
-    }
-
-
-def _row(outcome: Outcome, index: int, optional: Sequence[str], best: float) -> dict[str, Any]:
+def _row(outcome: Outcome, index: int, best: float) -> dict[str, Any]:
     selection = outcome.selection
     structure, evidence = selection.structures[index], selection.evidences[index]
-    p, p_error = float(selection.probability[index]), float(selection.probability_error[index])
     return {
+        "name": model_html(outcome, structure.label),
         "label": structure.label,
         "chosen": index == selection.chosen,
-        "has": [term in structure.terms for term in optional],
-        "log_evidence": decimals(evidence.log_value, 2),
-        "error": decimals(evidence.std_error, 2),
-        "difference": "" if index == selection.chosen else decimals(evidence.log_value - best, 2),
-        "probability": probability(p, p_error),
-        "probability_error": f"{p_error:.2g}" if p_error >= 0.0005 else "",
+        "behind": decimals(best - evidence.log_value, 2),
+        "error": decimals(evidence.std_error, 2) if evidence.std_error >= 0.005 else "",
         "status": evidence.status,
     }
 
 
-def _figures(outcome: Outcome, order: np.ndarray) -> list[Drawing]:
-    selection, labels = outcome.selection, labels_of(outcome)
-    if len(selection.structures) == 1:
-        return []
-    shown = order[:MOST]
-    figures = [
-        draw(
-            probability_bars(
-                [selection.structures[i].label for i in shown],
-                selection.probability[shown],
-                selection.probability_error[shown],
-                0,
-            ),
-            "models",
-            "Probability of each model",
-            "Probability of each model; bars with ends show one standard error of its computation. "
-            "All models were equally probable before the data.",
-            "Models",
-        )
+def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
+    """Return the coefficients of the most probable models, a column each."""
+    estimates = [outcome.estimates[index] for index in order]
+    names = dict.fromkeys(name for estimate in estimates for name in estimate.structure.terms)
+    rows = []
+    for name in names:
+        digits = digits_of(outcome)[name]
+        row, moments = unit_row(outcome, name), [moments_of(estimate).get(name) for estimate in estimates[1:]]
+        rows.append({**row, "values": [digits.pair(*one) if one else "" for one in moments]})
+    return {"heads": [model_html(outcome, estimate.structure.label) for estimate in estimates[1:]], "rows": rows}
+
+
+def _contenders(outcome: Outcome) -> dict[str, Any]:
+    found = outcome.contenders
+    if found is None:
+        return {}
+    item = contenders_figure(found, names_of(outcome), outcome.trials.fit)
+    said = [
+        ("finding", found.difference_words()),
+        ("finding" if found.nats > ENOUGH else "caution", found.trial_words(outcome.selection)),
     ]
-    if selection.inclusion:
-        terms = sorted(selection.inclusion, key=lambda term: -selection.inclusion[term])
-        figures.append(
-            draw(
-                probability_bars(
-                    [label_mathtext(labels.get(term, term)) for term in terms],
-                    [selection.inclusion[term] for term in terms],
-                    [selection.inclusion_error[term] for term in terms],
-                ),
-                "terms",
-                "Probability that each optional term is needed",
-                "Probability that the vehicle needs the term: the sum over all models that contain it. "
-                "Near 1 it is needed, near 0 it is not, near 0.5 these data cannot say.",
-                "Optional terms",
-            )
-        )
-    return figures
+    return {
+        "findings": [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in said],
+        "figure": draw(
+            item.figure, f"terms-{item.name}", item.heading, name_html(item.caption, labels_of(outcome)), item.heading
+        ),
+    }
+
+
+def _screening(outcome: Outcome) -> dict[str, Any]:
+    screened = outcome.screened
+    if screened is None:
+        return {}
+    return {
+        "count": screened.data.attrs["count"],
+        "cautions": [{"kind": "caution", "text": sentence_of(outcome, text)} for text in screened.cautions],
+        "note": sentence_of(outcome, SCREENING),
+        "figures": [
+            draw(item.figure, f"terms-{item.name}", item.heading, item.caption, item.heading)
+            for item in screening_figures(outcome.campaign.units, screened)
+        ],
+    }
+
+
+def _left_out(outcome: Outcome) -> dict[str, Any]:
+    """Return how well each model predicts runs that were left out; nothing where no current result is there."""
+    found = outcome.cross_validation
+    if found is None:
+        return {}
+    alarms = found.alarms
+    said = [("alarm" if line in alarms else "finding", line) for line in found.headline() if not line.startswith(" ")]
+    said += [("caution", text) for text in found.complaints()]
+    return {
+        "findings": [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in said],
+        "lines": [] if found.recommended is None else list(found.recommended.lines),
+        "heads": found.heads(),
+        "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in found.rows()],
+        "runs": len(found.runs),
+    }

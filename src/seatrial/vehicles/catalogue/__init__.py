@@ -38,7 +38,7 @@ from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
 _FOSSEN, _SURGE, _LONGITUDINAL = "remus100_fossen", "_surge", "_longitudinal"
-_OPTIONS = ("attitude", "positions", "angles", "current")
+_OPTIONS = ("attitude", "positions", "angles", "current", "unknowns")
 _OF_UNKNOWN = ("thrust_deduction", "wake", "trim")
 """What may be said of a body whose mass is unknown."""
 _BODY = (*_OF_UNKNOWN, "centre_of_gravity", "centre_of_buoyancy", "products", "weight", "buoyancy", "symmetric")

@@ -35,20 +35,31 @@ _SEND = """async (e) => {
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    with section(
-        "What was recorded", "As they are: the least and greatest of every column of pixels, so that no spike is lost."
-    ):
-        stored = sorted(path.stem for path in (Store(folder).results / "records").glob("*.nc"))
+    with section("What was recorded", "Raw data, downsampled, spikes kept."):
         holder = ui.element("div")
-        await fill(holder, context.form_data(folder), lambda found: Trimming(context, folder, found, stored).build())
+
+        async def draw() -> None:
+            holder.clear()
+            with holder:
+                await fill(
+                    holder, context.form_data(folder), lambda found: Trimming(context, folder, found, stored()).build()
+                )
+
+        def stored() -> list[str]:
+            return sorted(path.stem for path in (Store(folder).results / "records").glob("*.nc"))
+
+        await draw()
     with section(
         "Checks",
         "The words of `seatrial check`: direction, size, delay, outliers, holes, and what each record can tell.",
     ):
         live, said = live_view(context, folder), ui.element("div")
+        live.on_end.append(draw)
         with ui.element("div").classes("line"):
-            button("Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(stored))
-            button("Import or simulate anew", lambda: again(context, folder, said, live))
+            button(
+                "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(stored())
+            )
+            button("Re-import or simulate again", lambda: again(context, folder, said, live))
     with section(
         "A new log",
         "Put a log into the campaign's folder, or send it from here; look at what it holds; then write its channel map into campaign.toml.",
@@ -57,7 +68,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 
 async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:
-    """Make the records anew, as the campaign says."""
+    """Import or simulate the records again, as the campaign says."""
     said.clear()
     try:
         found = await context.form_data(folder)
@@ -206,7 +217,7 @@ class NewLog:
                 .props("outlined options-dense hide-bottom-space")
                 .classes("wide")
             )
-            button("Look into it", self._look, main=True)
+            button("Preview log", self._look, main=True)
         with ui.element("label").classes("upload"):
             markup("or send one from this machine")
             query = '"' + urlencode({"campaign": self.campaign}) + '"'

@@ -51,7 +51,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         )
     with section(
         "Export",
-        "Out to a simulator, under export/ in the campaign's folder. What a target cannot carry is said below and in the file.",
+        "Out to a simulator, under export/ in the campaign's folder. Unsupported terms are listed below and in the file.",
     ):
         names = await context.worker_pool.think("whole_vehicles")
         with ui.element("div").classes("line"):

@@ -13,6 +13,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import SeatrialError
+from seatrial.estimation.fit_verdict import explained_share
 from seatrial.report.labels import label_html, label_mathtext
 from seatrial.report.numbers import percent, probability, short, unit_html, with_sd
 
@@ -44,7 +45,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         markup(coefficients(summary))
     with section(
         "Fit and residuals",
-        "Dots or strokes: measured, the least and greatest of each column of pixels. Line and 90 % band: predicted from the inputs alone.",
+        "Dots or strokes: measured, downsampled, spikes kept. Line and 90 % band: predicted from the inputs alone.",
     ):
         await _fits(context, store)
     with section(
@@ -128,7 +129,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 fit.record + (" (held back)" if fit.held_back else ""),
                 fit.channel,
                 Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
-                (percent(fit.explained) if fit.explained >= 0 else "worse than its mean") if not fit.missing else "",
+                explained_share(fit.explained) if not fit.missing else "",
                 percent(fit.coverage) if fit.samples else "",
                 fit.words,
             ]
@@ -138,7 +139,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 "held-back runs together",
                 one.channel,
                 Markup('<span class="verdict {}">{}</span>').format(one.level, one.level),
-                percent(one.explained) if one.explained >= 0 else "worse than their means",
+                explained_share(one.explained, one.runs),
                 percent(one.coverage) if one.effective else "",
                 one.reason,
             ]

@@ -51,6 +51,9 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             def stop() -> None:
                 said.clear()
                 with said:
+                    if not context.look(folder).running:
+                        markup('<p class="note">Nothing is running.</p>')
+                        return
                     try:
                         context.jobs.stop(folder)
                     except (SeatrialError, OSError) as error:
@@ -139,12 +142,12 @@ def _state(job: Job) -> Markup:
 
 
 def _bar(piece: dict) -> Markup:
-    done, total, gone = int(piece["done"]), int(piece["total"]), float(piece["elapsed"])
+    done, total, elapsed = int(piece["done"]), int(piece["total"]), float(piece["elapsed"])
     share = min(1.0, done / total) if total else 0.0
     if total and done >= total:
-        words = f"done in {_time(gone)}"
+        words = f"done in {_time(elapsed)}"
     elif share > 0:
-        words = f"{share:.0%}, {_time(gone)} gone, about {_time(gone * (1 - share) / share)} left"
+        words = f"{share:.0%}, {_time(elapsed)} elapsed, about {_time(elapsed * (1 - share) / share)} remaining"
     else:
         words = "begun"
     title = escape(piece["title"])

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
+from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, NewCampaign
+from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.errors import InputError, nearest
@@ -16,27 +18,25 @@ TEMPLATES = {
     "log": "a CSV log of a trial that was run",
 }
 """What each template is, by name."""
+WRITTEN = {"design": OWN, "steering": PUBLISHED}
+"""Those that are written from what is known; the others are files."""
 
 
-def template_names() -> tuple[str, ...]:
-    """Return the names of the templates."""
-    return tuple(TEMPLATES)
-
-
-def init_campaign(folder: Path | str, template: str) -> Path:
-    """Write a template's campaign file into a folder, which is made if missing.
+def init_campaign(folder: Path | str, template: str | NewCampaign) -> Path:
+    """Write a campaign file into a folder, which is made if missing.
 
     Args:
         folder: of the new campaign.
-        template: `remus100` (simulated), `design` or `steering` (no data yet), or `log` (a CSV log).
+        template: `remus100` (simulated), `design` or `steering` (no data yet), or `log` (a CSV log); or what is known of a vehicle.
 
     Returns:
         the path of the file.
 
     Raises:
-        InputError: no such template, or a folder that holds a campaign already.
+        InputError: no such template, something that cannot be written, or a folder that holds a campaign already.
     """
-    text, path = template_text(template), check_path(folder, "campaign, folder") / FILE_NAME
+    text = campaign_text(template) if isinstance(template, NewCampaign) else template_text(template)
+    path = check_path(folder, "campaign, folder") / FILE_NAME
     if path.exists():
         raise InputError(
             str(path),
@@ -62,6 +62,8 @@ def template_text(template: str) -> str:
             expected="; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()),
             remedy=nearest(template, TEMPLATES),
         )
+    if template in WRITTEN:
+        return campaign_text(WRITTEN[template])
     return files(__name__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
 
 

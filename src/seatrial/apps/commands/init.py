@@ -1,0 +1,315 @@
+"""A campaign file to begin from: a template, what is said by options, or what is asked in a terminal."""
+
+import shlex
+import sys
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import typer
+
+from seatrial.apps.answer import current_answer
+from seatrial.apps.running import Folder
+
+Answered = TypeVar("Answered")
+
+
+def _one(metavar: str, meaning: str) -> Any:
+    return typer.Option(metavar=metavar, help=meaning)
+
+
+def _line(meaning: str) -> Any:
+    return typer.Option(metavar="LINE", help=f"{meaning} May be given again.")
+
+
+# Quantities are written as in the file; each line of a list as `seatrial.campaign.config.new_campaign` reads it.
+Template = Annotated[
+    str | None, _one("NAME", "A template: remus100 (simulated), design or steering (no data yet), log (a CSV log).")
+]
+Vehicle = Annotated[str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; or your own, by --mass.")]
+Mass = Annotated[str | None, _one("QUANTITY", 'Mass in air of your own, such as "30 kg".')]
+Inertia = Annotated[str | None, _one("THREE", 'Its inertia where it turns: "0.2, 3.4, 3.4 kg m^2".')]
+Moves = Annotated[
+    str | None, _one("NAMES", "Velocities that are modelled, such as u,v,r; if not given, u, or all that is published.")
+]
+Known = Annotated[list[str] | None, _line('A coefficient that is not in doubt, SI: "X_udot -1.0".')]
+Deduction = Annotated[str | None, _one("SHARE", "Share of the thrust that the stern takes back, such as 0.1.")]
+Seek = Annotated[
+    list[str] | None,
+    _line(
+        "A coefficient to find, with the least and the largest value that would not surprise: "
+        '"X_uabsu -4.5 to -1.5 kg/m"; of a published one the name is enough.',
+    ),
+]
+Optional = Annotated[list[str] | None, _line("Likewise, of which the data are to decide whether it is there.")]
+Speed = Annotated[str | None, _one("QUANTITY", 'Speed at which a trial begins, such as "1.5 m/s".')]
+Control = Annotated[
+    list[str] | None,
+    _line(
+        'A control: trim, range, rate of change: "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s". The first is driven; of others '
+        "the trim is enough.",
+    ),
+]
+Sensor = Annotated[list[str] | None, _line('A sensor: noise of one sample, rate: "u 0.05 m/s, 5 Hz".')]
+Limit = Annotated[list[str] | None, _line('What the motion may do: "u above 0.5 m/s", "distance below 150 m".')]
+Duration = Annotated[str, typer.Option(metavar="TIME", help="Of one trial.")]
+Goal = Annotated[list[str] | None, _line('How well a coefficient has to be known: "X_uabsu 3 %".')]
+Name = Annotated[str | None, _one("TEXT", "Of the campaign, in headings.")]
+
+
+def init(
+    folder: Folder,
+    template: Template = None,
+    vehicle: Vehicle = None,
+    mass: Mass = None,
+    inertia: Inertia = None,
+    moves: Moves = None,
+    known: Known = None,
+    thrust_deduction: Deduction = None,
+    seek: Seek = None,
+    optional: Optional = None,
+    speed: Speed = None,
+    control: Control = None,
+    sensor: Sensor = None,
+    limit: Limit = None,
+    duration: Duration = "60 s",
+    goal: Goal = None,
+    name: Name = None,
+) -> None:
+    """Write a commented campaign file to start from: by what is known of a vehicle, or from a template; in a terminal it asks."""
+    said = {
+        **{"vehicle": vehicle, "mass": mass, "inertia": inertia, "moves": moves, "known": known},
+        **{"thrust_deduction": thrust_deduction, "seek": seek, "optional": optional, "speed": speed},
+        **{"control": control, "sensor": sensor, "limit": limit, "goal": goal, "name": name},
+    }
+    given = {option: value for option, value in said.items() if value}
+    _check_beside(template, given)
+    if template is None and not given and _is_terminal() and not current_answer().as_json:
+        answers = _asked()
+        if isinstance(answers, str):
+            template = answers
+        else:
+            given = answers
+            typer.echo(f"the same by options:\n  {_command(folder, given)}")
+    if given:
+        _write_new(folder, {**given, "duration": given.get("duration", duration)})
+    else:
+        _write_template(folder, template or "remus100")
+
+
+def _is_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _check_beside(template: str | None, given: dict[str, Any]) -> None:
+    """Refuse a template together with what would change it."""
+    from seatrial.core.errors import InputError
+
+    if template is not None and given:
+        raise InputError(
+            f"--template {template}",
+            found="--" + ", --".join(option.replace("_", "-") for option in given) + " beside it",
+            expected="a template, or what is known of a vehicle",
+            remedy="leave --template out, or edit what it writes",
+        )
+
+
+def _write_template(folder: Path, template: str) -> None:
+    from seatrial.campaign.config.templates import TEMPLATES, init_campaign
+
+    path, answer = init_campaign(folder, template), current_answer()
+    answer.say(f"wrote {path}: {TEMPLATES[template]}")
+    answer.name_file("campaign", path)
+    answer.give(template=template)
+    answer.say(f"edit it, then: seatrial {'run' if template in ('remus100', 'log') else 'design'} {folder}")
+    for other, meaning in TEMPLATES.items():
+        if other != template:
+            answer.say(f"instead, --template {other}: {meaning}")
+
+
+def _write_new(folder: Path, said: dict[str, Any]) -> None:
+    """Write what was said, once it makes a campaign that can be used."""
+    from seatrial.campaign.config.load import check_text
+    from seatrial.campaign.config.new_campaign_file import campaign_text
+    from seatrial.campaign.config.templates import init_campaign
+    from seatrial.core.errors import located
+
+    new = _new_campaign(said)
+    with located("what these options make"):
+        check_text(folder, campaign_text(new))
+    path, answer = init_campaign(folder, new), current_answer()
+    answer.say(f"wrote {path}: {new.name}")
+    answer.name_file("campaign", path)
+    answer.give(template=None)
+    answer.say(f"what it means in m/s: seatrial prior {folder}; then: seatrial design {folder}")
+
+
+def _new_campaign(said: dict[str, Any]) -> Any:
+    """Read what was said by options.
+
+    Raises:
+        InputError: an option that cannot be read, both or neither of a published vehicle and one's own.
+    """
+    from seatrial.campaign.config import new_campaign as parts
+    from seatrial.core.errors import InputError
+    from seatrial.core.units import quantity
+
+    if ("vehicle" in said) == ("mass" in said):
+        raise InputError(
+            "--vehicle, --mass",
+            found="both" if "vehicle" in said else "neither",
+            expected="a published vehicle, or the mass of your own",
+            remedy='for example --mass "30 kg"; `seatrial vehicle` lists what is published',
+        )
+
+    def each(option: str, read: Callable[[str, str], Answered]) -> tuple[Answered, ...]:
+        return tuple(read(text, f"--{option}") for text in said.get(option, ()))
+
+    for option, unit in (("speed", "m/s"), ("duration", "s")):
+        if option in said:
+            quantity(said[option], unit, f"--{option}")
+    deduction, sought = said.get("thrust_deduction", ""), partial(parts.read_sought, is_published="vehicle" in said)
+    return parts.NewCampaign(
+        said.get("name") or f"{said.get('vehicle') or 'my vehicle'}, first trial",
+        each("seek", sought),
+        each("control", parts.read_control),
+        each("sensor", parts.read_sensor),
+        each("optional", sought),
+        vehicle=said.get("vehicle", ""),
+        mass=said.get("mass", ""),
+        inertia=_three(said.get("inertia", "")),
+        moves=tuple(_names(said.get("moves", ""))),
+        known=each("known", parts.read_known),
+        thrust_deduction=f"{quantity(deduction, '1', '--thrust-deduction'):g}" if deduction else "",
+        speed=said.get("speed", ""),
+        limits=each("limit", parts.read_limit),
+        duration=said["duration"],
+        goal=each("goal", parts.read_goal),
+    )
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _three(text: str) -> tuple[str, ...]:
+    """Return three quantities; a unit at the end alone is that of all."""
+    parts = _names(text)
+    unit = parts[-1].partition(" ")[2] if parts else ""
+    return tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
+
+
+def _command(folder: Path, said: dict[str, Any]) -> str:
+    """Return the command that says the same."""
+    words = ["seatrial", "init", str(folder)]
+    for option, value in said.items():
+        for text in [value] if isinstance(value, str) else value:
+            words += [f"--{option.replace('_', '-')}", text]
+    return shlex.join(words)
+
+
+# What is asked in a terminal: one line for each question, read at once, and asked again where it cannot be.
+
+
+def _asked() -> dict[str, Any] | str:
+    """Ask for what a campaign needs; returns it as options have it, or the name of a template."""
+    from seatrial.campaign.config import new_campaign as parts
+    from seatrial.campaign.config.new_campaign_file import SURGE
+    from seatrial.campaign.config.templates import TEMPLATES
+    from seatrial.vehicles.catalogue import vehicle_names
+
+    published = vehicle_names()
+    typer.echo(
+        "Begin from a published vehicle, from your own, or from a template. What is asked can be changed in the file."
+    )
+    typer.echo("  published: " + ", ".join(published))
+    typer.echo("  templates: " + "; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()))
+    first = _ask("vehicle, template or own", _one_of((*published, *TEMPLATES, "own")), "own")
+    if first in TEMPLATES:
+        return first
+    said: dict[str, Any] = {} if first == "own" else {"vehicle": first}
+    if first == "own":
+        said["mass"] = _ask("mass in air, such as 30 kg", _quantity_text("kg"))
+    if not first.endswith(SURGE):
+        said["moves"] = _ask(
+            "velocities that are modelled, of u v w p q r", _one_text, "u" if first == "own" else "u,v,r"
+        )
+        said["speed"] = _ask("speed at which a trial begins, such as 1.5 m/s", _quantity_text("m/s"))
+    if first == "own":
+        if set(said["moves"]) & set("pqr"):
+            said["inertia"] = _ask("inertia about its three axes, such as 0.2, 3.4, 3.4 kg m^2", _one_text)
+        said["known"] = _several('coefficients that are not in doubt, such as "X_udot -1.0"', parts.read_known)
+        said["thrust_deduction"] = _ask("share of the thrust that the stern takes back", _quantity_text("1"), "0")
+    else:
+        _say_published(first, said.get("moves", "u"))
+    range_of = 'such as "X_uabsu -4.5 to -1.5 kg/m"' + (", or a published name alone" if first != "own" else "")
+    sought = partial(parts.read_sought, is_published=first != "own")
+    said["seek"] = _several(f"coefficients to find, {range_of}", sought, least=1)
+    said["optional"] = _several("coefficients of which the data are to decide", sought)
+    example = "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"
+    said["control"] = _several(f'controls, the driven one first: trim, range, rate; "{example}"', parts.read_control, 1)
+    said["sensor"] = _several('sensors: noise of one sample, rate; "u 0.05 m/s, 5 Hz"', parts.read_sensor, 1)
+    said["limit"] = _several('limits of the motion, such as "u above 0.5 m/s"', parts.read_limit)
+    said["duration"] = _ask("duration of a trial", _quantity_text("s"), "60 s")
+    said["goal"] = _several('how well coefficients have to be known, such as "X_uabsu 3 %"', parts.read_goal)
+    said["name"] = _ask("name of the campaign", _one_text, "first trial")
+    return {option: value for option, value in said.items() if value and value != "0"}
+
+
+def _say_published(name: str, moves: str) -> None:
+    """Print what is published of a vehicle in some motions."""
+    from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
+
+    if name in surge_names():
+        known: Iterable[str] = load_surge(name).coefficients
+    else:
+        known = load_vehicle(name).terms(tuple(_names(moves)))
+    typer.echo("  published: " + " ".join(known))
+
+
+def _ask(question: str, read: Callable[[str, str], str], default: str = "") -> str:
+    """Ask until the answer can be read."""
+    from seatrial.core.errors import InputError
+
+    while True:
+        text = typer.prompt(question, default=default, show_default=bool(default)).strip()
+        try:
+            return read(text, question)
+        except InputError as error:
+            typer.echo(f"  {error.found}; expected {error.expected}: {error.remedy}")
+
+
+def _several(question: str, read: Callable[[str, str], Any], least: int = 0) -> list[str]:
+    """Ask for one line after another until an empty one."""
+    typer.echo(f"{question}; an empty line ends")
+
+    def kept(text: str, place: str) -> str:
+        if text or len(found) < least:
+            read(text, place)
+        return text
+
+    found: list[str] = []
+    while text := _ask(f"  {len(found) + 1}", kept):
+        found.append(text)
+    return found
+
+
+def _one_of(names: Iterable[str]) -> Callable[[str, str], str]:
+    from seatrial.core.argument_checks import check_choice
+
+    return lambda text, place: check_choice(text, tuple(names), place)
+
+
+def _quantity_text(unit: str) -> Callable[[str, str], str]:
+    from seatrial.core.units import quantity
+
+    return lambda text, place: (quantity(text, unit, place), text)[1]
+
+
+def _one_text(text: str, place: str) -> str:
+    from seatrial.core.errors import InputError
+
+    if not text:
+        raise InputError(place, found="nothing", expected="an answer", remedy="Ctrl-C leaves everything as it is")
+    return text

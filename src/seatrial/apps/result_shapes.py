@@ -1,0 +1,618 @@
+"""What `--json` prints, as types: one document for each command, all numbers in SI and radians, null where there is none.
+
+`seatrial/apps/results.schema.json` is made of these types by `python docs/generate/result_schema.py`. A key is added when a command
+finds more; none is renamed, removed or given another meaning without raising `SCHEMA`.
+"""
+
+from typing import TypedDict
+
+SCHEMA = 1
+"""Version of the documents."""
+Number = float | None
+
+
+class Problem(TypedDict):
+    """Why a command ended without a result; what is found, expected and to be done is empty where it is not known."""
+
+    message: str
+    where: str
+    found: str
+    expected: str
+    remedy: str
+
+
+class Parameter(TypedDict):
+    """Posterior of one parameter, SI: mean, standard deviation, shortest 95 % interval, mode, and the health of its draws.
+
+    `model_error_sd` is the standard deviation that survives an error of the model, null where it is not larger by more than a half.
+    """
+
+    name: str
+    unit: str
+    mean: Number
+    sd: Number
+    lower_95: Number
+    upper_95: Number
+    mode: Number
+    model_error_sd: Number
+    r_hat: Number
+    ess_bulk: Number
+    ess_tail: Number
+
+
+class Averaged(TypedDict):
+    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero."""
+
+    name: str
+    unit: str
+    mean: Number
+    sd: Number
+    inclusion: Number
+
+
+class Known(TypedDict):
+    """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion."""
+
+    name: str
+    unit: str
+    value: Number
+    sd: Number
+    relative: Number
+    left: Number
+    partner: str
+    correlation: Number
+
+
+class Fit(TypedDict):
+    """How one channel of one record is predicted from its inputs alone, SI; shares are of the measured variance or of the samples."""
+
+    record: str
+    held_back: bool
+    channel: str
+    level: str
+    reason: str
+    samples: int
+    effective: Number
+    explained: Number
+    rmse: Number
+    crps: Number
+    coverage_50: Number
+    coverage: Number
+
+
+class Baseline(TypedDict):
+    """How the model stands beside simple predictors on one channel of the held-back records."""
+
+    channel: str
+    level: str
+    p_value: Number
+    sentence: str
+
+
+class EstimatedStructure(TypedDict):
+    """One structure with its parameters."""
+
+    label: str
+    terms: list[str]
+    parameters: list[Parameter]
+    log_evidence_laplace: Number
+    known: list[Known]
+    held_back: list[Fit]
+
+
+class FirstValue(TypedDict):
+    """One number of a first answer, SI; `by` says how it was found."""
+
+    name: str
+    unit: str
+    by: str
+    value: Number
+    sd: Number
+
+
+class FirstStructure(TypedDict):
+    """First answer of one structure."""
+
+    label: str
+    terms: list[str]
+    values: list[FirstValue]
+    log_evidence_laplace: Number
+    held_back: list[Fit]
+
+
+class Estimate(TypedDict, total=False):
+    """`estimate`: `structures` by chains, `first_answers` with `--by mode` and `--by equation-error`."""
+
+    by: str
+    structures: list[EstimatedStructure]
+    first_answers: list[FirstStructure]
+    baselines: list[Baseline]
+
+
+class Structure(TypedDict):
+    """One candidate with its evidence, nats, and its probability; each with its Monte Carlo standard error."""
+
+    label: str
+    terms: list[str]
+    log_evidence: Number
+    log_evidence_error: Number
+    probability: Number
+    probability_error: Number
+    method: str
+    status: str
+
+
+class Inclusion(TypedDict):
+    """Probability that a term is needed, and its Monte Carlo standard error."""
+
+    term: str
+    probability: Number
+    error: Number
+
+
+class Select(TypedDict):
+    """`select`."""
+
+    chosen: str
+    structures: list[Structure]
+    inclusion: list[Inclusion]
+    verdicts: list[str]
+
+
+class Criterion(TypedDict):
+    """One criterion of one structure with its Monte Carlo error; `unit` says which way is better."""
+
+    structure: str
+    criterion: str
+    value: Number
+    error: Number
+    status: str
+
+
+class Ratio(TypedDict):
+    """Savage-Dickey log Bayes factor of a term between two structures, nats."""
+
+    term: str
+    larger: str
+    smaller: str
+    value: Number
+    error: Number
+    agrees: bool
+
+
+class Criteria(TypedDict):
+    """`criteria`."""
+
+    criteria: list[Criterion]
+    savage_dickey: list[Ratio]
+
+
+class LeftOut(TypedDict):
+    """One structure under one model of the error: log density of each run given the others, nats."""
+
+    structure: str
+    terms: list[str]
+    error_model: str
+    elpd: list[Number]
+    total: Number
+    log_evidence: Number
+    status: str
+    refused: str
+
+
+class CrossValidate(TypedDict):
+    """`crossvalidate`."""
+
+    runs: list[str]
+    best: str
+    recommended: str | None
+    candidates: list[LeftOut]
+
+
+class Profile(TypedDict):
+    """Profile likelihood of one parameter, SI: its 95 % interval, null at an end that is open, and the curve."""
+
+    name: str
+    unit: str
+    kind: str
+    best: Number
+    lower: Number
+    upper: Number
+    values: list[Number]
+    drop: list[Number]
+
+
+class Profiles(TypedDict):
+    """`profile`."""
+
+    structure: str
+    profiles: list[Profile]
+
+
+class Design(TypedDict):
+    """The best design of one family, SI: amplitude about trim, period, s, entropy reduction, nats."""
+
+    family: str
+    control: str
+    unit: str
+    trim: Number
+    amplitude: Number
+    period: Number
+    gain_nat: Number
+    worth: Number
+
+
+class FreeForm(TypedDict):
+    """A schedule of no fixed shape: levels of the control, SI, and D criteria, nats."""
+
+    levels: list[Number]
+    utility: Number
+    beside: Number
+    family: str
+
+
+class SelfOscillation(TypedDict):
+    """A self-oscillating test, SI."""
+
+    control: str
+    output: str
+    amplitude: Number
+    threshold: Number
+    gain: Number
+    utility: Number
+    oscillates: Number
+
+
+class Searched(TypedDict):
+    """The design found between the points of the grid, SI."""
+
+    kind: str
+    amplitude: Number
+    period: Number
+    utility: Number
+    beside: Number
+    evaluations: int
+    unit: str
+
+
+class Batch(TypedDict):
+    """Trials planned together: in words, their utility after each, and their schedules."""
+
+    trials: list[str]
+    utility: list[Number]
+    schedules: list[str]
+    unit: str
+
+
+class SensorRow(TypedDict):
+    """The best design with other sensors: what it is worth, and the standard deviation of each coefficient, SI."""
+
+    sensors: str
+    utility: Number
+    sd: dict[str, Number]
+
+
+class Ranking(TypedDict):
+    """How one measure ranks designs beside their simulated information gain; regret in nats."""
+
+    name: str
+    correlation: Number
+    regret: Number
+    regret_error: Number
+
+
+class _Design(TypedDict):
+    designs: list[Design]
+    refused: dict[str, str]
+    coefficients: list[Known]
+
+
+class Designs(_Design, total=False):
+    """`design`: the best of each family, the best of all first; then what its options asked for."""
+
+    free_form: FreeForm
+    self_oscillation: SelfOscillation
+    searched: Searched
+    batch: Batch
+    sensors: list[SensorRow]
+    rankings: list[Ranking]
+
+
+class Believed(TypedDict):
+    """One prior, SI: 5, 50 and 95 % quantiles, and the steady speeds that it allows where it alone varies, m/s; null if none."""
+
+    name: str
+    unit: str
+    quantiles: list[Number]
+    speed: list[Number] | None
+
+
+class Prior(TypedDict):
+    """`prior`: steady speed, m/s, and time constant, s, by their 5, 50 and 95 % quantiles; shares of the draws."""
+
+    over: str
+    steady_speed: list[Number]
+    time_constant: list[Number]
+    diverging: Number
+    measured_inside: Number
+    priors: list[Believed]
+
+
+class Strategy(TypedDict):
+    """One way of choosing trials: how many it needs, its error, and the share of vehicles that met the goal after each."""
+
+    name: str
+    trials: Number
+    trials_error: Number
+    share_met: list[Number]
+    median_sd: list[list[Number]]
+
+
+class Rehearsal(TypedDict):
+    """`rehearse`."""
+
+    vehicles: int
+    most: int
+    coefficients: list[str]
+    strategies: list[Strategy]
+
+
+class RecordRow(TypedDict):
+    """One record: its length, s, and its channels."""
+
+    label: str
+    held_back: bool
+    samples: int
+    duration: Number
+    controls: list[str]
+    measured: list[str]
+
+
+class Records(TypedDict):
+    """`simulate` and `import`."""
+
+    records: list[RecordRow]
+
+
+class Finding(TypedDict):
+    """One check of one signal."""
+
+    signal: str
+    check: str
+    level: str
+    value: str
+    threshold: str
+    remedy: str
+
+
+class Checked(TypedDict):
+    """One record and what was found about it."""
+
+    label: str
+    level: str
+    findings: list[Finding]
+
+
+class Check(TypedDict):
+    """`check`; no record where there is none yet."""
+
+    records: list[Checked]
+
+
+class Change(TypedDict):
+    """What of a filter to change: P, Q, R or the trial, and which way."""
+
+    change: str
+    direction: str
+    words: str
+
+
+class Tuned(TypedDict):
+    """One record: normalised innovation squared with its band, and what to change."""
+
+    record: str
+    nis: Number
+    nis_band: list[Number]
+    changes: list[Change]
+
+
+class Tuning(TypedDict):
+    """`tuning`."""
+
+    records: list[Tuned]
+
+
+class Calibration(TypedDict):
+    """`calibrate`: quantities whose ranks leave the band, p-value of each."""
+
+    structure: str
+    method: str
+    replicates: int
+    outside: list[str]
+    p_values: dict[str, Number]
+
+
+class Next(TypedDict):
+    """`next`: the trial to run, null to stop, and why."""
+
+    trial: Design | None
+    advice: list[str]
+
+
+class Run(TypedDict):
+    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next."""
+
+    chosen: str
+    terms: list[str]
+    parameters: list[Parameter]
+    averaged: list[Averaged]
+    structures: list[Structure]
+    inclusion: list[Inclusion]
+    verdicts: list[str]
+    fits: list[Fit]
+    baselines: list[Baseline]
+    next: Next
+
+
+class Clock(TypedDict):
+    """One clock of a table: length, s, rate, Hz."""
+
+    name: str
+    unit: str
+    duration: Number
+    rate: Number
+
+
+class Column(TypedDict):
+    """One column: how many values it has, and their range as written."""
+
+    name: str
+    unit: str | None
+    count: int
+    least: Number
+    greatest: Number
+
+
+class Table(TypedDict):
+    """One table, topic or type of message of a log."""
+
+    name: str
+    rows: int
+    clocks: list[Clock]
+    columns: list[Column]
+
+
+class Guess(TypedDict):
+    """What channel a column may be, and why."""
+
+    channel: str
+    table: str
+    column: str
+    unit: str
+    reason: str
+
+
+class Log(TypedDict):
+    """`inspect`; `map` is the guessed map as TOML."""
+
+    kind: str
+    tables: list[Table]
+    guesses: list[Guess]
+    map: str
+
+
+class Coefficient(TypedDict):
+    """A coefficient of a published vehicle, SI."""
+
+    name: str
+    unit: str
+    value: Number
+
+
+class VehiclePage(TypedDict):
+    """One published vehicle."""
+
+    name: str
+    title: str
+    mass: Number
+    moves: list[str]
+    controls: list[str]
+    coefficients: list[Coefficient]
+    notes: str
+
+
+class VehicleName(TypedDict):
+    """A name in the catalogue, and what it is."""
+
+    name: str
+    title: str
+
+
+class Vehicle(TypedDict, total=False):
+    """`vehicle`: all names, or the page of one."""
+
+    vehicles: list[VehicleName]
+    vehicle: VehiclePage
+
+
+class Init(TypedDict):
+    """`init`: the template, null where options or answers said what is known."""
+
+    template: str | None
+
+
+class Loss(TypedDict):
+    """How far a target's vehicle leaves the estimated one in the standard manoeuvre: the largest difference of a velocity, SI."""
+
+    velocity: str
+    unit: str
+    largest: Number
+
+
+class Export(TypedDict, total=False):
+    """`export`: of a vehicle with what is lost, or of a trial."""
+
+    target: str
+    loss: list[Loss]
+    trial: str
+    control: str
+
+
+class Scored(TypedDict):
+    """One method on one channel of all held-back runs, SI."""
+
+    method: str
+    task: str
+    channel: str
+    unit: str
+    runs: int
+    diverging: int
+    explained: Number
+    crps: Number
+    log_score: Number
+    coverage_90: Number
+
+
+class SetName(TypedDict):
+    """A set of public records."""
+
+    name: str
+    title: str
+    licence: str
+    get: str
+
+
+class Benchmark(TypedDict, total=False):
+    """`benchmark`: scores, or with `--list` the sets and methods."""
+
+    set: str
+    scores: list[Scored]
+    not_beaten: list[str]
+    sets: list[SetName]
+    methods: list[str]
+
+
+RESULTS = {
+    "vehicle": Vehicle,
+    "init": Init,
+    "prior": Prior,
+    "design": Designs,
+    "rehearse": Rehearsal,
+    "simulate": Records,
+    "inspect": Log,
+    "import": Records,
+    "estimate": Estimate,
+    "profile": Profiles,
+    "select": Select,
+    "criteria": Criteria,
+    "crossvalidate": CrossValidate,
+    "check": Check,
+    "tuning": Tuning,
+    "calibrate": Calibration,
+    "next": Next,
+    "report": Run,
+    "run": Run,
+    "benchmark": Benchmark,
+    "export": Export,
+}
+"""Type of `result` in the document of each command."""

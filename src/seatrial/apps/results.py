@@ -1,0 +1,332 @@
+"""Results of campaigns as `--json` prints them: from what a step found to the types of `result_shapes`.
+
+Where a result has an attribute by the name of a key, `picked` takes it; what is named or made otherwise is written out.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from seatrial.apps import result_shapes as shapes
+
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+def picked(found: Any, shape: type, **others: Any) -> dict[str, Any]:
+    """Return the attributes of a result that a type names, and others that are given."""
+    return {key: others[key] if key in others else getattr(found, key) for key in shape.__annotations__}
+
+
+def parameters(estimate: Any) -> list[dict[str, Any]]:
+    """Return the posterior of each parameter of an estimate."""
+    rows = estimate.summary().reset_index(names="name").to_dict("records")
+    return [{key: row[key] for key in shapes.Parameter.__annotations__} for row in rows]
+
+
+def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return how channels of records are predicted."""
+    return [picked(one, shapes.Fit, reason=one.words) for one in found]
+
+
+def known(found: Any) -> list[dict[str, Any]]:
+    """Return what is known of each parameter."""
+    return [picked(one, shapes.Known) for one in found.parameters]
+
+
+def baselines(compared: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return how a model stands beside baselines."""
+    return [picked(one, shapes.Baseline) for one in compared]
+
+
+def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]:
+    """Return one structure by chains."""
+    return {
+        "label": estimate.structure.label,
+        "terms": estimate.structure.terms,
+        "parameters": parameters(estimate),
+        "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
+        "known": known(known_after),
+        "held_back": fits(held_back.fits),
+    }
+
+
+def first_answer(one: Any) -> dict[str, Any]:
+    """Return one structure at first sight."""
+    by = one.heads or ("mode",)
+    values = [
+        {"name": name, "unit": unit, "by": way, "value": value, "sd": sd}
+        for name, unit, pairs in one.rows
+        for way, (value, sd) in zip(by, pairs, strict=False)
+    ]
+    held_back = [] if one.held_back is None else fits(one.held_back.fits)
+    told = {"label": one.structure.label, "terms": one.structure.terms, "values": values}
+    return {**told, "log_evidence_laplace": one.log_evidence, "held_back": held_back}
+
+
+def selected(selection: Any) -> dict[str, Any]:
+    """Return which terms the data support."""
+    columns = (selection.structures, selection.evidences, selection.probability, selection.probability_error)
+    structures = [
+        {
+            "label": structure.label,
+            "terms": structure.terms,
+            "log_evidence": evidence.log_value,
+            "log_evidence_error": evidence.std_error,
+            "probability": probability,
+            "probability_error": error,
+            "method": evidence.method,
+            "status": evidence.status,
+        }
+        for structure, evidence, probability, error in zip(*columns, strict=True)
+    ]
+    inclusion = [
+        {"term": term, "probability": value, "error": selection.inclusion_error.get(term)}
+        for term, value in selection.inclusion.items()
+    ]
+    chosen = selection.structures[selection.chosen].label
+    return {"chosen": chosen, "structures": structures, "inclusion": inclusion, "verdicts": selection.verdicts}
+
+
+def criteria(found: Sequence[Any], pairs: Sequence[Any]) -> dict[str, Any]:
+    """Return every criterion of every structure, and Savage-Dickey ratios."""
+    rows = []
+    for one in found:
+        of = {"DIC": (one.deviance.dic, ""), "BPIC": (one.deviance.bpic, "")}
+        of |= {name: (criterion.value, criterion.status) for name, criterion in one.predictive.items()}
+        rows += [
+            {
+                "structure": one.structure.label,
+                "criterion": name,
+                "value": value.value,
+                "error": value.error,
+                "status": status,
+            }
+            for name, (value, status) in of.items()
+        ]
+    return {"criteria": rows, "savage_dickey": [picked(pair, shapes.Ratio) for pair in pairs]}
+
+
+def cross_validated(found: Any) -> dict[str, Any]:
+    """Return how every structure predicts runs that were left out."""
+    recommended = found.recommended
+    return {
+        "runs": found.runs,
+        "best": found.best.name,
+        "recommended": None if recommended is None else recommended.name,
+        "candidates": [picked(one, shapes.LeftOut) for one in found.candidates],
+    }
+
+
+def profiles(found: Any) -> dict[str, Any]:
+    """Return profile likelihoods."""
+    return {"structure": found.structure.label, "profiles": [picked(one, shapes.Profile) for one in found.profiles]}
+
+
+def design(sweep: Any, at: tuple[int, int] | None = None) -> dict[str, Any]:
+    """Return a design of one family by its place on the grid; the best if none is given."""
+    from seatrial.core.signals import signal_unit
+
+    (row, column), family = at or sweep.best, sweep.family
+    return {
+        "family": family.kind,
+        "control": family.control,
+        "unit": signal_unit(family.control),
+        "trim": family.trim,
+        "amplitude": sweep.amplitude[row],
+        "period": sweep.period[column],
+        "gain_nat": sweep.gain[row, column],
+        "worth": sweep.worth[row, column],
+    }
+
+
+def designs(found: Any, promised: Any) -> dict[str, Any]:
+    """Return the best design of each family, and what the best of all promises."""
+    return {
+        "designs": [design(sweep) for sweep in found.sweeps],
+        "refused": found.refused,
+        "coefficients": known(promised),
+    }
+
+
+def batch(found: Any) -> dict[str, Any]:
+    """Return trials planned together."""
+    return {"trials": found.words, "utility": found.found.utility, "schedules": found.schedules, "unit": found.unit}
+
+
+def sensor_rows(found: Any) -> list[dict[str, Any]]:
+    """Return the best design with other sensors."""
+    return [
+        {"sensors": words, "utility": worth.utility, "sd": dict(zip(found.names, worth.sd, strict=True))}
+        for words, worth in found.rows
+    ]
+
+
+def prior(found: Any) -> dict[str, Any]:
+    """Return what the priors expect."""
+    return {
+        "over": found.over,
+        "steady_speed": _quantiles(found.steady),
+        "time_constant": _quantiles(found.settling),
+        "diverging": float(np.mean(found.diverged)),
+        "measured_inside": found.held,
+        "priors": [picked(one, shapes.Believed) for one in found.believed],
+    }
+
+
+def rehearsal(found: Any) -> dict[str, Any]:
+    """Return what trials a goal takes by each strategy."""
+    rows = [
+        {
+            "name": name,
+            "trials": found.trials_of(name).value,
+            "trials_error": found.trials_of(name).error,
+            "share_met": found.share_met(name)[0],
+            "median_sd": found.median_sd(name),
+        }
+        for name in found.strategies
+    ]
+    told = {"vehicles": found.vehicles, "most": found.most, "coefficients": found.coefficients}
+    return {**told, "strategies": rows}
+
+
+def records(trials: Any) -> dict[str, Any]:
+    """Return the records of a campaign."""
+    return {
+        "records": [
+            {
+                "label": record.label,
+                "held_back": held_back,
+                "samples": record.time.size,
+                "duration": record.time[-1],
+                "controls": record.controls,
+                "measured": record.measured,
+            }
+            for held_back, of in ((False, trials.fit), (True, trials.predict))
+            for record in of
+        ]
+    }
+
+
+def checked(judged: Iterable[Any]) -> dict[str, Any]:
+    """Return what was found about each record."""
+    return {
+        "records": [
+            {
+                "label": one.record.label,
+                "level": one.level,
+                "findings": [picked(finding, shapes.Finding) for finding in one.findings],
+            }
+            for one in judged
+        ]
+    }
+
+
+def tuning(found: Iterable[Any]) -> dict[str, Any]:
+    """Return how a filter is tuned along each record."""
+    return {
+        "records": [
+            {
+                "record": one.record.label,
+                "nis": one.report.nis,
+                "nis_band": one.report.nis_band,
+                "changes": [picked(finding, shapes.Change) for finding in one.report.findings],
+            }
+            for one in found
+        ]
+    }
+
+
+def calibration(found: Any) -> dict[str, Any]:
+    """Return which quantities are not calibrated."""
+    ranks = found.calibration
+    return {
+        "structure": found.structure,
+        "method": found.method,
+        "replicates": ranks.ranks.shape[0],
+        "outside": ranks.outside(),
+        "p_values": dict(zip(ranks.names, ranks.p_values(), strict=True)),
+    }
+
+
+def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
+    """Return the trial to run next, or none, and why."""
+    trial = proposal.trial
+    if trial is None:
+        return {"trial": None, "advice": proposal.advice}
+    sweep = next(one for one in designs.sweeps if one.family.kind == trial.kind)
+    at = np.abs(sweep.amplitude - trial.amplitude).argmin(), np.abs(sweep.period - trial.period).argmin()
+    return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.advice}
+
+
+def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return what the whole loop found."""
+    chosen = outcome.chosen
+    return {
+        "chosen": chosen.structure.label,
+        "terms": chosen.structure.terms,
+        "parameters": parameters(chosen),
+        "averaged": averaged,
+        **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
+        "fits": fits(outcome.fits),
+        "baselines": baselines(outcome.compared),
+        "next": next_trial(outcome.next, proposal),
+    }
+
+
+def log(found: Any, channels: Sequence[str]) -> dict[str, Any]:
+    """Return what a log holds, and the guessed map of these channels; of all if there are none."""
+    tables = [
+        {
+            "name": table.info.name,
+            "rows": table.rows,
+            "clocks": [picked(one, shapes.Clock) for one in table.clocks],
+            "columns": [picked(one, shapes.Column) for one in table.columns],
+        }
+        for table in found.tables
+    ]
+    guesses = [picked(one, shapes.Guess) for one in found.guesses]
+    return {"kind": found.kind, "tables": tables, "guesses": guesses, "map": found.as_toml(channels)}
+
+
+def vehicle(name: str, found: Any) -> dict[str, Any]:
+    """Return a published vehicle."""
+    from seatrial.core.coefficients import CoefficientName
+
+    model = found.build()
+    values = {**found.coefficients, **found.hull.fixed}
+    rows = [
+        {"name": term, "unit": model.unit_of(CoefficientName.parse(term)), "value": value}
+        for term, value in values.items()
+    ]
+    told = {"name": name, "title": found.hull.name, "mass": found.hull.mass, "moves": found.moves}
+    return {**told, "controls": found.controls, "coefficients": rows, "notes": found.notes}
+
+
+def exported(statement: Any) -> dict[str, Any]:
+    """Return what a target keeps of a vehicle."""
+    loss = [{"velocity": one.rate, "unit": one.unit, "largest": one.largest} for one in statement.loss]
+    return {"target": statement.target, "loss": loss}
+
+
+def scores(result: Any) -> dict[str, Any]:
+    """Return a benchmark's scores of each method on each channel."""
+    rows = [
+        picked(
+            score,
+            shapes.Scored,
+            method=entry.method,
+            task=task,
+            unit=result.channels[score.channel],
+            diverging=score.failed,
+        )
+        for entry in result.entries
+        for task, found in entry.pooled.items()
+        for score in found
+    ]
+    return {"set": result.set.name, "scores": rows, "not_beaten": result.beaten()}
+
+
+def _quantiles(values: np.ndarray) -> list[float | None]:
+    there = values[np.isfinite(values)]
+    return [float(value) for value in np.quantile(there, QUANTILES)] if there.size else [None] * len(QUANTILES)

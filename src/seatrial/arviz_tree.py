@@ -1,0 +1,122 @@
+"""A posterior in the form that ArviZ and its plots read: an xarray DataTree with groups, coordinates and units.
+
+Groups are those of the InferenceData schema: `posterior`, `sample_stats`, `observed_data`, `constant_data`, `posterior_predictive`.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import jax
+import numpy as np
+
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.core.argument_checks import check_each_of, check_kind
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.core.signals import signal_unit
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prediction import replicate_record
+from seatrial.sampling.run import Draws
+
+if TYPE_CHECKING:
+    from xarray import DataArray, DataTree
+
+
+def to_arviz(
+    result: Draws | Estimate,
+    posterior: Posterior | None = None,
+    records: Record | Sequence[Record] = (),
+    *,
+    start: Mapping[str, float] | None = None,
+    n: int = 200,
+    key: jax.Array | int = 0,
+) -> "DataTree":
+    """Return a tree that ArviZ reads.
+
+    `posterior` has a variable for each parameter, `sample_stats` has `lp`, both on `chain` and `draw`. With a posterior and records
+    there are `observed_data`, `constant_data` (the controls) and `posterior_predictive`, whose variables are named as `u[trial]`, each
+    on a time of its own, s. Every variable tells its SI unit in `attrs`. Means over all chains, such as the acceptance, are attributes
+    of `sample_stats`.
+
+    Args:
+        result: draws of `sample`, or an estimate of a campaign.
+        posterior: that was drawn from, of `make_posterior`.
+        records: that it predicts, with noise, each from draws spread evenly over the chains.
+        start: state at the first sample of each record, as in `predict`.
+        n: draws that predict, about.
+        key: random key, or a seed.
+
+    Raises:
+        InputError: records without the posterior, or as `predict`.
+    """
+    from xarray import Dataset, DataTree
+
+    names, units, values, log_density, told = _parts(result)
+    at = {"chain": np.arange(values.shape[0]), "draw": np.arange(values.shape[1])}
+    drawn = {name: _variable(values[..., i], at, units[i]) for i, name in enumerate(names)}
+    groups = {
+        "posterior": Dataset(drawn, attrs={"inference_library": "seatrial"}),
+        "sample_stats": Dataset({"lp": _variable(log_density, at, "nat")}, attrs=told),
+    }
+    given = [records] if isinstance(records, Record) else records
+    for record in check_each_of(given, Record, "records", "give one Record, or a list of them"):
+        if posterior is None or not isinstance(result, Draws):
+            raise InputError(
+                "posterior",
+                found="records alone" if posterior is None else "an estimate of a campaign",
+                expected="draws, the posterior they were drawn from, and records",
+                remedy="write to_arviz(draws, posterior, records), or leave the records out",
+            )
+        for group, variables in _of_record(result, posterior, record, start, n, key).items():
+            groups[group] = groups.get(group, Dataset()).assign(variables)
+    return DataTree.from_dict(groups)
+
+
+def _parts(result: Draws | Estimate) -> tuple[Sequence[str], Sequence[str], np.ndarray, np.ndarray, dict]:
+    """Return names, units, values (chains, draws, d), log densities, and what is told of all chains together."""
+    if isinstance(result, Estimate):
+        data = result.data
+        units = [str(unit) for unit in data["unit"].values]
+        values = data["draws"].transpose("chain", "draw", "parameter").values
+        told = {"acceptance_rate": float(data.attrs["acceptance"])}
+        return result.names, units, values, data["log_density"].transpose("chain", "draw").values, told
+    check_kind(result, Draws, "result", "draw with `sample`, or give an estimate of a campaign")
+    told = {"acceptance_rate": result.acceptance, "divergences": result.divergences}
+    return result.names, result.units, result.values, result.log_density, told
+
+
+def _of_record(
+    draws: Draws,
+    posterior: Posterior,
+    record: Record,
+    start: Mapping[str, float] | None,
+    n: int,
+    key: jax.Array | int,
+) -> "dict[str, dict[str, DataArray]]":
+    """Return the variables of one record by group: each channel at the times at which it was measured, and the controls."""
+    chains, kept = draws.log_density.shape
+    every = max(1, kept * chains // max(n, 1))
+    places = np.arange(0, kept, every)
+    few = draws.thinned(places)
+    shown = replicate_record(posterior, few, record, start=start, n=few.log_density.size, key=key)
+    shown = shown.reshape(chains, places.size, *shown.shape[1:])
+    found: dict[str, dict[str, DataArray]] = {"observed_data": {}, "constant_data": {}, "posterior_predictive": {}}
+    for column, channel in enumerate(posterior.likelihood.channels):
+        measured, name = record.channel(channel), f"{channel}[{record.label}]"
+        there = np.isfinite(measured)
+        at = {f"time_{name}": record.time[there]}
+        unit = signal_unit(channel)
+        found["observed_data"][name] = _variable(measured[there], at, unit)
+        over = {"chain": np.arange(chains), "draw": places, **at}
+        found["posterior_predictive"][name] = _variable(shown[..., there, column], over, unit)
+    for control in record.controls:
+        name = f"{control}[{record.label}]"
+        at = {f"time_{name}": record.time}
+        found["constant_data"][name] = _variable(record.channel(control), at, signal_unit(control))
+    return found
+
+
+def _variable(values: np.ndarray, at: Mapping[str, np.ndarray], unit: str) -> "DataArray":
+    from xarray import DataArray
+
+    return DataArray(values, dict(at), tuple(at), attrs={"units": unit})

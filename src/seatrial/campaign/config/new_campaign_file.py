@@ -1,0 +1,223 @@
+"""The campaign file of what is known before there are any data, with a comment on each table."""
+
+import json
+from collections.abc import Callable, Sequence
+from math import ceil, floor, log10
+
+from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, Control, NewCampaign, Sought
+from seatrial.core.errors import InputError
+from seatrial.core.signals import signal_unit
+from seatrial.core.units import quantity, to_si
+
+PROPULSION = ("n", "tau_X")
+SURGE = "_surge"
+"""Ending of the published vehicles of surge alone, whose trim is published too."""
+
+
+def campaign_text(new: NewCampaign) -> str:
+    """Return the campaign file, commented.
+
+    Raises:
+        InputError: no control, or one without a range; no sensor; nothing that is sought.
+    """
+    for place, given, remedy in (
+        ("--seek", new.sought + new.optional, '--seek "X_uabsu -4.5 to -1.5 kg/m"'),
+        ("--control", new.controls, '--control "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"'),
+        ("--sensor", new.sensors, '--sensor "u 0.05 m/s, 5 Hz"'),
+    ):
+        if not given:
+            raise InputError(place, found="nothing", expected="one at least", remedy=f"for example {remedy}")
+    if not new.controls[0].lower:
+        raise InputError(
+            f"--control {new.controls[0].name}",
+            found="a trim without a range",
+            expected="what the control may do in a trial that is designed",
+            remedy='for example "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"; name the control that is driven first',
+        )
+    parts: tuple[Callable[[NewCampaign], list[str]], ...] = (
+        *(_head, _vehicle, _structure, _priors, _sensors, _limits, _design, _goal, _estimation, _import),
+    )
+    return "\n\n".join("\n".join(part(new)) for part in parts if part(new)) + "\n"
+
+
+def _head(new: NewCampaign) -> list[str]:
+    said = "put yours in their place" if new in (OWN, PUBLISHED) else "as they were given; correct what has changed"
+    return [
+        "# A campaign before there are any data: what is known, what may be done, and what is asked. A trial is designed from it.",
+        f"# seatrial prior DIR; seatrial design DIR; seatrial rehearse DIR. The numbers stand for one vehicle: {said}.",
+        "# Quantities with a dimension are strings with a unit; plain numbers are SI in the coefficient's own unit.",
+        "",
+        "[campaign]",
+        f"name = {_text(new.name)}",
+        "seed = 1",
+    ]
+
+
+def _vehicle(new: NewCampaign) -> list[str]:
+    trim = [f"u = {_text(new.speed)}"] * bool(new.speed)
+    trim += [f"{one.name} = {_text(one.trim)}" for one in new.controls]
+    trim = [] if new.vehicle.endswith(SURGE) else [f"trim = {{ {', '.join(trim)} }}"]
+    moves = [f"moves = {_list(new.moves)}"] * bool(new.moves and (new.vehicle or new.moves != ("u",)))
+    if new.vehicle:
+        return [
+            "# Coefficients that are not sought stay as published; those that are sought without a prior of their own are believed to be",
+            "# within a share of the published value (one sd). `seatrial vehicle NAME` shows what is published.",
+            "[vehicle]",
+            f"catalogue = {_text(new.vehicle)}",
+            *moves,
+            *([f"published_to = {_text(new.published_to)}"] if any(not one.lower for one in _all(new)) else []),
+            *trim,
+        ]
+    fixed = ", ".join(f"{name} = {value}" for name, value in new.known)
+    return [
+        "# What is not in doubt: mass in air, added mass (X_udot, below zero), the share of thrust that the stern takes back, and trim:",
+        "# the speed at which a trial begins, and the controls that hold it. `seatrial vehicle` lists published vehicles.",
+        "[vehicle]",
+        f"name = {_text(new.name.partition(',')[0])}",
+        f"mass = {_text(new.mass)}",
+        *([f"inertia = {_list(new.inertia)}"] if new.inertia else []),
+        *moves,
+        *([f"thrust_deduction = {new.thrust_deduction}"] if new.thrust_deduction else []),
+        *([f"fixed = {{ {fixed} }}"] if fixed else []),
+        *trim,
+    ]
+
+
+def _structure(new: NewCampaign) -> list[str]:
+    optional = [f"optional = {_list([one.name for one in new.optional])}"] * bool(new.optional)
+    return [
+        "# Terms: a coefficient's name is its equation. X_u multiplies u, X_uabsu u|u|, T_nabsn n|n| (n in rad/s), N_uudelta_r u, u and",
+        "# delta_r in the moment of yaw. `always` are in every model; the data decide on those of `optional`.",
+        "[structure]",
+        f"always = {_list([one.name for one in new.sought])}",
+        *optional,
+    ]
+
+
+def _priors(new: NewCampaign) -> list[str]:
+    lines = [
+        "# What you believe of each, as the least and the largest value that would not surprise you; `seatrial prior` says in m/s and",
+        "# s what they mean together. `unit` converts: thrust of a propeller is easiest to think of per revolution.",
+    ]
+    for one in _all(new):
+        if one.lower:
+            lines += [f"[prior.{one.name}]", 'distribution = "uniform"', f"lower = {_plain(one.lower)}"]
+            lines += [f"upper = {_plain(one.upper)}", *([f"unit = {_text(one.unit)}"] if one.unit else []), ""]
+    return lines[:-1] if len(lines) > 2 else []
+
+
+def _sensors(new: NewCampaign) -> list[str]:
+    lines = [
+        "# What will be measured: standard deviation of one sample, and how often it comes; `seatrial design DIR --sensors` tries others."
+    ]
+    for one in new.sensors:
+        rate = [f"rate = {_text(one.rate)}"] * bool(one.rate)
+        lines += [f"[sensors.{one.name}]", f"noise = {_text(one.noise)}", *rate, ""]
+    return lines[:-1]
+
+
+def _limits(new: NewCampaign) -> list[str]:
+    lines = [
+        "# What a trial may do: the control, how fast it may change, the slowest speed at which the vehicle dives, the room there is."
+    ]
+    driven = new.controls[0]
+    for name, bounds in [
+        (driven.name, {"lower": driven.lower, "upper": driven.upper, "rate": driven.rate}),
+        *((one.name, {"lower": one.lower, "upper": one.upper}) for one in new.limits),
+    ]:
+        lines += [f"[limits.{name}]", *(f"{key} = {_text(text)}" for key, text in bounds.items() if text), ""]
+    return lines[:-1]
+
+
+def _design(new: NewCampaign) -> list[str]:
+    driven, whole = new.controls[0], quantity(new.duration, "s", "--duration")
+    ahead = driven.name in PROPULSION
+    families = ["repeated-doublet", "multistep-3211", "step" if ahead else "doublet"]
+    low, high, ramp = _amplitudes(driven)
+    return [
+        "# Which trials are weighed: shapes of the input about trim, each with every amplitude and period. `active` ends in a rest.",
+        "[design]",
+        f"control = {_text(driven.name)}",
+        f"families = {_list(families)}",
+        *([] if set(new.moves) <= {"u"} and ahead else ['utility = "fisher-d"']),
+        *(["probability = 0.9"] if new.limits else []),
+        *([f"trim = {_text(driven.trim)}"] if new.vehicle.endswith(SURGE) else []),
+        f"duration = {_text(new.duration)}",
+        f'active = "{0.75 * whole:.4g} s"',
+        *([f'ramp = "{ramp:g} s"'] if ramp else []),
+        'sample_time = "0.1 s"',
+        f'amplitude = {{ from = "{low}", to = "{high}", points = 5 }}',
+        f'period = {{ from = "{whole / 15:.3g} s", to = "{_round(0.53 * whole):g} s", points = 8 }}',
+    ]
+
+
+def _amplitudes(driven: Control) -> tuple[str, str, float]:
+    """Least and largest amplitude, a quarter and three quarters of the room on the narrower side of trim, and the ramp they need, s."""
+    unit, place = signal_unit(driven.name), f"--control {driven.name}"
+    written = driven.lower.partition(" ")[2]
+    trim, lower, upper = (quantity(text, unit, place) for text in (driven.trim, driven.lower, driven.upper))
+    room = min(trim - lower, upper - trim)
+    factor = to_si(1.0, written, unit, place)
+    needed = 0.0 if not driven.rate else 1.5 * room / quantity(driven.rate, f"({unit})/s", place)
+    low, high = (f"{share * room / factor:.3g} {written}" for share in (0.25, 0.75))
+    return low, high, _next_round(needed)
+
+
+def _next_round(value: float) -> float:
+    """Return the next of …, 0.1, 0.2, 0.5, 1, 2, 5, … that is not below a positive value; 0 for 0."""
+    if value <= 0:
+        return 0.0
+    decade = 10.0 ** floor(log10(value))
+    return next(step * decade for step in (1, 2, 5, 10) if step * decade >= value * (1 - 1e-9))
+
+
+def _round(value: float) -> float:
+    return float(ceil(value)) if value >= 10 else value
+
+
+def _goal(new: NewCampaign) -> list[str]:
+    if not new.goal:
+        return []
+    wanted = ", ".join(f"{name} = {_text(text)}" for name, text in new.goal)
+    return [
+        "# How well each coefficient has to be known. `seatrial rehearse DIR` says how many trials that takes.",
+        "[goal]",
+        f"sd = {{ {wanted} }}",
+        f"trials = {new.trials}",
+    ]
+
+
+def _estimation(new: NewCampaign) -> list[str]:
+    return ["# A log says itself where it begins.", "[estimation]", 'initial = "estimated"']
+
+
+def _import(new: NewCampaign) -> list[str]:
+    names = dict.fromkeys([*(one.name for one in new.sensors), *(one.name for one in new.controls)])
+    units = {one.name: one.trim.partition(" ")[2] for one in new.controls}
+    units = {one.name: one.noise.partition(" ")[2] for one in new.sensors} | units
+    return [
+        "# After the trial: put its log into this folder, look at it with `seatrial inspect LOG --map`, and write its map here.",
+        "# [import]",
+        '# fit = ["1"]',
+        "#",
+        "# [[import.files]]",
+        '# path = "log_{run}.csv"',
+        '# time = { column = "time_s", unit = "s" }',
+        *(f'# channels.{name} = {{ column = "{name.upper()} COLUMN", unit = "{units[name]}" }}' for name in names),
+    ]
+
+
+def _all(new: NewCampaign) -> tuple[Sought, ...]:
+    return new.sought + new.optional
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _plain(number: str) -> str:
+    return str(float(number))
+
+
+def _list(values: Sequence[str]) -> str:
+    return f"[{', '.join(map(_text, values))}]"

@@ -1,0 +1,127 @@
+"""Judges the thrusters of a campaign: what they span, whether they mirror each other, and whether each pushes the way that is said.
+
+The last is a gain of each thruster by least squares on the measured motion: near 1 where all is as stated, near -1 where a command, a
+propeller or a direction is turned round.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.campaign.inference.posterior import initial_state
+from seatrial.core.record import Record
+from seatrial.core.signals import RATES, thruster_controls
+from seatrial.estimation.first_guess import fit_motion
+from seatrial.estimation.priors import Normal, Prior
+from seatrial.estimation.record_checks import RecordFinding
+from seatrial.vehicles.hull import AXES
+from seatrial.vehicles.thrusters import Thruster, allocation
+
+SMALL = 1e-9
+"""Share of the largest entry below which a force or moment is none."""
+KNOWN, HALF = 0.3, 0.5
+"""Standard deviation of a gain from which nothing is said of it, and how far from 1 it is doubted."""
+CLOSE = 1e-3
+"""Distance, m, within which a thruster is the mirror image of another."""
+
+
+def thruster_lines(campaign: Campaign) -> list[str]:
+    """Return the allocation matrix, its rank on the axes that move, and what has no mirror image; nothing without thrusters."""
+    vehicle = campaign.vehicle
+    if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
+        return []
+    thrusters, moving = vehicle.body.thrusters, [RATES.index(rate) for rate in vehicle.moves]
+    matrix = allocation(thrusters)
+    rank = int(np.linalg.matrix_rank(matrix[moving], tol=1e-6 * float(np.abs(matrix).max())))
+    head = "".join(f"{number:>9}" for number in range(1, len(thrusters) + 1))
+    rows = ["".join(f"{x:9.3f}" for x in np.where(np.abs(row) < SMALL, 0.0, row)) for row in matrix]
+    names = " ".join(AXES[i] for i in moving)
+    lines = [f"allocation of {len(thrusters)} thrusters, for 1 N each: N, and N m from K on", f"   {head}"]
+    lines += [f"  {axis}{row}" for axis, row in zip(AXES, rows, strict=True)]
+    told = f"  rank {rank} on the {len(moving)} axes that move, {names}"
+    lines.append(f"{told}: {_not_spanned(matrix, moving)}" if rank < len(moving) else told)
+    alone = [str(number) for number, one in enumerate(thrusters, 1) if not _has_mirror(one, thrusters)]
+    said = f"no mirror image of {', '.join(alone)} on the other side" if alone else "each has its mirror image"
+    return [*lines, f"  port and starboard: {said}"]
+
+
+def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
+    """Say which combinations of forces no thrusts make."""
+    left, sizes, _ = np.linalg.svd(matrix[moving])
+    sizes = np.concatenate([sizes, np.zeros(len(moving) - sizes.size)])
+    texts = []
+    for vector in left.T[sizes < 1e-6 * max(float(sizes[0]), SMALL)]:
+        parts = [f"{x:+.2g} {AXES[i]}" for i, x in zip(moving, vector, strict=True) if abs(x) > 1e-3]
+        texts.append(" ".join(parts).removeprefix("+"))
+    return "no thrusts make " + ", nor ".join(texts)
+
+
+def _has_mirror(thruster: Thruster, thrusters: Sequence[Thruster]) -> bool:
+    flip = np.array([1.0, -1.0, 1.0])
+    place, push = flip * thruster.place, flip * thruster.column[:3]
+    return any(
+        np.linalg.norm(place - other.place) < CLOSE and abs(abs(push @ other.column[:3]) - 1.0) < CLOSE
+        for other in thrusters
+    )
+
+
+def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
+    """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured."""
+    vehicle = campaign.vehicle
+    if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
+        return []
+    matrix, hull = allocation(vehicle.body.thrusters), vehicle.hull
+    can_right = np.array([hull.weight != hull.buoyancy] * 3 + [any(hull.righting)] * 3)
+    idle = [RATES.index(rate) for rate in vehicle.moves if np.abs(matrix[RATES.index(rate)]).max() < SMALL]
+    findings = [
+        RecordFinding(
+            AXES[i],
+            "thrusters",
+            "note" if can_right[i] else "caution",
+            "no thruster pushes along or about it",
+            "one at least",
+            "its coefficients show in releases and coasting alone; else take it from `moves`, or correct the thrusters",
+        )
+        for i in idle
+    ]
+    return [*findings, *_gains(campaign, vehicle, record)]
+
+
+def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[RecordFinding]:
+    controls = [name for name in thruster_controls(len(vehicle.body.thrusters), True) if name in record.controls]
+    names = [f"gain_{control}" for control in controls]
+    model = replace(
+        vehicle, unknowns=(*vehicle.unknowns, *(name for name in names if name not in vehicle.unknowns))
+    ).model(campaign.full)
+    priors: dict[str, Prior] = {term.text: campaign.prior(term.text) for term in model.coefficients}
+    priors |= {one.name: campaign.prior(one.name) for one in model.unknowns if one.name not in names}
+    moved = [name for name, control in zip(names, controls, strict=True) if np.ptp(record.channel(control)) > 0]
+    found = fit_motion(
+        model,
+        [record],
+        [initial_state(campaign, model, record)],
+        priors | {name: Normal(1.0, 1.0) for name in moved},
+    )
+    return [_judged(name.removeprefix("gain_"), *found[name]) for name in moved if name in found]
+
+
+def _judged(control: str, gain: float, sd: float) -> RecordFinding:
+    value, limit = (
+        f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measured motion",
+        "near 1; below 0 it is turned round",
+    )
+    if sd > KNOWN:
+        remedy = "move it apart from the others for some seconds"
+        return RecordFinding(control, "thruster", "note", f"not told: {value}", limit, remedy)
+    if gain + 2.0 * sd < 0:
+        remedy = "turn its direction round, or set scale = -1 in its channel; and see that commands are in the order of the thrusters"
+        return RecordFinding(control, "thruster", "fail", value, limit, remedy)
+    if abs(gain - 1.0) > HALF + 2.0 * sd:
+        remedy = (
+            f"check its law of thrust, its place and the order of the commands; [prior.gain_{control}] seeks its gain"
+        )
+        return RecordFinding(control, "thruster", "caution", value, limit, remedy)
+    return RecordFinding(control, "thruster", "pass", value, limit)

@@ -1,0 +1,1 @@
+"""The answer while the vehicle runs: a stream of samples, a filter on every one, and advice."""

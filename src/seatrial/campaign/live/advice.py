@@ -1,0 +1,248 @@
+"""One sentence for who runs the vehicle: go on, stop, switch, or the model is wrong; it never commands anything."""
+
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.campaign.config.settings import Goal
+from seatrial.campaign.live.innovations import InnovationMemory, discounted
+from seatrial.campaign.live.recursion import Recursion, within_bounds
+from seatrial.campaign.live.segments import Choice, Library
+from seatrial.core.gaussian import Gaussian
+
+WINDOW = 20.0
+"""Seconds over which is looked at what the input teaches, and how large innovations are."""
+WRONG = 2.0
+"""Root mean square of normalised innovations from which the model is called wrong."""
+ENOUGH = 50
+"""Innovations before which nothing is said of a goal."""
+SOON = 30.0
+"""Seconds to the goal for which no other input is worth a change."""
+SLOWER = 2.0
+"""Times the best segment's way to the goal from which a change is."""
+HALVES = 600.0
+"""Seconds in which an input that excites a coefficient halves its standard deviation, at the rate of the last window."""
+OFTEN = 10.0
+"""Seconds between two looks into the library."""
+
+Kind = Literal["go on", "stop", "switch", "wrong"]
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """What is known of one coefficient, SI.
+
+    Attributes:
+        name: of it.
+        unit: SI.
+        mean: of the belief.
+        sd: honest, see `seatrial.campaign.live.innovations`.
+        goal: standard deviation that is wanted; None for none.
+        is_excited: whether the input of the last window teaches it; None before that is known.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    sd: float
+    goal: float | None
+    is_excited: bool | None
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is known at one time.
+
+    Attributes:
+        time: s since the first sample.
+        samples: that were used.
+        coefficients: in the model's order.
+        innovations: of each channel, root mean square over what its noise allows: of the last window, NaN where there are too few.
+        discount: what the information of the filter was divided by, so that the standard deviations hold.
+        kind: of the advice.
+        advice: one sentence.
+    """
+
+    time: float
+    samples: int
+    coefficients: tuple[Coefficient, ...]
+    innovations: Mapping[str, float]
+    discount: float
+    kind: Kind
+    advice: str
+
+    def lines(self) -> list[str]:
+        """Return it as a block of text."""
+        rate = f" at {self.samples / self.time:.3g} Hz" if self.time > 0 else ""
+        found = [f"{self.time:.1f} s, {self.samples} samples{rate}"]
+        width = max(len(one.name) for one in self.coefficients)
+        for one in self.coefficients:
+            share = f" ({abs(one.sd / one.mean):.1%})" if one.mean else ""
+            goal = "" if one.goal is None else f", goal ± {one.goal:.2g}{' met' if one.sd <= one.goal else ''}"
+            taught = {True: "excited", False: "not excited", None: ""}[one.is_excited]
+            found.append(
+                f"  {one.name:<{width}}  {one.mean:.4g} ± {one.sd:.2g} {one.unit}{share}{goal}{', ' + taught if taught else ''}"
+            )
+        known = [f"{name} {value:.2f}" for name, value in self.innovations.items() if value == value]
+        if known:
+            found.append("  innovations over what is expected, last 20 s: " + ", ".join(known))
+        if self.discount > 1.1:
+            found.append(
+                f"  ± is up to {np.sqrt(self.discount):.2g} times the filter's own: innovations are larger or slower than white noise"
+            )
+        return [*found, f"=> {self.advice}"]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as JSON-able values."""
+        rows = [
+            {"name": c.name, "unit": c.unit, "mean": c.mean, "sd": c.sd, "goal": c.goal, "excited": c.is_excited}
+            for c in self.coefficients
+        ]
+        innovations = {name: value if value == value else None for name, value in self.innovations.items()}
+        about = {"time_s": self.time, "samples": self.samples, "coefficients": rows, "innovations": innovations}
+        return {**about, "discount": self.discount, "kind": self.kind, "advice": self.advice}
+
+
+@dataclass(eq=False)
+class Adviser:
+    """What looks remember of each other.
+
+    Attributes:
+        recursion: of the campaign.
+        channels: measured, in the order of the innovations.
+        goal: of the campaign, None for none.
+        hold: seconds for which a goal has to be met before it is called so.
+        library: of segments; None where there is none.
+    """
+
+    recursion: Recursion
+    channels: tuple[str, ...]
+    goal: Goal | None
+    hold: float
+    library: Library | None = None
+    known: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    met_since: float | None = None
+    asked: float = -np.inf
+    choice: Choice | None = None
+    waiting: "Future[Choice] | None" = None
+    failure: BaseException | None = None
+    pool: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "seatrial library"))
+
+    def look(self, time: float, samples: int, belief: Gaussian, memory: InnovationMemory) -> Look:
+        """Judge what is known.
+
+        Args:
+            time: s since the first sample.
+            samples: that were used.
+            belief: about the coefficients, in units of the recursion.
+            memory: of the innovations.
+        """
+        scales, rms = self.recursion.scales, memory.look(time, WINDOW)
+        discount = memory.discount()
+        honest = discounted(np.asarray(belief.cov), discount)
+        mean = within_bounds(np.asarray(belief.mean), honest, self.recursion.bounds) * scales
+        sd = np.sqrt(np.diag(honest)) * scales
+        raw = 1.0 / np.diag(np.asarray(belief.cov))
+        rate = self._rate(time, raw)
+        wanted = self._wanted(mean)
+        kind, advice = self._advise(time, memory, rms, sd, wanted, self._left(raw, rate, wanted, discount))
+        if kind in ("go on", "switch") and self.library is not None and np.isfinite(wanted).any():
+            self._ask(time, mean, honest, discount, wanted)
+        excited = None if rate is None else rate * HALVES >= 3.0 * raw
+        model = self.recursion.model
+        rows = tuple(
+            Coefficient(
+                term.text,
+                model.unit_of(term),
+                float(mean[i]),
+                float(sd[i]),
+                float(wanted[i]) if np.isfinite(wanted[i]) else None,
+                None if excited is None else bool(excited[i]),
+            )
+            for i, term in enumerate(model.coefficients)
+        )
+        seen = dict(zip(self.channels, rms.tolist(), strict=True))
+        return Look(time, samples, rows, seen, discount, kind, advice)
+
+    def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
+        """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""
+        goal, found = self.goal or Goal(), np.full(mean.size, np.inf)
+        for i, name in enumerate(self.recursion.names):
+            found[i] = min(goal.sds.get(name, np.inf), goal.shares.get(name, np.inf) * abs(mean[i]))
+        return found
+
+    def _rate(self, time: float, raw: np.ndarray) -> Float[np.ndarray, " k"] | None:
+        """Return the information about each coefficient that a second has brought in the last window; None before half of one."""
+        self.known.append((time, raw))
+        while len(self.known) > 2 and self.known[1][0] <= time - WINDOW:
+            self.known.pop(0)
+        then, before = self.known[0]
+        return None if time - then < WINDOW / 2 else np.maximum(raw - before, 0.0) / (time - then)
+
+    def _left(self, raw: np.ndarray, rate: np.ndarray | None, wanted: np.ndarray, discount: float) -> float | None:
+        """Return the seconds to the goal at the rate of the last window; None where there is no rate or no goal."""
+        if rate is None or not np.isfinite(wanted).any():
+            return None
+        needed = 1.0 + ((self.recursion.scales / wanted) ** 2 - 1.0) * discount
+        with np.errstate(all="ignore"):
+            return float(np.where(needed > raw, (needed - raw) / rate, 0.0).max())
+
+    def _advise(
+        self,
+        time: float,
+        memory: InnovationMemory,
+        rms: np.ndarray,
+        sd: np.ndarray,
+        wanted: np.ndarray,
+        left: float | None,
+    ) -> tuple[Kind, str]:
+        is_met = bool((sd <= wanted).all()) and np.isfinite(wanted).any() and memory.count.sum() >= ENOUGH
+        self.met_since = (time if self.met_since is None else self.met_since) if is_met else None
+        if np.nanmax(np.where(np.isfinite(rms), rms, -np.inf)) > WRONG:
+            worst = int(np.nanargmax(np.where(np.isfinite(rms), rms, -np.inf)))
+            return "wrong", (
+                f"the model is wrong: innovations of {self.channels[worst]} are {rms[worst]:.1f} times what its sensor noise allows"
+            )
+        if not np.isfinite(wanted).any():
+            return "go on", "go on: [goal] asks for no standard deviation, so that nothing says when to stop"
+        if self.met_since is not None:
+            if time - self.met_since >= self.hold:
+                return "stop", "the goal is met: stop"
+            return (
+                "go on",
+                f"go on: the goal is met, and is to stay so for {self.hold - (time - self.met_since):.0f} s more",
+            )
+        if left is None:
+            return "go on", "go on: too little has come to say how long"
+        choice = self.choice
+        if left > SOON and choice is not None and (not np.isfinite(left) or left > SLOWER * choice.seconds):
+            if np.isfinite(choice.seconds):
+                return (
+                    "switch",
+                    f"this input will not get there: switch to {choice.words}, about {choice.seconds:.0f} s of it",
+                )
+            return "switch", (
+                f"this input will not get there, nor does any that was designed; {choice.unmet} stays furthest from its goal: "
+                f"switch to {choice.words}"
+            )
+        if not np.isfinite(left) or left > 100 * HALVES:
+            short = self.recursion.names[int(np.argmax(sd / wanted))]
+            return "switch", f"this input will not get there: it teaches nothing about {short}; excite it"
+        return "go on", f"go on, about {left:.0f} s more at this rate"
+
+    def _ask(self, time: float, mean: np.ndarray, honest: np.ndarray, discount: float, wanted: np.ndarray) -> None:
+        """Have the library weighed beside the samples, every ten seconds."""
+        assert self.library is not None
+        if self.waiting is not None and self.waiting.done():
+            done, self.waiting = self.waiting, None
+            self.failure = done.exception()
+            if self.failure is None:
+                self.choice = done.result()
+        if self.waiting is None and time - self.asked >= OFTEN:
+            scales, self.asked = self.recursion.scales, time
+            information = np.linalg.inv(honest) / np.outer(scales, scales)
+            self.waiting = self.pool.submit(self.library.choose, mean, information, 1.0 / discount, wanted)

@@ -1,0 +1,187 @@
+"""What may pass: stamps in their order, and values that the vehicle can have. What may not is told once, in words."""
+
+from collections.abc import Callable, Mapping
+from decimal import Decimal
+from math import inf, isfinite
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from seatrial.core.display_units import shown_unit
+
+LATE = 1.0
+"""Seconds by which a stamp may lie behind the latest and be of one that was overtaken; further back the clock was set anew."""
+BEYOND = 50.0
+"""Times what the priors foresee, from which a value is none of this vehicle in this unit."""
+BEYOND_LIMIT = 5.0
+"""Likewise times the limit of a control."""
+OPPOSITE = -0.8
+"""Correlation of a channel with its expected course from which its sign is doubted."""
+MEMORY = 30.0
+"""Seconds over which that is looked at."""
+
+
+class Notes:
+    """What is told to the user: each kind once, what happens to the clock every time, and how often each was found."""
+
+    MOST = 20
+    """Times that one thing is told."""
+
+    def __init__(self) -> None:
+        self.fresh: list[str] = []
+        self.counts: dict[str, int] = {}
+
+    def say(self, kind: str, text: str) -> None:
+        """Note something."""
+        self.counts[kind] = self.counts.get(kind, 0) + 1
+        if self.counts[kind] <= (self.MOST if kind in ("gap", "restart") else 1):
+            self.fresh.append(text)
+
+    def take(self) -> list[str]:
+        """Return what has not been told yet."""
+        found, self.fresh = self.fresh, []
+        return found
+
+
+class Passed(NamedTuple):
+    """What becomes of a stamp.
+
+    Attributes:
+        step: s since the sample before; 0 where states begin anew.
+        kind: `goes on`, `begins` (the first, or behind a gap or a restart), or `dropped`.
+    """
+
+    step: float
+    kind: Literal["goes on", "begins", "dropped"]
+
+
+class ClockGate:
+    """Stamps in their order.
+
+    Args:
+        gap: s without a sample, beyond which states begin anew.
+        say: told what is dropped, and where states begin anew.
+    """
+
+    def __init__(self, gap: float, say: Callable[[str, str], None]):
+        self.gap, self.say = Decimal(repr(gap)), say
+        self.last: Decimal | None = None
+        self.parts: set[int] = set()
+        self.origin = Decimal(0), 0.0
+        self.time = 0.0
+        """Seconds since the first sample, strictly increasing whatever the stream's clock does."""
+
+    def admit(self, stamp: Decimal, part: int, elapsed: float) -> Passed:
+        """Judge a stamp.
+
+        Args:
+            stamp: on the stream's clock, s.
+            part: of the stream.
+            elapsed: s since the last sample by this machine's clock, which counts where the stream's was set anew.
+        """
+        if self.last is None:
+            return self._pass(stamp, part, 0.0, "begins")
+        step = stamp - self.last
+        if step == 0 and part in self.parts:
+            self.say("repeats", "repeated stamps are dropped")
+            return Passed(0.0, "dropped")
+        if step < -Decimal(LATE):
+            self.say(
+                "restart",
+                f"the clock went back by {-step:.6g} s: the stream has begun anew, and so do the states; "
+                "what is known of the coefficients stays",
+            )
+            return self._pass(stamp, part, max(elapsed, 1e-3), "begins")
+        if step < 0:
+            self.say("late", f"samples that come late (by {-step:.3g} s) are dropped")
+            return Passed(0.0, "dropped")
+        if step > self.gap:
+            self.say("gap", f"nothing came for {step:.4g} s: the states begin anew")
+            return self._pass(stamp, part, float(step), "begins")
+        return self._pass(stamp, part, float(step), "goes on")
+
+    def _pass(self, stamp: Decimal, part: int, step: float, kind: Literal["goes on", "begins"]) -> Passed:
+        if self.last is None or stamp < self.last:
+            self.origin = stamp, self.time + step
+        self.parts = {*self.parts, part} if stamp == self.last else {part}
+        self.last = stamp
+        self.time = self.origin[1] + float(stamp - self.origin[0])
+        return Passed(step, kind)
+
+
+class ValueGate:
+    """Values that a vehicle can have.
+
+    Args:
+        sizes: largest magnitude that is foreseen of a channel, SI.
+        limits: of a control, SI.
+        say: told what is left out.
+    """
+
+    def __init__(self, sizes: Mapping[str, float], limits: Mapping[str, float], say: Callable[[str, str], None]):
+        self.most = {name: BEYOND * size for name, size in sizes.items()}
+        self.most |= {name: BEYOND_LIMIT * limit for name, limit in limits.items()}
+        self.limits, self.say = limits, say
+
+    def admit(self, values: dict[str, float]) -> dict[str, float]:
+        """Return the values that can be."""
+        return {name: value for name, value in values.items() if isfinite(value) and not self._is_beyond(name, value)}
+
+    def _is_beyond(self, name: str, value: float) -> bool:
+        most = self.most.get(name, inf)
+        if abs(value) <= most:
+            return False
+        factor, unit = shown_unit(name)
+        known = f"its limit is {most / BEYOND_LIMIT * factor:.3g} {unit}"
+        if name not in self.limits:
+            known = f"the priors foresee {most / BEYOND * factor:.3g} {unit} at most"
+        self.say(
+            f"beyond {name}",
+            f"{name} of {value * factor:.3g} {unit}, where {known}: check the unit of its column; such values are left out",
+        )
+        return True
+
+
+class SignGate:
+    """Whether channels move the way that the model foresees, by their correlation with its course over the last half minute.
+
+    Args:
+        noise: of each channel, SI.
+        controls: names, for the words.
+        say: told of a channel that moves the other way.
+    """
+
+    def __init__(self, noise: Mapping[str, float], controls: tuple[str, ...], say: Callable[[str, str], None]):
+        self.names, self.noise = tuple(noise), np.array(list(noise.values()))
+        self.controls, self.say = controls, say
+        m = self.noise.size
+        self.seconds = np.zeros(m)
+        self.mean, self.product = np.zeros((2, m)), np.zeros((3, m))
+
+    def add(self, expected: np.ndarray, measured: np.ndarray, step: float) -> None:
+        """Add one sample; both may be NaN."""
+        known = np.isfinite(expected) & np.isfinite(measured)
+        if not known.any():
+            return
+        pair = np.where(known, np.stack([expected, measured]), self.mean)
+        self.mean = np.where((self.seconds == 0) & known, pair, self.mean)
+        self.seconds += np.where(known, max(step, 1e-6), 0.0)
+        share = np.where(known, step / np.clip(self.seconds, 1e-6, MEMORY), 0.0)
+        away = pair - self.mean
+        self.mean = self.mean + share * away
+        fresh = np.stack([away[0] ** 2, away[1] ** 2, away[0] * away[1]]) * (1.0 - share)
+        self.product = (1.0 - share) * self.product + share * fresh
+
+    def judge(self) -> list[str]:
+        """Return the channels that move against what is foreseen; each is told once."""
+        with np.errstate(all="ignore"):
+            correlation = self.product[2] / np.sqrt(self.product[0] * self.product[1])
+            moves = (self.product[:2] > (3 * self.noise) ** 2).all(0) & (self.seconds > MEMORY)
+        found = [name for name, r, is_so in zip(self.names, correlation, moves, strict=True) if is_so and r < OPPOSITE]
+        for name in found:
+            self.say(
+                f"sign {name}",
+                f"{name} moves against what the model foresees (correlation {correlation[self.names.index(name)]:.2f}): check its sign, "
+                f"that of {' and '.join(self.controls)}, and the axes of the log",
+            )
+        return found

@@ -1,0 +1,123 @@
+"""What a live session keeps: everything as it came, and the samples in SI as a table that the same campaign imports."""
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from io import FileIO
+from pathlib import Path
+
+import tomlkit
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.core.errors import InputError
+from seatrial.core.signals import signal_unit
+
+SYNC = 1.0
+"""Seconds after which everything is on the disk."""
+FOLDER = Path("results") / "live"
+"""Of the sessions, in a campaign's folder."""
+
+
+class Kept:
+    """Two files of one session, to which is only ever added.
+
+    Args:
+        campaign: whose folder they are in.
+        suffix: of the file of everything as it came.
+        channels: controls and measured channels.
+    """
+
+    def __init__(self, campaign: Campaign, suffix: str, channels: Sequence[str]):
+        self.folder, self.channels = campaign.folder / FOLDER, tuple(channels)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        name, number = time.strftime("%Y-%m-%dT%H%M%SZ", time.gmtime()), 1
+        while any(self.folder.glob(f"{name if number == 1 else f'{name}-{number}'}.*")):
+            number += 1
+        self.run = name if number == 1 else f"{name}-{number}"
+        self.raw, self.table = (self._begin(end) for end in (suffix, ".csv"))
+        self.table.write((",".join(["time_s", *self.channels]) + "\n").encode())
+        self.rows: list[str] = []
+        self.last = -1.0
+        self.synced = time.monotonic()
+
+    @property
+    def path(self) -> Path:
+        """The table of samples in SI."""
+        return self.folder / f"{self.run}.csv"
+
+    def add_raw(self, data: bytes) -> None:
+        """Keep what came, before anything is made of it."""
+        if data:
+            self.raw.write(data)
+
+    def add(self, seconds: float, values: Mapping[str, float]) -> None:
+        """Keep one sample; it is written by `flush`. Of two at one time the second is put a microsecond later."""
+        self.last = seconds = max(seconds, self.last + 1e-6)
+        cells = (values.get(name) for name in self.channels)
+        self.rows.append(f"{seconds:.9f}," + ",".join("" if one is None or one != one else repr(one) for one in cells))
+
+    def flush(self, force: bool = False) -> None:
+        """Hand the samples to the system, and see to it that they are on the disk once a second."""
+        if self.rows:
+            self.table.write(("\n".join(self.rows) + "\n").encode())
+            self.rows = []
+        if force or time.monotonic() - self.synced >= SYNC:
+            for stream in (self.raw, self.table):
+                os.fsync(stream.fileno())
+            self.synced = time.monotonic()
+
+    def close(self) -> None:
+        """Write what is left."""
+        self.flush(force=True)
+        self.raw.close()
+        self.table.close()
+
+    def _begin(self, suffix: str) -> FileIO:
+        return FileIO(self.folder / f"{self.run}{suffix}", "ab")
+
+
+def sessions(folder: Path) -> list[str]:
+    """Return the sessions of a campaign's folder by name, the oldest first."""
+    found = sorted((folder / FOLDER).glob("*.csv"))
+    return [path.stem for path in found if not path.name.endswith(".received.csv")]
+
+
+def import_lines(campaign: Campaign, run: str) -> str:
+    """Return the lines of a campaign file that import a session."""
+    channels = [*campaign.model(campaign.full).controls, *campaign.channels]
+    lines = ["[import]", f'fit = ["{run}"]', "", "[[import.files]]", f'path = "{FOLDER.as_posix()}/{{run}}.csv"']
+    lines += ['time = { column = "time_s", unit = "s" }']
+    return "\n".join(
+        [*lines, *(f'channels.{one} = {{ column = "{one}", unit = "{signal_unit(one)}" }}' for one in channels)]
+    )
+
+
+def with_session(campaign: Campaign, run: str) -> str:
+    """Return the campaign file with a session among the runs that are fitted.
+
+    Raises:
+        InputError: a campaign whose trials are simulated, or whose runs are of other files.
+    """
+    document = tomlkit.parse(campaign.text)
+    if campaign.is_simulated:
+        raise InputError(
+            campaign.where("truth"),
+            found="[truth]: its trials are simulated",
+            expected="a campaign that imports",
+            remedy="take a copy of its file without [truth] and [import] to another folder, or leave --import out",
+        )
+    if "import" not in document:
+        return campaign.text.rstrip("\n") + "\n\n" + import_lines(campaign, run) + "\n"
+    imports = campaign.imports
+    assert imports is not None
+    if [file.path for file in imports.files] != [f"{FOLDER.as_posix()}/{{run}}.csv"]:
+        raise InputError(
+            campaign.where("import"),
+            found="runs of other files",
+            expected="an [import] of live sessions, or none",
+            remedy=f"copy the session to where [[import.files]] looks for a run, or put these lines into a campaign of their own:\n"
+            f"{import_lines(campaign, run)}",
+        )
+    table: object = document["import"]
+    table["fit"] = [*imports.fit, *([run] if run not in imports.fit else [])]  # pyright: ignore[reportIndexIssue]
+    return tomlkit.dumps(document)

@@ -1,0 +1,46 @@
+"""Tables of coefficients: averages are those of draws taken from the structures by their probabilities."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from seatrial.campaign.inference.coefficient_tables import averaged_rows, write_averaged, write_coefficients
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.selection.evidence import Evidence
+from seatrial.selection.structures import Structure
+from seatrial.selection.verdict import select
+
+
+def made(label: str, seed: int, **means: float) -> Estimate:
+    """An estimate whose draws are normal about these means."""
+    names = list(means)
+    draws = np.random.default_rng(seed).normal(list(means.values()), 0.5, (4, 500, len(names)))
+    told = {"draws": (("chain", "draw", "parameter"), draws), "unit": ("parameter", ["kg/s"] * len(names))}
+    told |= {"mean": ("parameter", draws.mean((0, 1))), "sd": ("parameter", draws.std((0, 1)))}
+    blank = ("mode", "model_error_sd", "mcse", "r_hat", "ess_bulk", "ess_tail")
+    told |= {name: ("parameter", np.full(len(names), np.nan)) for name in blank}
+    return Estimate(Structure(label, tuple(names)), xr.Dataset(told, {"parameter": names}))
+
+
+def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
+    rich, simple = made("M-0", 1, X_u=-4.0, X_uabsu=2.0), made("M-1", 2, X_uabsu=3.0)
+    evidences = [Evidence(0.0, 0.0, "by hand"), Evidence(float(np.log(3.0)), 0.0, "by hand")]
+    selection = select([rich.structure, simple.structure], evidences, ["X_u"])
+    found = {row["name"]: row for row in averaged_rows([rich, simple], selection)}
+    # Three draws of the simple structure to one of the other, which is what their probabilities are.
+    absent = np.concatenate([rich.draws(["X_u"])[:, 0], np.zeros(3 * 2000)])
+    both = np.concatenate([rich.draws(["X_uabsu"])[:, 0], np.tile(simple.draws(["X_uabsu"])[:, 0], 3)])
+    for name, drawn, inclusion in (("X_u", absent, 0.25), ("X_uabsu", both, 1.0)):
+        assert found[name]["mean"] == pytest.approx(drawn.mean())
+        assert found[name]["sd"] == pytest.approx(drawn.std())
+        assert found[name]["inclusion"] == pytest.approx(inclusion)
+    path = write_averaged(tmp_path, list(found.values()))
+    assert [row["name"] for row in csv.DictReader(path.open())] == ["X_u", "X_uabsu"]
+    rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple]).open()))
+    assert [(row["structure"], row["name"]) for row in rows] == [("M-0", "X_u"), ("M-0", "X_uabsu"), ("M-1", "X_uabsu")]
+    drawn = np.sort(rich.draws(["X_u"])[:, 0])
+    inside = (drawn > float(rows[0]["lower_95"])) & (drawn < float(rows[0]["upper_95"]))
+    assert inside.mean() == pytest.approx(0.95, abs=0.002)
+    assert rows[0]["r_hat"] == ""

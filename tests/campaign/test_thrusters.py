@@ -1,0 +1,244 @@
+"""A vehicle with three thrusters in the plane, whose log is made by plain Newtonian mechanics: what is imported, checked and refused."""
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
+from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.core.errors import InputError
+from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.mode import find_mode
+
+PLACES = np.array([[-0.3, 0.2], [-0.3, -0.2], [0.1, 0.0]])
+PUSHES = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+MASS, INERTIA, WORN = 20.0, 1.5, 0.7
+TRUTH = {"X_u": -12.0, "Y_v": -25.0, "N_r": -2.0}
+CAMPAIGN = """
+[campaign]
+name = "three thrusters"
+seed = 1
+
+[vehicle]
+mass = "20 kg"
+inertia = ["1.5 kg m^2", "1.5 kg m^2", "1.5 kg m^2"]
+moves = ["u", "v", "r"]
+
+[vehicle.thrust_laws.main]
+polynomial = [0.0, 0.08]
+neutral = 1500
+dead_zone = [1480, 1520]
+reverse = 0.8
+
+[[vehicle.thrusters]]
+place = ["-0.3 m", "0.2 m", "0 m"]
+direction = [1, 0, 0]
+
+[[vehicle.thrusters]]
+place = ["-0.3 m", "-0.2 m", "0 m"]
+direction = [2, 0, 0]
+
+[[vehicle.thrusters]]
+place = ["0.1 m", "0 m", "0 m"]
+direction = [0, 1, 0]
+
+[structure]
+always = ["X_u", "Y_v", "N_r"]
+
+[prior.X_u]
+distribution = "uniform"
+lower = -40.0
+upper = 0.0
+
+[prior.Y_v]
+distribution = "uniform"
+lower = -60.0
+upper = 0.0
+
+[prior.N_r]
+distribution = "uniform"
+lower = -8.0
+upper = 0.0
+
+[prior.gain_f_2]
+distribution = "normal"
+mean = 1.0
+sd = 0.3
+
+[sensors.u]
+noise = "0.005 m/s"
+
+[sensors.v]
+noise = "0.005 m/s"
+
+[sensors.r]
+noise = "0.005 rad/s"
+
+[estimation]
+initial = "measured"
+
+[design]
+control = "f_1"
+duration = "30 s"
+active = "20 s"
+sample_time = "0.1 s"
+amplitude = { from = "5 N", to = "10 N", points = 2 }
+period = { from = "4 s", to = "8 s", points = 2 }
+
+[import]
+fit = ["log"]
+
+[[import.files]]
+path = "{run}.csv"
+time = { column = "t", unit = "s" }
+channels.f_1 = { column = "pwm[0]", unit = "command" }
+channels.f_2 = { column = "pwm[1]", unit = "command" }
+channels.f_3 = { column = "pwm[2]", unit = "command" }
+channels.u = { column = "u", unit = "m/s" }
+channels.v = { column = "v", unit = "m/s" }
+channels.r = { column = "r", unit = "rad/s" }
+channels.psi = { column = "psi", unit = "rad" }
+"""
+
+
+def law(command):
+    force = np.where(np.abs(command - 1500.0) <= 20.0, 0.0, 0.08 * (command - 1500.0))
+    return np.where(force < 0, 0.8 * force, force)
+
+
+def rates(nu, force):
+    """m (udot - v r) = X, m (vdot + u r) = Y, I rdot = N, each with linear damping."""
+    u, v, r = nu
+    x, y = force @ PUSHES
+    n = np.sum(force * (PLACES[:, 0] * PUSHES[:, 1] - PLACES[:, 1] * PUSHES[:, 0]))
+    return np.array(
+        [(x + TRUTH["X_u"] * u) / MASS + v * r, (y + TRUTH["Y_v"] * v) / MASS - u * r, (n + TRUTH["N_r"] * r) / INERTIA]
+    )
+
+
+@pytest.fixture(scope="module")
+def log():
+    rng = np.random.default_rng(2)
+    command = np.repeat(rng.integers(1300, 1700, (40, 3)), 10, axis=0).astype(float)
+    nu, motion = np.zeros(3), []
+    for row in law(command) * [1.0, WORN, 1.0]:
+        motion.append(nu)
+        for _ in range(50):
+            nu = nu + 0.002 * rates(nu + 0.001 * rates(nu, row), row)
+    return command, np.array(motion)
+
+
+def campaign(folder, log, *changes):
+    command, motion = log
+    text = CAMPAIGN
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    folder.mkdir(exist_ok=True)
+    (folder / "campaign.toml").write_text(text)
+    rows = [",".join(f"{x:.8g}" for x in (0.1 * k, *command[k], *motion[k], 0.0)) for k in range(len(command))]
+    (folder / "log.csv").write_text("t,pwm[0],pwm[1],pwm[2],u,v,r,psi\n" + "\n".join(rows) + "\n")
+    return load_campaign(folder)
+
+
+def test_commands_become_thrust_and_a_worn_thruster_is_found(tmp_path, log):
+    found = campaign(tmp_path, log)
+    (record,) = get_trials(found).fit
+    for k in range(3):
+        np.testing.assert_allclose(record.channel(f"f_{k + 1}"), law(log[0])[:, k], atol=1e-9)
+    # A heading that never moves is no fault of a campaign that does not read it.
+    assert "psi" not in record.measured
+    model = found.model(found.full)
+    guess = first_guess(model, [record], [initial_state(found, model, record)], found.priors)
+    for name, value in {**TRUTH, "gain_f_2": WORN}.items():
+        assert guess[name] == pytest.approx(value, rel=0.03), name
+
+
+def test_check_tells_a_thruster_that_is_turned_round(tmp_path, log):
+    turned = ('column = "pwm[2]", unit = "command"', 'column = "pwm[2]", unit = "command", scale = -1.0')
+    found = campaign(tmp_path, log, turned)
+    levels = {one.signal: one.level for one in check_thrusters(found, get_trials(found).fit[0])}
+    assert levels["f_1"] == "pass"
+    assert levels["f_3"] == "fail"
+    lines = "\n".join(thruster_lines(found))
+    assert "rank 3 on the 3 axes that move, X Y N" in lines
+    assert "each has its mirror image" in lines
+
+
+def test_check_tells_what_the_thrusters_do_not_span(tmp_path, log):
+    found = campaign(tmp_path, log, ("direction = [0, 1, 0]", "direction = [1, 0, 0]"))
+    said = [one for one in check_thrusters(found, get_trials(found).fit[0]) if one.check == "thrusters"]
+    assert [(one.signal, one.level) for one in said] == [("Y", "caution")]
+    assert any("rank 2 on the 3 axes" in line and "1 Y" in line for line in thruster_lines(found))
+
+
+CURVE = ("polynomial = [0.0, 0.08]\nneutral = 1500", 'curve = "thrust.csv"')
+REFUSED = {
+    "two in one place": ([('"-0.3 m", "-0.2 m"', '"-0.3 m", "0.2 m"')], ("thruster 2 in the place of thruster 1",)),
+    "no direction": ([("direction = [2, 0, 0]", "direction = [0, 0, 0]")], ("thrusters[1].direction",)),
+    "no law of that name": ([("direction = [2, 0, 0]", 'direction = [2, 0, 0]\nlaw = "mian"')], ("mian", "main")),
+    "thrust where commands are due": ([('pwm[1]", unit = "command"', 'pwm[1]", unit = "N"')], ('"N"', "thrust_laws")),
+    "commands without a law": (
+        [(CAMPAIGN[CAMPAIGN.index("[vehicle.thrust_laws") : CAMPAIGN.index("[[vehicle.thr")], "")],
+        ('"command", of a channel without a law',),
+    ),
+    "a polynomial that turns back": ([("[0.0, 0.08]", "[0.0, 0.08, 0.0005]")], ("turns back", "near 14")),
+    "a table that turns back": ([CURVE], ("turns back at 1400", "thrust.csv")),
+    "a command beyond the table": ([CURVE], ("1500 to 1600", "thrust.csv")),
+    "two kinds of law": ([("neutral = 1500", 'curve = "thrust.csv"')], ("both curve and polynomial",)),
+    "column and sum": ([('{ column = "u"', '{ column = "u", sum = "u"')], ("both column and sum",)),
+    "a gain without a prior that could be": ([("gain_f_2", "gain_f_9")], ("gain_f_9", "nothing uses")),
+}
+TABLES = {
+    "a table that turns back": "1200,-20\n1300,-25\n1400,-30\n1500,0\n1800,20\n",
+    "a command beyond the table": "1500,0\n1600,8\n",
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refusals(tmp_path, log, what):
+    changes, parts = REFUSED[what]
+    (tmp_path / "thrust.csv").write_text("pwm,thrust\n" + TABLES.get(what, "1000,-40\n2000,40\n"))
+    with pytest.raises(InputError) as refused:
+        get_trials(campaign(tmp_path, log, *changes))
+    for part in parts:
+        assert part in str(refused.value)
+
+
+MOUNTED = """
+[mounts.dvl]
+channels = ["u", "v"]
+
+[prior.x_dvl]
+distribution = "normal"
+mean = 0.0
+sd = 0.5
+
+[prior.yaw_dvl]
+distribution = "normal"
+mean = 0.0
+sd = 10.0
+unit = "deg"
+
+[sensors.u]"""
+
+
+@pytest.mark.proof
+def test_a_doppler_log_off_the_origin_and_turned_is_found(tmp_path, log):
+    """0.3 m ahead, turned by 5 degrees: v + omega x r in axes that are turned."""
+    command, motion = log
+    u, v, r = motion.T
+    v, (cosine, sine) = v + 0.3 * r, (np.cos(np.radians(5.0)), np.sin(np.radians(5.0)))
+    shown = np.stack([cosine * u + sine * v, cosine * v - sine * u, r], axis=1)
+    shown += 0.005 * np.random.default_rng(3).normal(size=shown.shape)
+    found = campaign(tmp_path, (command, shown), ("[sensors.u]", MOUNTED))
+    mode = find_mode(build_posterior(found, found.full, get_trials(found).fit), random_key(1, "mode"))
+    values = dict(zip(mode.names, zip(mode.values, mode.sd, strict=True), strict=True))
+    for name, value in {**TRUTH, "gain_f_2": WORN, "x_dvl": 0.3, "yaw_dvl": np.radians(5.0)}.items():
+        assert abs(values[name][0] - value) < 3.5 * values[name][1] + 0.002 * abs(value), (name, values[name])
+
+
+def test_a_mount_of_a_channel_without_a_sensor_is_refused(tmp_path, log):
+    with pytest.raises(InputError, match=r"mounts\.dvl\.channels"):
+        campaign(tmp_path, log, ("[sensors.u]", '[mounts.dvl]\nchannels = ["w"]\n\n[sensors.u]'))

@@ -1,0 +1,66 @@
+"""One bar for a whole run: it goes by the seconds that steps took before, never back, and what it has learnt is a file."""
+
+import json
+
+import pytest
+
+from seatrial.campaign.workflow import whole_run
+from seatrial.campaign.workflow.whole_run import TITLE, WholeRun, learn, learnt
+
+
+class Told:
+    """Keeps what a reporter is told."""
+
+    def __init__(self):
+        self.shown = {}
+
+    def say(self, text):
+        pass
+
+    def progress(self, title):
+        return lambda done, total: self.shown.setdefault(title, []).append((done, total))
+
+
+@pytest.fixture
+def clock(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    now = [0.0]
+    monkeypatch.setattr(whole_run.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_the_bar_follows_what_steps_took_before(clock):
+    for _ in range(2):
+        learn("estimates", 30.0)
+        learn("selection", 10.0)
+    told = Told()
+    run = WholeRun(told, ["estimates", "selection"])
+    run.begin("trials")  # is current
+    run.end()
+    run.begin("estimates")
+    clock[0] = 15.0
+    run.progress("estimate M-0")(1, 2)
+    clock[0] = 100.0
+    run.progress("estimate M-0")(2, 2)
+    run.end()
+    run.begin("selection")
+    run.end()
+    shown = [done for done, _ in told.shown[TITLE]]
+    assert shown == sorted(shown)
+    assert 375 in shown  # 15 s of 40 s
+    assert shown[-3:] == [712, 750, 1000]  # 95 % of the step while it takes longer than ever
+    assert told.shown["estimate M-0"] == [(1, 2), (2, 2)]
+    assert learnt() == {"estimates": 65.0, "selection": 5.0}
+
+
+def test_a_damaged_file_knows_nothing(clock, tmp_path):
+    place = tmp_path / "seatrial" / "seconds.json"
+    place.parent.mkdir()
+    for text in ("{", "[1]", json.dumps({"estimates": "long"})):
+        place.write_text(text)
+        assert learnt() == {}
+    learn("next", 2.0)
+    assert learnt() == {"next": 2.0}
+    told = Told()
+    WholeRun(told, ["next"])
+    assert told.shown == {}  # of one step its own bars say it

@@ -1,0 +1,96 @@
+"""What the README, the citation file and the written reference promise about their own form."""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import seatrial
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs"))
+
+from blocks import read_blocks  # noqa: E402
+from generate import campaign_file  # noqa: E402
+
+
+def test_the_readme_is_short():
+    """At most 120 lines, a picture under 300 kB, and ten lines of Python."""
+    readme = ROOT / "README.md"
+    assert len(readme.read_text().splitlines()) <= 120
+    assert (ROOT / "docs" / "report.png").stat().st_size < 300_000
+    (python,) = (block for block in read_blocks(readme) if block.language == "python")
+    assert len(python.lines) == 10
+    own_log = [block for block in read_blocks(readme) if any("--template log" in line for line in block.lines)]
+    assert len(own_log[0].lines) == 5
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "paper.md", "docs/validation.md", "docs/methods.md"])
+def test_links_lead_somewhere(page):
+    path = ROOT / page
+    links = re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)", path.read_text())
+    assert [link for link in links if not (path.parent / link).exists()] == []
+
+
+def test_the_keys_of_a_campaign_file_are_written_as_the_code_has_them():
+    """`python docs/campaign_keys.py` writes the page again."""
+    assert (ROOT / "docs" / "reference" / "campaign_file.md").read_text() == campaign_file.page()
+
+
+def test_the_validation_page_counts_what_the_benchmark_shows():
+    """Channels in which ours has the lowest CRPS, or is within a hundredth of it; and bands that chance explains."""
+    sets = (ROOT / "docs" / "benchmark.md").read_text().split("\n### ")[1:]
+    best, total, fits, judged = [0, 0, 0], 0, 0, 0
+    for one in sets:
+        rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in one.splitlines() if line.startswith("| ")]
+        rows = [row for row in rows if len(row) == 7 and row[0] not in ("method", "---")]
+        for mine in (row for row in rows if row[0] == "ours"):
+            total += 1
+            for task in range(3):
+                scores = {
+                    row[0]: float(row[2 + task].split(", ")[1])
+                    for row in rows
+                    if row[1] == mine[1] and ", " in row[2 + task]
+                }
+                best[task] += scores["ours"] <= 1.01 * min(scores.values())
+            if band := re.match(r"(\d+)%, by chance (\d+)% to (\d+)%", mine[5]):
+                inside, low, high = map(int, band.groups())
+                judged, fits = judged + 1, fits + (low <= inside <= high)
+    page = (ROOT / "docs" / "validation.md").read_text()
+    for task, line in zip(best, ("whole runs", "one set\\)", "one sample ahead"), strict=True):
+        assert re.search(rf"{line} \| {task} of {total} \|", page), (line, task, total)
+    assert f"| {fits} of {judged};" in page
+    assert f"{best[0]} of {total} channels" in (ROOT / "README.md").read_text()
+
+
+def test_messages_of_the_troubleshooting_page_are_those_of_the_code():
+    """Every line of a text block, between its ellipses, stands in a string of the package."""
+    sources = "\n".join(path.read_text() for path in (ROOT / "src" / "seatrial").rglob("*.py"))
+    package = re.sub(r"""["']\n *f?["']""", "", sources)  # strings over several lines are one
+    page = (ROOT / "docs" / "troubleshooting.md").read_text()
+    lines = [
+        line
+        for block in re.findall(r"^```text\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+        for line in block.splitlines()
+    ]
+    parts = [part.strip() for line in lines for part in line.split("…")]
+    assert [part for part in parts if part not in package] == []
+
+
+def test_the_citation_has_what_its_format_asks_for_and_is_that_of_the_package():
+    text = (ROOT / "CITATION.cff").read_text()
+    found = dict(re.findall(r"^([a-z-]+): *(.*)$", text, re.MULTILINE))
+    assert {"cff-version", "message", "title", "authors", "abstract", "license", "version"} <= set(found)
+    assert found["cff-version"] == "1.2.0"
+    assert found["type"] in ("software", "dataset")
+    assert found["version"] == seatrial.__version__
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert found["license"] == project["license"]
+
+
+def test_the_paper_cites_what_its_bibliography_has():
+    cited = set(re.findall(r"@([\w-]+)", (ROOT / "paper.md").read_text().split("---", 2)[2]))
+    entries = set(re.findall(r"^@\w+\{([\w-]+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))
+    assert cited == entries

@@ -1,0 +1,163 @@
+"""Pictures from Python: what each shows, its axes and units, and that a result is a table, a notebook cell and an ArviZ tree too."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import seatrial as st
+
+mpl.use("agg")
+RPM = 2 * np.pi / 60
+PRIORS = {
+    "X_uabsu": st.half_normal(10.0, upper=0.0),
+    "T_nabsn": st.LogNormal(6e-4, 1.5),
+    "sigma_u": st.LogUniform(0.002, 0.2),
+}
+
+
+def made_draws(population: bool = False) -> st.Draws:
+    """Independent normal draws of three parameters: what pictures and tables are made of needs no chain."""
+    shape = (1 if population else 4, 200, 3)
+    z = np.random.default_rng(1).normal(size=shape)
+    values = np.array([-2.9, 6.2e-4, 0.02]) + np.array([0.1, 2e-5, 0.001]) * z
+    moved = 0.5 if population else np.nan
+    units = ("kg/m", "kg m/rad^2", "m/s")
+    return st.Draws(z, -0.5 * (z**2).sum(-1), 0.6, 0, tuple(PRIORS), units, values, moved)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    vehicle = st.load_vehicle("remus100_surge")
+    model = vehicle.build(free=["X_uabsu", "T_nabsn"])
+    family = st.Family("n", trim=1200 * RPM, duration=10.0, active=8.0, sample_time=0.1, kind="doublet")
+    truth = {**vehicle.coefficients, "sigma_u": 0.02}
+    schedule = family.schedule(200 * RPM, 4.0)
+    record = st.simulate(model, truth, schedule, ["u"], start={"u": 1.5}, rates={"u": 5.0}, key=1)
+    return st.make_posterior(model, record, PRIORS, start={"u": 1.5}), record, model, family
+
+
+def labels(axes) -> list[str]:
+    return [str(artist.get_label()) for artist in (*axes.patches, *axes.lines, *axes.collections)]
+
+
+def test_a_fit_shows_channels_in_si_and_the_propeller_in_rpm(fitted):
+    posterior, record, *_ = fitted
+    predicted = st.predict(posterior, made_draws(), record, start={"u": 1.5}, n=20)
+    speed, propeller = st.plot.fit(predicted)
+    assert (speed.get_ylabel(), propeller.get_ylabel()) == ("$u$ [m/s]", "$n$ [rpm]")
+    assert [text.get_text() for text in speed.get_legend().get_texts()] == ["measured", "90 % band", "predicted"]
+    drawn = next(line for line in speed.lines if line.get_label() == "predicted")
+    np.testing.assert_allclose(np.ravel(drawn.get_ydata()), predicted.mean[:, 0])
+    residual, lag = st.plot.residuals(predicted)
+    assert (residual.get_ylabel(), lag.get_xlabel()) == ("residual [sd]", "lag [s]")
+    assert list(predicted.summary().columns) == ["unit", "samples", "explained", "rmse", "coverage"]
+    with pytest.raises(st.InputError, match="expected: 2"):
+        st.plot.fit(predicted, ax=speed.figure.axes[:1] * 3 + [speed])
+
+
+def test_dots_are_seen_on_a_screen(fitted):
+    """Strokes as short as these were snapped away, so that a picture of pixels showed no measurement."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from seatrial.report.figures.style import draw_dots
+
+    figure = Figure(figsize=(2, 2), dpi=100)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    draw_dots(axes, np.linspace(0.0, 20.0, 20), np.linspace(0.0, 1.0, 20), color="#000000")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., 0]
+    assert (pixels < 200).sum() >= 20
+
+
+def test_posteriors_pairs_and_traces_are_of_the_parameters_asked_for():
+    draws = made_draws()
+    truth = {"X_uabsu": -2.9, "T_nabsn": 6.2e-4}
+    found = st.plot.posteriors(draws, priors=PRIORS, truth=truth)
+    assert [axes.get_xlabel() for axes in found] == [
+        "$X_{u|u|}$ [kg/m]",
+        "$T_{n|n|}$ [10⁻⁴ kg m/rad²]",
+        "$σ_{u}$ [10⁻² m/s]",
+    ]
+    assert {"prior", "posterior draws", "true value", "95 % interval"} <= set(labels(found[0]))
+    assert "true value" not in labels(found[2])
+    prior = next(line for line in found[2].lines if line.get_label() == "prior")
+    x, y = (np.asarray(part) for part in prior.get_data())
+    shape = y[x > 0] * x[x > 0]
+    np.testing.assert_allclose(shape, shape[0], rtol=0.02)  # log-uniform: density times value is constant
+    grid = st.plot.pairs(draws, ["X_uabsu", "sigma_u"])
+    assert grid.shape == (2, 2)
+    assert grid[1, 0].get_xlabel() == "$X_{u|u|}$ [kg/m]"
+    assert not grid[0, 1].axison
+    (chains,) = st.plot.traces(draws, ["sigma_u"])
+    assert labels(chains)[:2] == ["chain 1", "chain 2"]
+    with pytest.raises(st.InputError, match="population"):
+        st.plot.traces(made_draws(population=True))
+    with pytest.raises(st.InputError, match="X_w"):
+        st.plot.pairs(draws, ["X_w"])
+
+
+def test_axes_of_ones_own_are_drawn_into_and_returned():
+    from matplotlib.figure import Figure
+
+    mine = Figure().subplots(1, 3)
+    assert all(one is other for one, other in zip(st.plot.posteriors(made_draws(), ax=mine), mine, strict=True))
+    assert mine[2].get_xlabel().startswith("$σ_{u}$")
+
+
+def test_a_design_and_a_selection_are_pictures_tables_and_cells(fitted):
+    *_, model, family = fitted
+    design = st.design_trial(
+        model, made_draws(), family, np.array([50.0, 100.0]) * RPM, [2.0, 4.0], {"u": 0.02}, start={"u": 1.5}
+    )
+    surface = st.plot.entropy_surface(design)
+    assert (surface.get_xlabel(), surface.get_ylabel()) == ("period [s]", "amplitude [rpm]")
+    star = next(line for line in surface.lines if line.get_label() == "best design")
+    assert np.ravel(star.get_ydata())[0] == pytest.approx(design.sweeps[0].amplitude[design.sweeps[0].best[0]] / RPM)
+    left = design.summary()
+    np.testing.assert_allclose(left["left"], left["sd_after"] / left["sd_before"])
+    structures = (st_structure("with", "X_u X_uabsu"), st_structure("without", "X_uabsu"))
+    from seatrial.selection.verdict import select
+
+    found = select(structures, [st.Evidence(-1.0, 0.1, "by hand"), st.Evidence(0.0, 0.1, "by hand")], ["X_u"])
+    bars = st.plot.inclusion(found)
+    assert [text.get_text() for text in bars.get_yticklabels()] == ["$X_{u}$"]
+    assert bars.patches[0].get_width() == pytest.approx(1 / (1 + np.e))  # type: ignore[attr-defined]
+    assert list(found.summary().index) == ["without", "with"]
+    for one in (design, found, found.evidences[0], made_draws()):
+        assert one._repr_html_().count("<table") == 1
+
+
+def st_structure(label: str, terms: str):
+    from seatrial.selection.structures import Structure
+
+    return Structure(label, tuple(terms.split()))
+
+
+def test_a_tree_for_arviz_has_groups_coordinates_and_units(fitted):
+    posterior, record, *_ = fitted
+    draws = made_draws()
+    tree = st.to_arviz(draws, posterior, record, start={"u": 1.5}, n=800)
+    assert list(tree.children) == [
+        "posterior",
+        "sample_stats",
+        "observed_data",
+        "constant_data",
+        "posterior_predictive",
+    ]
+    np.testing.assert_array_equal(tree["posterior/T_nabsn"], draws["T_nabsn"])
+    assert tree["posterior/T_nabsn"].attrs["units"] == "kg m/rad^2"
+    measured = record.channel("u")
+    observed, replicated = tree["observed_data/u[trial]"], tree["posterior_predictive/u[trial]"]
+    np.testing.assert_array_equal(observed, measured[np.isfinite(measured)])
+    np.testing.assert_array_equal(observed["time_u[trial]"], record.time[np.isfinite(measured)])
+    assert replicated.dims == ("chain", "draw", "time_u[trial]")
+    predicted = st.predict(posterior, draws, record, start={"u": 1.5})
+    there = np.isfinite(measured)
+    spread = replicated.values.reshape(-1, there.sum()) - predicted.mean[there, 0]
+    # The variance of 800 motions that move as a whole is known to sqrt(2 / 800), 5 %.
+    assert np.mean(spread**2) == pytest.approx(np.mean(predicted.sd[there, 0] ** 2), rel=0.15)
+    with pytest.raises(st.InputError, match="records alone"):
+        st.to_arviz(draws, None, record)
