@@ -20,13 +20,22 @@ from seatrial.vehicles.model import VehicleModel
 Rate = Callable[[Mapping[str, Any]], Any]
 """Rate of an integral from the signals of `signals_at`."""
 KNOWN: dict[str, tuple[tuple[str, ...], Rate]] = {
-    "travelled": (("u",), lambda now: jnp.abs(now["u"])),
-    "advanced": (("u",), lambda now: now["u"]),
+    "distance": (("u",), lambda now: jnp.abs(now["u"])),
+    "advance": (("u",), lambda now: now["u"]),
     "psi": (("r",), lambda now: now["r"]),
     "x": (("u", "v", "psi"), lambda now: now["u"] * jnp.cos(now["psi"]) - now["v"] * jnp.sin(now["psi"])),
     "y": (("u", "v", "psi"), lambda now: now["u"] * jnp.sin(now["psi"]) + now["v"] * jnp.cos(now["psi"])),
 }
 """Signals that a vehicle without such a state may still follow: what each is integrated from, and its rate; m or rad."""
+
+
+def motion_signals(model: VehicleModel) -> tuple[str, ...]:
+    """Return what can be told of a vehicle's motion: its states, and the integrals of `KNOWN` that its states give."""
+    found = list(model.states)
+    for name, (needs, _) in KNOWN.items():
+        if name not in found and set(needs) <= set(found):
+            found.append(name)
+    return tuple(found)
 
 
 def integrals_for(model: VehicleModel, names: tuple[str, ...], where: str) -> dict[str, Rate]:
