@@ -1,6 +1,5 @@
 """Chance constraints against closed forms of a linear vehicle, exact probabilities and plain loops."""
 
-from itertools import pairwise
 from math import exp, inf, sqrt
 
 import jax
@@ -11,7 +10,6 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.design.duty import Duty, away_share, duty_excess, reversals_per_minute
 from seatrial.design.limit_conflicts import check_some_allowed, conflicting_pairs, least_miss
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import Safety, judge_runs, judge_safety, least_rooms, probability_at_least
@@ -333,25 +331,6 @@ def test_more_designs_than_one_block_are_those_alone():
     np.testing.assert_allclose(judge(draws, *WIDE, controls=controls[85:86]).room[0], together.room[85], rtol=1e-12)
 
 
-def test_duty_of_a_doublet():
-    """Of 100 samples of 0.6 s: 20 at trim, 30 up, 10 at trim, 30 down, chatter inside the band for the rest; one reversal a minute."""
-    control = 5.0 + np.concatenate([np.zeros(20), np.full(30, 2.0), np.zeros(10), np.full(30, -2.0), [0.1, -0.1] * 5])
-    assert away_share(control, 5.0, 0.2) == 0.6
-    assert reversals_per_minute(control, 5.0, 0.2, 0.6) == 1.0
-    assert reversals_per_minute(control, 5.0, 0.05, 0.6) == 1.0 + 10.0
-    both = np.stack([control, np.full(100, 5.0)])
-    assert away_share(both, 5.0, 0.2).tolist() == [0.6, 0.0]
-    assert reversals_per_minute(both, 5.0, 0.2, 0.6).tolist() == [1.0, 0.0]
-
-
-def test_duty_that_is_exceeded():
-    control = np.tile([1.0, -1.0], 50)
-    assert duty_excess(Duty(0.0, 0.1, share=0.5, reversals=99.0), control, 0.6) == {"share away from trim": (1.0, 0.5)}
-    found = duty_excess(Duty(0.0, 0.1, reversals=30.0), control, 0.6)
-    assert found == {"reversals per minute": (99.0, 30.0)}
-    assert duty_excess(Duty(0.0, 0.1), control, 0.6) == {}
-
-
 @pytest.mark.parametrize(
     ("lower", "upper", "words"),
     [
@@ -385,23 +364,6 @@ def test_runs_of_a_closed_loop_are_judged_each_with_its_own_control():
         judge_runs(PLAN, controls[:58], draws[:58], limits)
     with pytest.raises(InputError, match="designs of 120 samples"):
         judge_runs(PLAN, controls[:, 1:], draws, limits)
-
-
-def test_duty_of_any_control_by_a_naive_count():
-    """Sides left one after the other, whatever chatters between them, per minute; shares of the samples beyond the band."""
-    for seed in range(6):
-        control = 5.0 + np.cumsum(np.random.default_rng(seed).normal(size=80)) * 0.3
-        sides = [np.sign(x - 5.0) for x in control if abs(x - 5.0) > 0.5]
-        count = sum(a != b for a, b in pairwise(sides))
-        assert reversals_per_minute(control, 5.0, 0.5, 0.25) == pytest.approx(count * 60 / 20.0)
-        assert away_share(control, 5.0, 0.5) == len(sides) / 80
-    assert reversals_per_minute(np.full(10, 5.0), 5.0, 0.5, 0.25) == 0.0
-
-
-@pytest.mark.parametrize(("share", "broken"), [(0.5, False), (0.49, True), (None, False)])
-def test_duty_at_its_bound_is_kept(share, broken):
-    control = np.array([1.0, 1.0, 0.0, 0.0])
-    assert ("share away from trim" in duty_excess(Duty(0.0, 0.1, share=share), control, 1.0)) == broken
 
 
 @pytest.mark.parametrize(
