@@ -8,7 +8,7 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.predict import (
+from seatrial.campaign.inference.judge_predictions import (
     _lacks,
     fit_complaints,
     held_back_alarms,

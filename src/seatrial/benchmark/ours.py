@@ -33,7 +33,7 @@ from seatrial.core.batching import bucket_length
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.estimation.command_delay import delay_control
+from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import OutputError, initial_name

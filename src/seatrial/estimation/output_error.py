@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
-from seatrial.estimation.residuals import Coloured, Heavy, White
+from seatrial.estimation.noise_models import Coloured, Heavy, White
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Simulator
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials

@@ -36,7 +36,7 @@ from seatrial.estimation.fit_verdict import (
     either,
     explained_words,
 )
-from seatrial.estimation.validation import coverage, effective_samples
+from seatrial.estimation.prediction_scores import coverage, effective_samples
 
 BAND = 0.9
 """Probability of the band that is tested."""

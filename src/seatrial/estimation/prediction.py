@@ -19,12 +19,12 @@ from seatrial.core.signals import signal_unit
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Parameter, Posterior, as_key, check_posterior
+from seatrial.estimation.prediction_scores import Score, score_channel
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import start_of
 from seatrial.estimation.replicate import motions, replicate
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import TrialData, stack_trials
-from seatrial.estimation.validation import Score, score_channel
 from seatrial.sampling.run import Draws
 
 if TYPE_CHECKING:

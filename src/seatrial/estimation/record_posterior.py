@@ -20,7 +20,7 @@ from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error, process_name
 from seatrial.estimation.first_guess import first_guess

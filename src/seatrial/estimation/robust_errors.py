@@ -25,10 +25,10 @@ from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import FLAT, Mode
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior_by_run import RunExpansion, expand_runs, split_runs
 from seatrial.estimation.prediction import outputs_of_draws
-from seatrial.estimation.run_posteriors import RunExpansion, expand_runs, split_runs
+from seatrial.estimation.prediction_scores import effective_samples
 from seatrial.estimation.trial_data import TrialData
-from seatrial.estimation.validation import effective_samples
 
 LEAST_RUNS = 3
 """Runs from which on the runs themselves are the pieces."""

@@ -2,7 +2,7 @@
 
     elpd = sum_r log p(y_r | y_-r),   p(y_r | y_-r) = E[L_r(theta)] over p(theta | y_-r)
 
-L_r is the likelihood of run r whatever its own parameters are (`run_posteriors`): a run that was left out has told nothing of its start,
+L_r is the likelihood of run r whatever its own parameters are (`posterior_by_run`): a run that was left out has told nothing of its start,
 bias or deviation. All R + 1 posteriors, that of all runs and those that each lack one, are weighted from one set of draws: of a mixture
 of their normal approximations, which the derivatives of each run at the joint mode give without another fit (Owen and Zhou, JASA 95,
 2000). The tails of the weights are smoothed and judged (Vehtari et al., JMLR 25, 2024); where Pareto k is above 0.7, the mode of the
@@ -25,7 +25,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.mode import Mode, find_mode, follow
 from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
 from seatrial.estimation.posterior import Posterior, as_key
-from seatrial.estimation.run_posteriors import (
+from seatrial.estimation.posterior_by_run import (
     RunExpansion,
     RunPosteriors,
     expand_runs,
@@ -35,7 +35,7 @@ from seatrial.estimation.run_posteriors import (
     split_runs,
     weigh_runs,
 )
-from seatrial.estimation.validation import Score
+from seatrial.estimation.prediction_scores import Score
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
 LEAST_RUNS = 3

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from seatrial.campaign.config.settings import DesignFilter, Residuals, Scope, Utility
+from seatrial.campaign.config.settings import DesignFilter, Residuals, Scope, SelectionSettings, Utility
 from seatrial.sampling.names import DEFAULT, SamplerName
 
 Quantity = str | float
@@ -385,7 +385,7 @@ class SelectionTable(Table):
 
     particles: int | None = Field(default=None, ge=64, le=1_000_000)
     repeats: int = Field(default=4, ge=2, le=1000)
-    draws: int = Field(default=20480, ge=1024, le=10_000_000)
+    draws: int = Field(default=SelectionSettings.draws, ge=1024, le=10_000_000)
 
 
 class SlurmTable(Table):

@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.mounts import mount_names
 from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT

@@ -23,10 +23,10 @@ from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.curve import CellCurve, Curve, read_curve
+from seatrial.logs.cut_record import cut
 from seatrial.logs.followed import follow
 from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.read import read_log
-from seatrial.logs.segments import cut
 from seatrial.logs.source import ColumnMap, LogSource, LogTable
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel

@@ -18,7 +18,7 @@ from seatrial.campaign.config.truth import actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.replicate import draw_unit_noise
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator

@@ -30,11 +30,11 @@ from seatrial.estimation.pooled_coverage import (
     unjudged,
 )
 from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws
+from seatrial.estimation.prediction_scores import DIVERGES, Score, score_channel
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.sensors import correlation_name
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
-from seatrial.estimation.validation import DIVERGES, Score, score_channel
 
 N_DRAWS = 200
 MOST_NAMED = 6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.residuals import Coloured, Heavy, White
+from seatrial.estimation.noise_models import Coloured, Heavy, White
 from seatrial.estimation.trial_data import FOREVER, channel_data
 
 

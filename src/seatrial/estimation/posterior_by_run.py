@@ -31,8 +31,8 @@ from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.posterior import Parameter, Posterior, check_posterior
 from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen
+from seatrial.estimation.prediction_scores import Score, score_channel
 from seatrial.estimation.sensors import correlation_name
-from seatrial.estimation.validation import Score, score_channel
 from seatrial.sampling.target import AT_ONCE, LANES
 
 LEAST = 1e-2

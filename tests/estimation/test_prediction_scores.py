@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from seatrial.estimation.fit_verdict import FitVerdict, judge_fit, worst
-from seatrial.estimation.validation import score_channel
+from seatrial.estimation.prediction_scores import score_channel
 
 TIME = np.arange(1200) * 0.05
 MOTION = np.sin(0.4 * TIME)
