@@ -320,6 +320,20 @@ class FileTable(Table):
     names: list[str] | None = Field(default=None, min_length=1)
 
 
+class KeepTable(Table):
+    """`[[import.keep]]`: when a run is what it is taken for, by a log of the trial: `when = "armed == 1 and voltage > 14.5"`.
+
+    Each run is cut to the longest stretch in which every condition holds, between its start and end. Comparisons of columns with numbers
+    (`==`, `!=`, `<`, `<=`, `>`, `>=`) are joined by `and`; a number holds from its stamp to the next.
+    """
+
+    path: str
+    when: str
+    table: str | None = None
+    time: TimeTable | None = None
+    delimiter: str | None = None
+
+
 class TrimTable(Table):
     """`[import.trim.RUN]`: where one run begins and ends, instead of what `[import]` says for all runs."""
 
@@ -343,6 +357,7 @@ class ImportTable(Table):
     trim: dict[str, TrimTable] = {}
     split: Quantity | None = None
     schedule: str | None = None
+    keep: list[KeepTable] = []
     files: list[FileTable] = Field(min_length=1)
 
 
