@@ -100,16 +100,6 @@ def test_files_of_the_same_stamps_share_their_instants(tmp_path):
     np.testing.assert_array_equal(on_grid.control, record.control)
 
 
-def test_means_of_a_bending_signal_are_its_values(tmp_path):
-    """Five samples about an instant, 0.02 s apart, have the variance 0.0008 s^2: of t^2 the mean is that above the value."""
-    stamps, time = [f"{0.02 * k:.2f}" for k in range(101)], 0.02 * np.arange(101)
-    table = read_log(column(tmp_path, "r.csv", stamps, "r", 3.0 - 2.0 * time + 5.0 * time**2, "measurement"))
-    record = align([table], step=0.1)
-    inner = slice(2, -2)  # the first and the last have samples on one side only
-    expected = 3.0 - 2.0 * record.time + 5.0 * record.time**2
-    np.testing.assert_allclose(record.channel("r")[inner], expected[inner], rtol=0, atol=1e-12)
-
-
 def test_measurements_that_meet_are_averaged_and_a_heading_goes_on_over_the_turn(tmp_path):
     stamps = [f"{0.02 * k:.2f}" for k in range(100)]
     turning = pi + 0.005 * (np.arange(100) - 50.5)

@@ -237,26 +237,9 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
     deviation = values - np.repeat(values[firsts], counts)
     column = np.full(instants.size, np.nan)
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
-    column = _without_curvature(column, instants, used, time[near], counts, firsts)
     met = int((counts > 1).sum())
     return column, (
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
         + (f"; {met} instants hold the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else "")
     )
-
-
-def _without_curvature(
-    column: np.ndarray, instants: np.ndarray, used: np.ndarray, time: np.ndarray, counts: np.ndarray, firsts: np.ndarray
-) -> np.ndarray:
-    """Return means of several samples without what the bend of the signal adds to them, where both neighbours are known."""
-    if instants.size < 3 or not (counts > 1).any():
-        return column
-    mean, spread = instants.copy(), np.zeros(instants.size)
-    mean[used] = np.add.reduceat(time, firsts) / counts
-    spread[used] = np.add.reduceat((time - np.repeat(mean[used], counts)) ** 2, firsts) / counts
-    slope = np.diff(column) / np.diff(mean)
-    bend = 2.0 * np.diff(slope) / (mean[2:] - mean[:-2])
-    column = column.copy()
-    column[1:-1] -= 0.5 * spread[1:-1] * np.where(np.isfinite(bend), bend, 0.0)
-    return column
