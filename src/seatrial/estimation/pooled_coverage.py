@@ -83,7 +83,7 @@ class Pooled:
         upper: upper end.
         least: share inside the band in the run with the fewest.
         most: share in the run with the most.
-        p_value: probability that bands as stated hold so few, of all runs or of the worst of them.
+        p_value: probability that bands as stated hold so few, of all runs or of the worst of them, or leave such errors.
         explained: share of the variance about the runs' own means that is explained; negative is worse than those means.
         variance: mean square of the normalised residuals, 1 where errors are as large as stated.
         widen: factor on the half-width of the bands with which 90 % of the samples would lie inside.
@@ -180,7 +180,7 @@ def pooled_verdict(
     worth = sizes**2 / within
     n = min(float(sizes.sum() ** 2 / (within.sum() + shared * among)), _worth_by_scatter(runs, sizes))
     total = sum(run.total for run in runs)
-    inside = coverage(z, BAND)
+    inside, variance = coverage(z, BAND), float(np.mean(z**2))
     lower, upper = share_range(inside, n)
     shares = [coverage(run.z, BAND) for run in runs]
     alone = [probability_of_so_few(share, one) for share, one in zip(shares, worth, strict=True)]
@@ -194,9 +194,9 @@ def pooled_verdict(
         "upper": upper,
         "least": min(shares),
         "most": max(shares),
-        "p_value": min(probability_of_so_few(inside, n), len(runs) * min(alone)),
+        "p_value": min(probability_of_so_few(inside, n), len(runs) * min(alone), _probability_of_so_large(variance, n)),
         "explained": 1.0 - sum(run.squares for run in runs) / total if total > 0 else 0.0,
-        "variance": float(np.mean(z**2)),
+        "variance": variance,
         **dict(zip(("widen", "widen_lower", "widen_upper"), band_factor(z, n), strict=True)),
     }
     found = Pooled(**numbers, level="pass", about="", reason="")
@@ -276,6 +276,11 @@ def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, flo
     return factor, lower, upper
 
 
+def _probability_of_so_large(variance: float, n: float) -> float:
+    """Return the probability that errors as stated have such a mean square; 1 for one that would not matter."""
+    return float(scipy.stats.chi2.sf(max(n, 1.0) * variance, max(n, 1.0))) if variance > BURST else 1.0
+
+
 def _padded(rows: Sequence[Float[np.ndarray, " _"]]) -> Float[np.ndarray, "runs k"]:
     """Return rows of several lengths as one table, with zeros at their ends."""
     return np.stack([np.pad(row, (0, max(map(len, rows)) - len(row))) for row in rows])
@@ -305,7 +310,7 @@ def _worth_by_scatter(runs: Sequence[RunResiduals], sizes: Float[np.ndarray, " r
 def _judge(pooled: Pooled, excused: bool, mend: str) -> FitVerdict:
     """Say what the numbers mean; `excused` where noise or uncertain coefficients explain the errors, `mend` is what may be wrong."""
     n, inside = max(pooled.effective, 1.0), _inside(pooled)
-    large = pooled.variance > BURST and scipy.stats.chi2.sf(n * pooled.variance, n) < RARE
+    large = _probability_of_so_large(pooled.variance, n) < RARE
     short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
     if short or large or pooled.variance >= ONE_SAMPLE:
         return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled, mend)}")
