@@ -22,6 +22,7 @@ from jaxtyping import Float
 from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.progress import Progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode, follow
 from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
 from seatrial.estimation.posterior import Posterior, as_key
@@ -163,6 +164,7 @@ def leave_one_run_out(
     *,
     draws: int = DRAWS,
     max_k_hat: float = MAX_K_HAT,
+    progress: Progress = no_progress,
 ) -> LeaveOneRunOut:
     """Predict each run from the others.
 
@@ -172,6 +174,7 @@ def leave_one_run_out(
         mode: of the posterior, found here if not given.
         draws: of the shared parameters, in each round.
         max_k_hat: tail index of the weights above which the others are fitted anew; -inf always does.
+        progress: called with the steps done and all: the mode, the draws, and each run.
 
     Raises:
         InputError: fewer than three runs, or a posterior of no records.
@@ -180,9 +183,12 @@ def leave_one_run_out(
     key = as_key(key)
     runs = split_runs(posterior)
     _check_runs(runs)
-    mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
     count = len(runs.runs)
+    progress(0, count + 2)
+    mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
+    progress(1, count + 2)
     known, refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
+    progress(2, count + 2)
     found, predicted, poor = [], [], []
     for r, label in enumerate(runs.labels):
         weights, k_hat = _weights(known, _without(count, r))
@@ -199,6 +205,7 @@ def leave_one_run_out(
         scores = {channel: one.score for channel, one in predicted[-1].items()}
         found.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
+        progress(3 + r, count + 2)
     status = (
         f"a few draws carry what is said of run {', '.join(poor)}: the posterior is far from normal" if poor else ""
     )

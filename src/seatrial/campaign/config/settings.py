@@ -17,7 +17,7 @@ from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import structure_rules
 from seatrial.vehicles.thrusters import ThrustLaw
 
-Residuals = Literal["white", "coloured", "heavy"]
+Residuals = Literal["white", "coloured", "heavy", "drifting"]
 Scope = Literal["none", "shared", "own"]
 """Whether something is unknown, and if so whether all trials share it or every one has its own."""
 Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
