@@ -1,8 +1,8 @@
 """Questions that need the vehicle and so the whole package; answered in the thinking process."""
 
 import tempfile
-import tomllib
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Drawn, envelopes
 from seatrial.apps.dashboard.result_plots import as_plot, as_recorded
-from seatrial.apps.dashboard.view_models import Beginning, Clicked, FormData, Limit, Margin, Recorded, Stage
+from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Margin, PublishedTerms, Recorded, Stage
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import TRACKS
 from seatrial.campaign.config.load import check_text, load_campaign
-from seatrial.campaign.config.templates import TEMPLATES, template_text
+from seatrial.campaign.config.new_campaign import new_campaign
+from seatrial.campaign.config.new_campaign_file import campaign_text
+from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import read_untrimmed
@@ -38,7 +40,7 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.drawing import schedule_figure
 from seatrial.report.figures.style import own_settings
-from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names, vehicle_names
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -84,32 +86,33 @@ def form_data(folder: str) -> FormData:
     )
 
 
-def beginnings() -> tuple[Beginning, ...]:
-    """Templates to begin from, each with its published vehicle, and with others where its priors are those of the vehicle."""
+def published_terms() -> tuple[PublishedTerms, ...]:
+    """Published vehicles from which a campaign may begin, and the coefficients that are published of each."""
     found = []
-    for template, meaning in TEMPLATES.items():
-        table = tomllib.loads(template_text(template))["vehicle"]
-        own = (table["catalogue"],) if "catalogue" in table else ()
-        others = (one for one in vehicle_names() if one not in own and _usable(template, one))
-        found.append(Beginning(template, meaning, (*own, *(others if "published_to" in table else ()))))
+    for name in vehicle_names():
+        if name in surge_names():
+            found.append(PublishedTerms(name, tuple(load_surge(name).coefficients)))
+        elif terms := (vehicle := load_vehicle(name)).terms(vehicle.moves):
+            found.append(PublishedTerms(name, tuple(terms)))
     return tuple(found)
 
 
-def begun(folder: str, template: str, name: str, vehicle: str) -> str:
-    """Text of a campaign file that a template begins, checked.
+def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ...]) -> str:
+    """Text of a new campaign's file, checked.
 
     Args:
         folder: where it is to stand.
-        template: its name.
         name: of the campaign.
-        vehicle: of the catalogue; empty for the template's own.
+        template: to begin from; empty where the form was filled in.
+        said: in the form, as options of `seatrial init`.
 
     Raises:
-        InputError: no such template or vehicle, or a vehicle that the template cannot be of.
+        InputError: no such template, or a campaign that cannot be used.
     """
-    text = set_key(template_text(template), "campaign", "name", name)
-    if vehicle:
-        text = set_key(text, "vehicle", "catalogue", vehicle)
+    if template:
+        text = set_key(template_text(template), "campaign", "name", name)
+    else:
+        text = campaign_text(new_campaign({**dict(said), "name": name}))
     check_text(Path(folder), text)
     return text
 
@@ -160,13 +163,6 @@ def whole_log(folder: str, run: str) -> Recorded:
     curves = envelopes(found.time, lambda a, b: {name: values[a:b] for name, values in columns.items()})
     about = {channel.name: (channel.unit, channel.role) for channel in found.channels}
     return as_recorded(Drawn(curves, about, found.time.size, dict(found.provenance.options), found.provenance.source))
-
-
-def _usable(template: str, vehicle: str) -> bool:
-    try:
-        return bool(begun(".", template, template, vehicle))
-    except InputError:
-        return False
 
 
 def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:

@@ -54,7 +54,7 @@ def frame(context: AppContext, view: str, campaign: str = "", folder: Path | Non
         folder: of the campaign, to show what is at work on it.
     """
     ui.add_head_html(_THEME)
-    title = VIEWS.get(view, "Campaigns")
+    title = VIEWS.get(view, "New campaign" if view == "new" else "Campaigns")
     ui.page_title(f"{title} · {campaign if campaign not in ('', '.') else context.campaign_paths.root.name} · seatrial")
     markup('<a class="skip" href="#main">Skip to the content</a>')
     with ui.element("header").classes("top"):

@@ -21,7 +21,7 @@ from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
 from seatrial.apps.dashboard.page_layout import frame
-from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
+from seatrial.apps.dashboard.pages import compare, design, new_campaign, overview, records, report, results, work
 from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, is_loopback
 from seatrial.apps.dashboard.throttling import Throttle, punctual
 from seatrial.apps.dashboard.view_models import words_of
@@ -134,7 +134,7 @@ def build(context: AppContext, guard: RequestGuard) -> GuardedApp:
     logging.getLogger("nicegui").setLevel(logging.ERROR)
     app.router.on_startup.append(context.worker_pool.warm)
     app.router.on_shutdown.append(end_all)
-    return GuardedApp(app, guard, ("/", *(f"/{view}" for view in VIEWS)), PACE)
+    return GuardedApp(app, guard, ("/", "/new", *(f"/{view}" for view in VIEWS)), PACE)
 
 
 _FAVICON = (
@@ -182,6 +182,10 @@ def _add_pages(context: AppContext) -> None:
     @ui.page("/", response_timeout=BUILD)
     async def _overview() -> None:
         await overview.build(context)
+
+    @ui.page("/new", response_timeout=BUILD)
+    async def _new() -> None:
+        await new_campaign.build(context)
 
     for view, make in VIEWS.items():
         _add_view(context, view, make)

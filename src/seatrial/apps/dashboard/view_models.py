@@ -94,12 +94,11 @@ class FormData(NamedTuple):
     predict: tuple[str, ...]
 
 
-class Beginning(NamedTuple):
-    """A template to begin from: what it is, and the published vehicles it may be of, its own first; none where it is by hand."""
+class PublishedTerms(NamedTuple):
+    """A published vehicle to begin from, and its published coefficients."""
 
-    template: str
-    meaning: str
-    vehicles: tuple[str, ...]
+    name: str
+    terms: tuple[str, ...]
 
 
 class Margin(NamedTuple):
