@@ -145,8 +145,8 @@ _FAVICON = (
 
 def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
     style = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
-    palette = "; ".join(f"--{name}: {light}" for name, (light, _) in PALETTE.items())
-    style = f":root {{ {palette}; }}\n{style}"
+    light, dark = ("; ".join(f"--{name}: {pair[i]}" for name, pair in PALETTE.items()) for i in (0, 1))
+    style = f':root {{ {light}; }}\n:root[data-theme="dark"] {{ {dark}; }}\n{style}'
 
     @app.get("/style.css")
     async def _style() -> Response:

@@ -20,7 +20,7 @@ STARTS = {"own": "a vehicle of your own", "published": "a published vehicle"} | 
     name: meaning for name, meaning in TEMPLATES.items() if name not in WRITTEN
 }
 """What a campaign may begin from: the form, filled in with an example, or a file."""
-LOOK = "outlined dense stack-label hide-bottom-space"
+LOOK = "outlined dense stack-label hide-bottom-space no-error-icon"
 TEXTS = {
     "mass": ("Mass in air", "30 kg"),
     "inertia": ("Inertia, three axes", "0.2, 3.4, 3.4 kg m^2"),

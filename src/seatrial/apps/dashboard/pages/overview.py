@@ -8,7 +8,7 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file
-from seatrial.apps.dashboard.app_context import PATIENCE, AppContext, fill, markup
+from seatrial.apps.dashboard.app_context import PATIENCE, AppContext, change_of, fill, keep_current, markup
 from seatrial.apps.dashboard.page_layout import VIEWS, button, frame, link
 from seatrial.apps.dashboard.view_models import Stage
 from seatrial.campaign.config.toml import toml_content
@@ -22,25 +22,33 @@ LEGEND = "✓ current: its results belong to the campaign file and logs as they 
 async def build(context: AppContext) -> None:
     """Build the page."""
     with frame(context, ""):
-        names = await asyncio.to_thread(context.campaign_paths.campaigns)
-        if not names:
-            words = "<section><p>No campaign in {} yet. Begin one here, or in a shell with <code>seatrial init</code>.</p></section>"
-            markup(Markup(words).format(context.campaign_paths.root))
-            _new_button()
-            return
-        if names != ["."]:
-            _new_button()
-        markup(
-            Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), context.campaign_paths.root, LEGEND)
-        )
-        folders = {name: context.campaign_paths.folder(name) for name in names}
-        standing = {name: asyncio.ensure_future(context.steps(folder)) for name, folder in folders.items()}
-        await asyncio.wait(standing.values(), timeout=PATIENCE)
-        looks = []
-        with ui.element("div").classes("cards"):
-            for name, folder in folders.items():
-                looks.append(await _card(context, name, folder, standing[name]))
-        ui.timer(EVERY, lambda: [look() for look in looks])
+        part = ui.element("div")
+
+        async def show() -> None:
+            await _campaigns(context, await asyncio.to_thread(context.campaign_paths.campaigns))
+
+        await keep_current(part, lambda: tuple(context.campaign_paths.campaigns()), show)
+
+
+async def _campaigns(context: AppContext, names: list[str]) -> None:
+    """Build the card of every campaign."""
+    root = context.campaign_paths.root
+    if not names:
+        words = "<section><p>No campaign in {} yet. Begin one here, or in a shell with <code>seatrial init</code>.</p></section>"
+        markup(Markup(words).format(root))
+        _new_button()
+        return
+    if names != ["."]:
+        _new_button()
+    markup(Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), root, LEGEND))
+    folders = {name: context.campaign_paths.folder(name) for name in names}
+    standing = {name: asyncio.ensure_future(context.steps(folder)) for name, folder in folders.items()}
+    await asyncio.wait(standing.values(), timeout=PATIENCE)
+    looks = []
+    with ui.element("div").classes("cards"):
+        for name, folder in folders.items():
+            looks.append(await _card(context, name, folder, standing[name]))
+    ui.timer(EVERY, lambda: [look() for look in looks])
 
 
 def _new_button() -> None:
@@ -57,10 +65,14 @@ async def _card(
         place = folder.relative_to(context.campaign_paths.root.parent)
         head = Markup('<h2><a href="{}">{}</a></h2><p class="note">{}</p>')
         markup(head.format(link("results", name), title, place))
-        holder = ui.element("div")
-        await fill(
-            holder, standing, lambda steps: markup(steps_html(steps)), "looking at what is current …", patience=0.001
-        )
+        first = [standing]
+
+        async def show() -> None:
+            part, steps = ui.element("div"), first.pop() if first else context.steps(folder)
+            waiting = "looking at what is current …"
+            await fill(part, steps, lambda found: markup(steps_html(found)), waiting, patience=0.001)
+
+        await keep_current(ui.element("div"), lambda: change_of(folder), show)
         at_work = markup("")
         links = Markup("").join(
             Markup('<a href="{}">{}</a>').format(link(key, name), words) for key, words in VIEWS.items()
