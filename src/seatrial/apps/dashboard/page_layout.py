@@ -72,7 +72,7 @@ def frame(context: AppContext, view: str, campaign: str = "", folder: Path | Non
             for key, name in VIEWS.items()
         )
         markup(Markup('<nav aria-label="Views of the campaign"><ul>{}</ul></nav>').format(links))
-    with ui.element("main").props('id=main tabindex="-1"'):
+    with ui.element("div").props('id=main tabindex="-1"'):  # NiceGUI lays a <main> around the whole page
         markup(Markup("<h1>{}</h1>").format(title))
         yield
 
@@ -89,12 +89,6 @@ def button(words: str, action, *, main: bool = False) -> ui.button:
     """A button that reads as what it does."""
     kind = "unelevated color=primary text-color=paper" if main else "outline color=primary"
     return ui.button(words, on_click=action).props(f"no-caps {kind}").classes("button")
-
-
-def figure(svg: str, caption: str = "") -> Markup:
-    """A figure; the drawing is our own markup."""
-    below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
-    return Markup("<figure>{}{}</figure>").format(Markup(svg), below)
 
 
 def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:

@@ -185,7 +185,7 @@ def marginal_chart(one: Marginal, labels: Mapping[str, str]) -> ui.echart:
     along = axis(unit, nameLocation="middle", nameGap=26, splitNumber=4, **ends)
     along["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
     options = {
-        "grid": {"left": 12, "right": 12, "top": 30 if others else 12, "bottom": 46},
+        "grid": {"left": 12, "right": 12, "top": 30 if others else 24, "bottom": 46},
         "xAxis": along,
         "yAxis": {"type": "value", "show": False, "min": 0, "max": 1.15 * top},
         "legend": {"show": bool(others), "type": "scroll", "top": 0, "textStyle": {"color": colour("ink")}},

@@ -70,7 +70,11 @@ class RunBar:
         self.context, self.folder, self.address, self.shown = context, folder, address, ""
         with ui.element("div").classes("run-bar").props('role=region aria-label="At work"') as self.part:
             self.words = markup("")
-            self.stop = ui.button("Stop", on_click=self._stop).props("no-caps unelevated color=primary text-color=paper").classes("button")
+            self.stop = (
+                ui.button("Stop", on_click=self._stop)
+                .props("no-caps unelevated color=primary text-color=paper")
+                .classes("button")
+            )
         self.said = ui.element("div")
         self._look()
         ui.timer(EVERY, self._look)

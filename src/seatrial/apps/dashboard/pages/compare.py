@@ -113,7 +113,7 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
         [
             table(["coefficient", "difference, joint sd", *head], rows[True], "Coefficients of the vehicle"),
             table(["parameter", *head], rows[False], "Of sensors, runs and water") if rows[False] else Markup(""),
-            table(["", here, there], [list(row) for row in facts], "In all", left=3),
+            table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3),
         ]
     )
 

@@ -207,7 +207,7 @@ class Surface:
         with ui.element("div").classes("figures"):
             schedule_chart(clicked.time, clicked.control, found.control, found.unit)
             rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
-            head = ["limit", "", "room left", "reached", "bound"]
+            head = ["limit", "kept?", "room left", "reached", "bound"]
             markup(
                 table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>"
             )
