@@ -12,7 +12,7 @@ from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.new_campaign import read_control, read_limit, read_sensor, read_sought
 from seatrial.core.errors import InputError
-from seatrial.design.motion_limits import Distance
+from seatrial.design.motion_limits import MotionLimit
 from tests.apps.test_cli import run
 
 OWN = (
@@ -40,7 +40,7 @@ def test_what_was_said_is_in_the_campaign(monkeypatch, capsys, tmp_path):
     assert (thrust.lower, thrust.upper) == pytest.approx((0.02 / rev**2, 0.06 / rev**2))
     assert made.limits.lower == pytest.approx(500 / 60 * rev)
     assert made.limits.rate == pytest.approx(600 / 60 * rev)
-    assert Distance(200.0) in made.motion_limits
+    assert MotionLimit("distance", upper=200.0) in made.motion_limits
     assert (made.sensors["u"].noise, made.sensors["u"].rate) == (0.02, 5.0)
     assert made.goal.shares == {"X_uabsu": 0.05}
     amplitude, period = made.design.grid()

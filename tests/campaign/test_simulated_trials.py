@@ -2,12 +2,13 @@
 
 import json
 
+import jax
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
-from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import (
@@ -19,6 +20,7 @@ from seatrial.campaign.data.simulate import (
     record_keys,
     run_trial,
 )
+from seatrial.campaign.data.true_vehicle import true_vehicle
 from seatrial.campaign.design.batch import plan_together
 from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.campaign.design.global_search import search_design
@@ -184,6 +186,55 @@ def test_the_truth_goes_through_the_sensors(tmp_path, truth, late, more):
     u, rev = shown(campaign(tmp_path, (QUIET[0], f"{QUIET[1]}\n{truth}")))
     expected = speed(np.concatenate([np.full(late, rev[0]), rev])[:N]) + more
     np.testing.assert_allclose(u, expected, atol=1e-9)
+
+
+BODY = """
+[campaign]
+name = "late"
+seed = 1
+[vehicle]
+mass = "30 kg"
+trim = {{ u = "1.5 m/s", tau_X = "8 N" }}
+moves = ["u"]
+fixed = {{ X_udot = -1.0 }}
+{stated}
+[structure]
+always = ["X_uabsu", "X_tau_X"]
+optional = []
+[prior]
+X_uabsu = {{ distribution = "uniform", lower = -8.8, upper = 0.0 }}
+X_tau_X = {{ distribution = "uniform", lower = 0.5, upper = 2.0 }}
+[sensors.u]
+noise = "1e-9 m/s"
+[design]
+control = "tau_X"
+duration = "60 s"
+active = "40 s"
+sample_time = "0.1 s"
+amplitude = {{ from = "1 N", to = "2 N", points = 2 }}
+period = {{ from = "1 s", to = "20 s", points = 2 }}
+[truth]
+X_uabsu = -3.55
+X_tau_X = 1.0
+{truth}
+"""
+
+
+def test_the_true_lag_of_an_actuator_takes_the_place_of_the_stated_one(tmp_path):
+    """Not one behind the other: as of a campaign that states none."""
+
+    def late(stated, truth):
+        made = check_text(tmp_path / "campaign.toml", BODY.format(stated=stated, truth=truth))
+        time = np.arange(100) * 0.1
+        schedule = Schedule(time, {"tau_X": np.where(time >= 1, 30.0, 8.0)})
+        return true_vehicle(made).show(schedule, np.ones((100, 1), bool), [jax.random.key(0)])["u"]
+
+    stated, alone = '[vehicle.actuators.tau_X]\nlag = "2 s"', late("", "lag_tau_X = 1.0")
+    np.testing.assert_allclose(late(stated, "lag_tau_X = 1.0"), alone, atol=1e-7)
+    np.testing.assert_allclose(late(stated, ""), late("", "lag_tau_X = 2.0"), atol=1e-7)
+    assert np.abs(late(stated, "") - alone).max() > 0.1
+    with pytest.raises(InputError, match=r"truth.lag_tau_X[^$]*by \[vehicle.actuators\] it is late"):
+        late(stated, "lag_tau_X = 0.0")
 
 
 def test_a_true_lag_of_a_sensor_is_of_first_order(tmp_path):

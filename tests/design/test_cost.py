@@ -9,11 +9,10 @@ from seatrial.core.errors import InputError
 from seatrial.design.cost import (
     ForcePower,
     PropellerPower,
+    TrialCost,
     expected_cost,
     gain_per_cost,
     in_joules,
-    in_seconds,
-    per_trial,
 )
 from seatrial.design.stopping import best_stops
 from seatrial.design.trial_plan import plan_trial
@@ -68,8 +67,8 @@ def test_energy_of_a_motion_that_diverges_is_infinite():
 
 def test_seconds_and_trials():
     controls = np.full((2, N, 1), N0)
-    assert expected_cost(PAPER, in_seconds(fixed=60.0), controls, VALUES).mean.tolist() == [60 + LENGTH] * 2
-    assert expected_cost(PAPER, per_trial(), controls, VALUES).mean.tolist() == [1.0] * 2
+    assert expected_cost(PAPER, TrialCost("s", 60.0, 1.0), controls, VALUES).mean.tolist() == [60 + LENGTH] * 2
+    assert expected_cost(PAPER, TrialCost("trials", 1.0, 0.0), controls, VALUES).mean.tolist() == [1.0] * 2
     assert gain_per_cost(np.array([3.0, 0.0]), np.array([60.0, 90.0])).tolist() == [0.05, 0.0]
 
 
@@ -136,7 +135,7 @@ def test_without_time_between_trials_the_first_end_is_no_worse_than_the_last():
     ("cost", "where", "words"),
     [
         (in_joules(-1.0), "hotel load", "-1"),
-        (in_seconds(fixed=float("nan")), "fixed cost", "nan"),
+        (in_joules(1.0, fixed=float("nan")), "fixed cost", "nan"),
         (in_joules(0.0), "trial cost", "nothing that costs"),
         (in_joules(1.0, PropellerPower(0.0, 10.0)), "PropellerPower", "0, 10"),
         (in_joules(1.0, ForcePower(60.0, "n")), "ForcePower", "efficiency of 60"),

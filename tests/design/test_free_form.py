@@ -19,7 +19,7 @@ from seatrial.design.free_form_course import (
     worst_course_slope,
 )
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
-from seatrial.design.motion_limits import Distance, StateBound
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES
 from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.free_form import SplineInput, SteppedInput, nearest_levels
@@ -97,7 +97,9 @@ def test_gradient_against_differences_whatever_the_blocks(block):
 
 
 def test_course_against_a_plain_loop_and_its_slope_against_differences():
-    problem = surge_problem(points=POINTS, motion=(StateBound("u", upper=9.0), Distance(1e3)), cost=COST, budget=1e9)
+    problem = surge_problem(
+        points=POINTS, motion=(MotionLimit("u", upper=9.0), MotionLimit("distance", upper=1e3)), cost=COST, budget=1e9
+    )
     setup, watched, x = problem.setup(), problem.watched(), np.random.default_rng(2).uniform(-1, 1, 20)
     kept = jnp.array([True, True, False])
     found = worst_course(setup, watched, jnp.asarray(x), kept, problem.block)
@@ -148,7 +150,7 @@ def test_limits_hold_at_every_sample():
     """Ramps, a rate, a speed that is not to be exceeded at any of three points, and energy; and margins are what was reached."""
     form = SteppedInput("n", N0, 60.0, 0.0, 58.0, 20, edge=1.0)
     limits = Limits(LIMITS.lower, LIMITS.upper, rate=250 * RPM)
-    motion = (StateBound("u", lower=1.4, upper=2.5), Distance(97.0))
+    motion = (MotionLimit("u", lower=1.4, upper=2.5), MotionLimit("distance", upper=97.0))
     start = 2 * np.pi * naive_doublets(TIME, 200, 18, active=54)
     problem = surge_problem(form, limits=limits, points=POINTS, motion=motion, cost=COST, budget=690.0)
     found = design_free_form(problem, 0, {"doublet": nearest_levels(form, TIME, start)}, steps=40)
@@ -177,7 +179,7 @@ def test_a_share_of_the_draws_may_break_a_bound():
     rng = np.random.default_rng(3)
     draws = POINTS[0] * (1 + 0.05 * rng.normal(size=(20, 3)))
     start = {"doublet": nearest_levels(surge_problem().form, TIME, 2 * np.pi * naive_doublets(TIME, 200, 20, 60, 0.0))}
-    bounds = (StateBound("u", upper=2.0),)
+    bounds = (MotionLimit("u", upper=2.0),)
     found = {}
     for risk in (0.0, 0.1):
         problem = surge_problem(points=POINTS[:1], draws=draws, motion=bounds, risk=risk)
@@ -279,12 +281,12 @@ IMPOSSIBLE = [
     ({"limits": Limits(60.0, 70.0)}, r"trim 78\.5398 above upper limit 70 by 8\.53982"),
     ({"limits": Limits(60.0, None)}, "upper limit None"),
     ({"limits": Limits(60.0, 90.0, rate=10.0)}, "edges of 3 s for the full swing of 30"),
-    ({"motion": (StateBound("u", upper=1.5),)}, r"trim breaks the upper bound 1\.5 m/s of u by 0\.0418615"),
-    ({"motion": (StateBound("u", lower=1.6),)}, r"trim breaks the lower bound 1\.6 m/s of u by 0\.0581385"),
-    ({"motion": (Distance(90.0),)}, r"trim breaks the upper bound 90 m of travelled by 2\.51169"),
+    ({"motion": (MotionLimit("u", upper=1.5),)}, r"trim breaks the upper bound 1\.5 m/s of u by 0\.0418615"),
+    ({"motion": (MotionLimit("u", lower=1.6),)}, r"trim breaks the lower bound 1\.6 m/s of u by 0\.0581385"),
+    ({"motion": (MotionLimit("distance", upper=90.0),)}, r"trim breaks the upper bound 90 m of distance by 2\.51169"),
     ({"cost": COST, "budget": 600.0}, "trim breaks the budget of 600 J by 65 "),
     ({"budget": 600.0}, "a cost and a finite budget"),
-    ({"motion": (StateBound("w", upper=1.5),)}, "states: u"),
+    ({"motion": (MotionLimit("w", upper=1.5),)}, "states: u"),
     ({"risk": 1.0}, "below 1"),
     ({"points": np.zeros((1, 2))}, r"points \(P, 3\)"),
     ({"prior_cov": np.zeros((3, 3))}, "positive definite"),
@@ -302,7 +304,7 @@ def test_limits_that_admit_nothing(change, message):
 def test_bounds_that_trim_breaks_for_too_many_draws():
     draws = np.tile(POINTS[0], (10, 1))
     draws[:3, 2] *= 1.5
-    bound = (StateBound("u", upper=1.7),)
+    bound = (MotionLimit("u", upper=1.7),)
     check_problem(surge_problem(draws=draws, motion=bound, risk=0.3))
     with pytest.raises(InputError, match="3 of 10 draws break a bound, 2 may"):
         check_problem(surge_problem(draws=draws, motion=bound, risk=0.2))

@@ -14,7 +14,7 @@ from seatrial.design.free_form import ALIKE, TIGHT, ClimbOutcome, _change, _marg
 from seatrial.design.free_form_climb import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
 from seatrial.design.free_form_course import Course, _blocks
 from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
-from seatrial.design.motion_limits import StateBound
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES
 from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.free_form import SplineInput, SteppedInput
@@ -187,7 +187,7 @@ def test_excess_of_motion_and_cost_over_the_draws_that_are_kept():
     """u at most 2 m/s over two draws, the slower of which is kept or not, and a budget in joules."""
     draws = np.stack([VALUES, VALUES * [1.0, 0.8, 1.0]])
     cost = in_joules(1.0, PropellerPower(10.0, TRIM), fixed=5.0)
-    target = problem(draws=draws, motion=(StateBound("u", upper=2.5),), cost=cost, budget=900.0, risk=0.5)
+    target = problem(draws=draws, motion=(MotionLimit("u", upper=2.5),), cost=cost, budget=900.0, risk=0.5)
     rooms, x = check_problem(target), np.full(12, 0.4)
     everyone = replace(climb_of(target), rooms=rooms)
     course = everyone.course(x)
@@ -227,7 +227,7 @@ def test_shortfall_of_a_bound():
         ({"budget": 5.0}, "5 with no cost"),
         ({"form": SteppedInput("n", TRIM, 61.0, 0.0, 61.0, 12)}, "61 s of the input, 60 s of the plan"),
         ({"form": SteppedInput("delta_r", TRIM, 60.0, 0.0, 60.0, 12)}, "delta_r"),
-        ({"motion": (StateBound("u", upper=1.0),)}, "trim breaks the upper bound 1 m/s of u by"),
+        ({"motion": (MotionLimit("u", upper=1.0),)}, "trim breaks the upper bound 1 m/s of u by"),
     ],
 )
 def test_problems_that_admit_nothing_or_do_not_fit(change, words):
@@ -238,7 +238,7 @@ def test_problems_that_admit_nothing_or_do_not_fit(change, words):
 
 def test_rooms_are_the_distances_to_the_course_at_trim():
     """Both bounds of u, the upper as far from the highest speed at trim as the lower from the lowest."""
-    target = problem(motion=(StateBound("u", 1.0, 3.0),))
+    target = problem(motion=(MotionLimit("u", 1.0, 3.0),))
     upper, lower = check_problem(target)
     course = climb_of(target).course(np.zeros(12))
     assert (upper.side, upper.bound, lower.side, lower.bound) == (1.0, 3.0, -1.0, 1.0)

@@ -1,6 +1,5 @@
 """Chance constraints against closed forms of a linear vehicle, exact probabilities and plain loops."""
 
-from itertools import pairwise
 from math import exp, inf, sqrt
 
 import jax
@@ -11,9 +10,8 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.design.duty import Duty, away_share, duty_excess, reversals_per_minute
 from seatrial.design.limit_conflicts import check_some_allowed, conflicting_pairs, least_miss
-from seatrial.design.motion_limits import Advance, Altitude, Area, Distance, StateBound, _between
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import Safety, judge_runs, judge_safety, least_rooms, probability_at_least
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
@@ -28,7 +26,7 @@ PLAN = plan_trial(LINEAR, [0.0], {"u": 0.05}, N, STEP)
 FORCES = np.array([4.0, 8.0, 16.0])
 STEPS = np.tile(FORCES[:, None, None], (1, N, 1))
 """Steps from rest under m du/dt = -d u + tau, in closed form u = tau / d (1 - exp(-t d / m))."""
-WIDE = (StateBound("u", -10.0, 10.0), Distance(1e4))
+WIDE = (MotionLimit("u", -10.0, 10.0), MotionLimit("distance", upper=1e4))
 
 
 def drag_draws(count, seed=0, mean=5.0, sd=0.8):
@@ -50,7 +48,7 @@ def judge(draws, *limits, controls=STEPS, plan=PLAN, **asked):
 def test_room_is_that_of_the_closed_form():
     """RK4 at a tenth of the shortest time constant errs by less than 1e-5 of the speed."""
     draws = drag_draws(60)
-    found = judge(draws, StateBound("u", -10.0, 2.0), Distance(40.0))
+    found = judge(draws, MotionLimit("u", -10.0, 2.0), MotionLimit("distance", upper=40.0))
     drag = -draws[:, 0]
     for i, force in enumerate(FORCES):
         np.testing.assert_allclose(found.room[i, :, 0], 2.0 - top_speed(force, drag), atol=1e-5 * force)
@@ -61,7 +59,9 @@ def test_room_is_that_of_the_closed_form():
 def test_one_force_there_and_back_is_travelled_but_not_advanced():
     """Back and forth: the integral of |u| splits where u changes sign, in closed form of two steps."""
     control = np.where(np.arange(N) < N // 2, 8.0, -8.0)[None, :, None]
-    found = judge(np.array([[-5.0]] * 60), Distance(1e3), Advance(-1e3, 1e3), controls=control)
+    found = judge(
+        np.array([[-5.0]] * 60), MotionLimit("distance", upper=1e3), MotionLimit("advance", -1e3, 1e3), controls=control
+    )
     rate, top, half = 5.0 / MASS, 1.6, LENGTH / 2
     first = top * (half - (1 - exp(-rate * half)) / rate)
     peak = top * (1 - exp(-rate * half))
@@ -76,7 +76,7 @@ def test_one_force_there_and_back_is_travelled_but_not_advanced():
 
 def test_slope_of_the_room_is_that_of_the_closed_form():
     """Of the top speed under 8 N with the drag X_u = -d, for searches that climb."""
-    limits = (StateBound("u", upper=2.0), Distance(40.0))
+    limits = (MotionLimit("u", upper=2.0), MotionLimit("distance", upper=40.0))
     slope = jax.jacfwd(lambda values: least_rooms(PLAN, limits, values, jnp.asarray(STEPS[1]))[0])(jnp.array([-5.0]))
     h = 1e-5
     expected = [(of(8.0, 5.0 + h) - of(8.0, 5.0 - h)) / (2 * h) for of in (top_speed, way)]
@@ -86,7 +86,7 @@ def test_slope_of_the_room_is_that_of_the_closed_form():
 def test_share_of_draws_against_the_exact_probability():
     """Normal drag: u stays below a bound where the drag exceeds one number; the share errs by four binomial deviations at most."""
     count, bound = 4000, 1.6
-    found = judge(drag_draws(count), StateBound("u", upper=bound), Distance(1e4))
+    found = judge(drag_draws(count), MotionLimit("u", upper=bound), MotionLimit("distance", upper=1e4))
     for i, force in enumerate(FORCES):
         needed = brentq(lambda drag, force=force: top_speed(force, drag) - bound, 0.05, 50.0)
         exact = stats.norm(5.0, 0.8).sf(needed)
@@ -113,16 +113,21 @@ def test_claims_are_true_as_often_as_they_say():
 def test_margin_is_what_the_bound_could_give_up():
     """With the bound tightened by the margin the design is just still allowed; by a little more it is not."""
     draws = drag_draws(200)
-    margin = judge(draws, StateBound("u", upper=3.0)).margin[1, 0]
+    margin = judge(draws, MotionLimit("u", upper=3.0)).margin[1, 0]
     for change, allowed in ((margin - 1e-9, True), (margin + 1e-9, False)):
-        again = judge(draws, StateBound("u", upper=3.0 - change))
+        again = judge(draws, MotionLimit("u", upper=3.0 - change))
         assert again.allowed[1] == allowed == (again.margin[1, 0] >= 0)
 
 
 def test_all_limits_together():
     """Too much drag breaks one limit, too little the other: the joint share counts draws between two numbers."""
     draws = drag_draws(500, seed=3)
-    found = judge(draws, StateBound("u", upper=1.8), Advance(lower=-1.0, upper=40.0), Distance(30.0))
+    found = judge(
+        draws,
+        MotionLimit("u", upper=1.8),
+        MotionLimit("advance", lower=-1.0, upper=40.0),
+        MotionLimit("distance", upper=30.0),
+    )
     fast = top_speed(8.0, -draws[:, 0]) <= 1.8
     short = way(8.0, -draws[:, 0]) <= 30.0
     assert found.joint_share[1] == (fast & short).mean()
@@ -153,12 +158,17 @@ def test_track_against_a_plain_loop():
         [{"tau_X": np.full(60, 8.0), "tau_N": np.where(np.arange(60) < 30, 2.0, -3.0)}[c] for c in names], -1
     )
     draws = np.array(list(SHIP_VALUES.values())) * (1 + 0.1 * np.random.default_rng(1).normal(size=(59, 6)))
-    found = judge_safety(plan, control[None], draws, [Area((-5.0, 9.0), (-4.0, 6.0)), StateBound("r", -0.3, 0.2)])
+    found = judge_safety(
+        plan,
+        control[None],
+        draws,
+        [MotionLimit("x", -5.0, 9.0), MotionLimit("y", -4.0, 6.0), MotionLimit("r", -0.3, 0.2)],
+    )
     for s in (0, 20, 58):
         x_u, x_f, y_v, y_ur, n_r, n_t = draws[s]
-        u, v, r, x, y, psi, area, turn, h = 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf, STEP / 100
+        u, v, r, x, y, psi, ahead, aside, turn, h = 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf, inf, STEP / 100
         for k in range(61):
-            area = min(area, 9 - x, x + 5, 6 - y, y + 4)
+            ahead, aside = min(ahead, 9 - x, x + 5), min(aside, 6 - y, y + 4)
             turn = min(turn, 0.2 - r, r + 0.3)
             for _ in range(100 if k < 60 else 0):
                 du = (x_u * u + x_f * 8.0) / 20
@@ -166,10 +176,10 @@ def test_track_against_a_plain_loop():
                 dr = (n_r * r + n_t * (2.0 if k < 30 else -3.0)) / 5
                 dx, dy = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
                 u, v, r, x, y, psi = u + h * du, v + h * dv, r + h * dr, x + h * dx, y + h * dy, psi + h * r
-        assert found.room[0, s] == pytest.approx([area, turn], abs=0.01)
+        assert found.room[0, s] == pytest.approx([ahead, aside, turn], abs=0.01)
 
 
-def test_depth_and_altitude_of_a_diving_vehicle():
+def test_depth_and_pitch_of_a_diving_vehicle():
     """Least rooms are those of the states that the plan itself shows, and of the state after its last step."""
     entry = load_longitudinal("remus100_longitudinal")
     model = longitudinal_vehicle(entry.hull, tuple(entry.coefficients))
@@ -177,18 +187,18 @@ def test_depth_and_altitude_of_a_diving_vehicle():
     longer, plan = (plan_trial(model, start, {"u": 0.05}, n, 0.1) for n in (51, 50))
     control = np.stack([np.full(51, entry.hull.trim["n"]), np.where(np.arange(51) < 15, 0.1, -0.2)], -1)
     values = np.array(list(entry.coefficients.values()))
-    limits = [Altitude(bottom=11.0, lower=0.5), StateBound("theta", -0.2, 0.2), StateBound("z", 9.0)]
+    limits = [MotionLimit("z", upper=10.5), MotionLimit("theta", -0.2, 0.2), MotionLimit("z", 9.0)]
     found = judge_safety(plan, control[None, :50], np.tile(values, (59, 1)), limits).room[0, 0]
     motion = np.asarray(longer.motion(values, control))
     z, theta = motion[:, 3], motion[:, 4]
-    expected = [(11.0 - z).min() - 0.5, np.minimum(0.2 - theta, theta + 0.2).min(), z.min() - 9.0]
+    expected = [10.5 - z.max(), np.minimum(0.2 - theta, theta + 0.2).min(), z.min() - 9.0]
     np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
 def test_draws_that_diverge_break_every_limit_and_are_told():
     """Damping that drives instead of braking grows the speed without end; everything else about these draws is harmless."""
     draws = np.vstack([drag_draws(95), np.full((5, 1), 1e6)])
-    found = judge(draws, *WIDE, StateBound("u", lower=-1.0))
+    found = judge(draws, *WIDE, MotionLimit("u", lower=-1.0))
     assert found.diverged.tolist() == [5, 5, 5]
     assert (found.share == 0.95).all()
     assert (found.joint_share == 0.95).all()
@@ -201,7 +211,7 @@ def test_draws_that_diverge_break_every_limit_and_are_told():
 
 
 def test_words_of_one_design():
-    found = judge(drag_draws(200), StateBound("u", upper=10.0), Distance(40.0))
+    found = judge(drag_draws(200), MotionLimit("u", upper=10.0), MotionLimit("distance", upper=40.0))
     first, second, together = found.words(1)
     assert first.startswith("u at most 10 m/s: holds in 200 of 200 draws, probability at least 0.985, margin ")
     assert second.startswith("distance travelled at most 40 m: holds in ")
@@ -215,11 +225,19 @@ def test_nothing_to_explain_where_a_design_is_allowed():
 def test_pair_that_conflicts():
     """Gentle designs keep u low, strong ones advance far; none does both, and the misses are those of the closed form."""
     draws = drag_draws(200, sd=0.1)
-    found = judge(draws, StateBound("u", upper=1.2), Advance(upper=1e3), StateBound("u", lower=-1.0), Distance(1e4))
+    found = judge(
+        draws,
+        MotionLimit("u", upper=1.2),
+        MotionLimit("advance", upper=1e3),
+        MotionLimit("u", lower=-1.0),
+        MotionLimit("distance", upper=1e4),
+    )
     assert found.allowed.tolist() == [True, False, False]
     rooms = found.room.copy()
     rooms[..., 1] = way(FORCES[:, None], -draws[:, 0]) - 30.0  # an advance of 30 m at least by the end
-    found = Safety((found.limits[0], Advance(lower=30.0), *found.limits[2:]), 0.95, 0.95, rooms, found.diverged)
+    found = Safety(
+        (found.limits[0], MotionLimit("advance", lower=30.0), *found.limits[2:]), 0.95, 0.95, rooms, found.diverged
+    )
     assert conflicting_pairs(found) == [(0, 1)]
     speed, far = top_speed(8.0, -draws[:, 0]), way(4.0, -draws[:, 0])
     tail = found.draws - found.needed
@@ -239,13 +257,15 @@ def test_pair_that_conflicts():
 
 def test_two_limits_that_each_exclude_all_must_both_give_way():
     with pytest.raises(InputError) as caught:
-        check_some_allowed(judge(drag_draws(59, sd=0.1), StateBound("u", upper=0.5), Distance(5.0)))
+        check_some_allowed(
+            judge(drag_draws(59, sd=0.1), MotionLimit("u", upper=0.5), MotionLimit("distance", upper=5.0))
+        )
     assert " and widen distance travelled at most 5 m by " in caught.value.remedy
 
 
 def test_limit_that_excludes_all():
     draws = drag_draws(59, sd=0.1)
-    found = judge(draws, StateBound("u", upper=0.5), Distance(1e4))
+    found = judge(draws, MotionLimit("u", upper=0.5), MotionLimit("distance", upper=1e4))
     assert conflicting_pairs(found) == []  # a limit that leaves no design conflicts with none
     with pytest.raises(InputError) as caught:
         check_some_allowed(found)
@@ -259,7 +279,7 @@ def test_three_limits_of_which_every_two_leave_designs():
     room = np.ones((3, 59, 3))
     for i in range(3):
         room[i, :, i] = -0.25 * (i + 1)
-    found = Safety((*WIDE, Advance(upper=9.0)), 0.95, 0.95, room, np.zeros(3, int))
+    found = Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, 0.95, room, np.zeros(3, int))
     with pytest.raises(InputError, match="every two limits leave designs") as caught:
         check_some_allowed(found)
     assert "beside all others advance at most 9 m is missed by 0.75 m by design 2" in caught.value.found
@@ -272,23 +292,23 @@ def refuse(*limits, controls=STEPS, draws=None, plan=PLAN, **asked):
 
 
 def test_states_that_the_vehicle_lacks():
-    error = refuse(StateBound("theta", upper=0.3))
+    error = refuse(MotionLimit("theta", upper=0.3))
     assert (error.where, error.expected) == ("limit on theta", "one of its states: u")
     assert '"theta", which is no state of the vehicle "linear"' in error.found
-    assert "its states: u" in refuse(Altitude(30.0, 3.0)).expected
-    error = refuse(Area((-1.0, 1.0), (-1.0, 1.0)))
+    assert "its states: u" in refuse(MotionLimit("z", upper=27.0)).expected
+    error = refuse(MotionLimit("y", -1.0, 1.0))
     assert "has no v to integrate it from" in error.found
-    assert "has no r to integrate it from" in refuse(StateBound("psi", upper=0.3)).found
+    assert "has no r to integrate it from" in refuse(MotionLimit("psi", upper=0.3)).found
 
 
 @pytest.mark.parametrize(
     ("limits", "asked", "words"),
     [
         ((), {}, "none"),
-        ((StateBound("u"),), {}, "from -inf to inf m/s"),
-        ((StateBound("u", 2.0, 1.0),), {}, "from 2 to 1 m/s"),
-        ((Distance(float("nan")),), {}, "to nan m"),
-        ((Area((0.0, 1.0), (-inf, inf)),), {"plan": plan_trial(SHIP, [0.0] * 3, {"u": 0.05}, N, STEP)}, "from -inf to inf"),
+        ((MotionLimit("u"),), {}, "from -inf to inf m/s"),
+        ((MotionLimit("u", 2.0, 1.0),), {}, "from 2 to 1 m/s"),
+        ((MotionLimit("distance", upper=float("nan")),), {}, "to nan m"),
+        ((MotionLimit("y"),), {"plan": plan_trial(SHIP, [0.0] * 3, {"u": 0.05}, N, STEP)}, "from -inf to inf"),
         (WIDE, {"probability": 1.0}, "1"),
         (WIDE, {"confidence": 0.0}, "0"),
         (WIDE, {"draws": drag_draws(58)}, "58 draws: if every limit held in all of them, that would show a probability of 0.9497"),
@@ -311,42 +331,23 @@ def test_more_designs_than_one_block_are_those_alone():
     np.testing.assert_allclose(judge(draws, *WIDE, controls=controls[85:86]).room[0], together.room[85], rtol=1e-12)
 
 
-def test_duty_of_a_doublet():
-    """Of 100 samples of 0.6 s: 20 at trim, 30 up, 10 at trim, 30 down, chatter inside the band for the rest; one reversal a minute."""
-    control = 5.0 + np.concatenate([np.zeros(20), np.full(30, 2.0), np.zeros(10), np.full(30, -2.0), [0.1, -0.1] * 5])
-    assert away_share(control, 5.0, 0.2) == 0.6
-    assert reversals_per_minute(control, 5.0, 0.2, 0.6) == 1.0
-    assert reversals_per_minute(control, 5.0, 0.05, 0.6) == 1.0 + 10.0
-    both = np.stack([control, np.full(100, 5.0)])
-    assert away_share(both, 5.0, 0.2).tolist() == [0.6, 0.0]
-    assert reversals_per_minute(both, 5.0, 0.2, 0.6).tolist() == [1.0, 0.0]
-
-
-def test_duty_that_is_exceeded():
-    control = np.tile([1.0, -1.0], 50)
-    assert duty_excess(Duty(0.0, 0.1, share=0.5, reversals=99.0), control, 0.6) == {"share away from trim": (1.0, 0.5)}
-    found = duty_excess(Duty(0.0, 0.1, reversals=30.0), control, 0.6)
-    assert found == {"reversals per minute": (99.0, 30.0)}
-    assert duty_excess(Duty(0.0, 0.1), control, 0.6) == {}
-
-
 @pytest.mark.parametrize(
     ("lower", "upper", "words"),
     [
-        (-0.1, 0.2, "pitch from -10 to 20 cdeg"),
-        (-np.inf, 0.2, "pitch at most 20 cdeg"),
-        (-0.1, np.inf, "pitch at least -10 cdeg"),
+        (-0.1, 0.2, "theta from -5.72958 to 11.4592 deg"),
+        (-np.inf, 0.2, "theta at most 11.4592 deg"),
+        (-0.1, np.inf, "theta at least -5.72958 deg"),
     ],
 )
 def test_limits_are_told_in_the_unit_they_are_shown_in(lower, upper, words):
-    assert _between("pitch", lower, upper, (100.0, "cdeg")) == words
+    assert MotionLimit("theta", lower, upper).words == words
 
 
 def test_runs_of_a_closed_loop_are_judged_each_with_its_own_control():
     """Draw s with the force s: rooms are those of each alone, and a draw that diverges breaks all limits."""
     draws, forces = drag_draws(60), np.linspace(2.0, 12.0, 60)
     controls = forces[:, None, None] * np.ones((1, N, 1))
-    limits = (StateBound("u", -10.0, 2.0), Distance(40.0))
+    limits = (MotionLimit("u", -10.0, 2.0), MotionLimit("distance", upper=40.0))
     found = judge_runs(PLAN, controls, draws, limits)
     drag = -draws[:, 0]
     assert found.room.shape == (1, 60, 2)
@@ -365,23 +366,6 @@ def test_runs_of_a_closed_loop_are_judged_each_with_its_own_control():
         judge_runs(PLAN, controls[:, 1:], draws, limits)
 
 
-def test_duty_of_any_control_by_a_naive_count():
-    """Sides left one after the other, whatever chatters between them, per minute; shares of the samples beyond the band."""
-    for seed in range(6):
-        control = 5.0 + np.cumsum(np.random.default_rng(seed).normal(size=80)) * 0.3
-        sides = [np.sign(x - 5.0) for x in control if abs(x - 5.0) > 0.5]
-        count = sum(a != b for a, b in pairwise(sides))
-        assert reversals_per_minute(control, 5.0, 0.5, 0.25) == pytest.approx(count * 60 / 20.0)
-        assert away_share(control, 5.0, 0.5) == len(sides) / 80
-    assert reversals_per_minute(np.full(10, 5.0), 5.0, 0.5, 0.25) == 0.0
-
-
-@pytest.mark.parametrize(("share", "broken"), [(0.5, False), (0.49, True), (None, False)])
-def test_duty_at_its_bound_is_kept(share, broken):
-    control = np.array([1.0, 1.0, 0.0, 0.0])
-    assert ("share away from trim" in duty_excess(Duty(0.0, 0.1, share=share), control, 1.0)) == broken
-
-
 @pytest.mark.parametrize(
     ("left", "pairs"),
     [(([0], [1, 2, 3], [4, 5]), [(1, 2), (0, 1), (0, 2)]), (([1, 2, 3], [0], [4, 5]), [(0, 2), (0, 1), (1, 2)])],
@@ -391,4 +375,7 @@ def test_pairs_that_leave_most_designs_alone_come_first(left, pairs):
     room = -np.ones((6, 59, 3))
     for limit, designs in enumerate(left):
         room[designs, :, limit] = 1.0
-    assert conflicting_pairs(Safety((*WIDE, Advance(upper=9.0)), 0.95, 0.95, room, np.zeros(6, int))) == pairs
+    assert (
+        conflicting_pairs(Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, 0.95, room, np.zeros(6, int)))
+        == pairs
+    )

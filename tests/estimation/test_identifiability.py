@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
 from seatrial.design.fisher import fisher_information
 from seatrial.estimation.combinations import Combination, Unknown, known_combinations, null_combinations
 from seatrial.estimation.identifiability import (
@@ -15,10 +14,9 @@ from seatrial.estimation.identifiability import (
     _expected_cov,
     identifiability_of_design,
     identifiability_of_fit,
-    identifiability_of_plan,
     identify,
 )
-from seatrial.estimation.information import expand_likelihood, likelihood_information
+from seatrial.estimation.information import expand_likelihood, is_noise, likelihood_information
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter
@@ -210,7 +208,10 @@ def test_unknown_bias_and_start_destroy_the_drag():
     likelihood, data = output_error(paper_model(), [record], [Sensor("u", bias=True)], [[U0]], free_initial=True)
     priors = {name: Normal(x, 1e4 * abs(x)) for name, x in TRUTH.items()}
     nuisances = {"sigma_u": Normal(SIGMA, 0.01), "bias_u": Normal(0.0, 1e4), "u_0[trial]": Normal(U0, 1e4)}
-    found = identifiability_of_plan(posterior({**priors, **nuisances}, likelihood, data), at=AT)
+    target = posterior({**priors, **nuisances}, likelihood, data)
+    motion, point = np.flatnonzero(~is_noise(target)), np.array([one.prior.mean for one in target.parameters])
+    information = likelihood_information(target, point)[np.ix_(motion, motion)]
+    found = identify([target.parameters[i] for i in motion], point[motion], information, at=AT)
     assert found.names == (*TRUTH, "bias_u", "u_0[trial]")
     assert found.sd[0] == pytest.approx(11.1, abs=0.05)
     assert found.sd[3] == pytest.approx(1.5, abs=0.05)
@@ -257,11 +258,6 @@ def test_model_that_diverges():
     found = identify(WIDE, np.ones(3), np.full((3, 3), np.nan))
     assert "was not judged" in found.cautions()[0]
     assert len(found.lines()) == 5
-
-
-def test_plan_needs_a_simulation():
-    with pytest.raises(InputError, match="simulated without the data"):
-        identifiability_of_plan(posterior({"a": Normal(0.0, 1.0)}, lambda values, data: -(values["a"] ** 2)))
 
 
 def unknown(values):

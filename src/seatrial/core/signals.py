@@ -66,6 +66,8 @@ SIGNALS: dict[str, Signal] = {
 }
 POSITIONS = ("x", "y", "z")
 """States no hydrodynamic force depends on; in m."""
+TRACKS = ("distance", "advance")
+"""Way from the start of a trial: the integral of |u|, and of u; in m."""
 ANGLES = ("phi", "theta", "psi")
 QUATERNION = ("q_w", "q_x", "q_y", "q_z")
 """Attitude as a unit quaternion from body to north-east-down axes, scalar part first; q alone is the pitch rate."""
@@ -110,7 +112,7 @@ def thruster_controls(count: int, commanded_force: bool) -> tuple[str, ...]:
 def _dimension(name: str) -> Dimension:
     base = name.removesuffix(ACTUAL)
     for names, dimension in (
-        (POSITIONS, Dimension(m=1)),
+        ((*POSITIONS, *TRACKS), Dimension(m=1)),
         (QUATERNION, Dimension()),
         ((*CURRENT_COMPONENTS, *OVER_GROUND, *OVER_EARTH), SPEED),
         (SPECIFIC_FORCE, Dimension(m=1, s=-2)),

@@ -95,7 +95,7 @@ class ForcePower:
 @compiled_tree("unit")
 @dataclass(frozen=True)
 class TrialCost:
-    """Cost of a trial: fixed, plus a rate over its time. Build it with `in_seconds`, `in_joules` or `per_trial`.
+    """Cost of a trial: fixed, plus a rate over its time. See `in_joules`.
 
     Attributes:
         unit: s, J, or trials.
@@ -130,19 +130,9 @@ class ExpectedCost(NamedTuple):
     unit: str
 
 
-def in_seconds(fixed: float = 0.0) -> TrialCost:
-    """Time as the cost: that of the trial, and a fixed one around it, s."""
-    return TrialCost("s", fixed, 1.0)
-
-
 def in_joules(hotel: float, *consumers: Consumer, fixed: float = 0.0) -> TrialCost:
     """Energy as the cost: hotel load, W, propulsion, and a fixed amount around every trial, J."""
     return TrialCost("J", fixed, hotel, consumers)
-
-
-def per_trial() -> TrialCost:
-    """Every trial costs the same."""
-    return TrialCost("trials", 1.0, 0.0)
 
 
 def expected_cost(

@@ -153,7 +153,7 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
 
     def quantities(joint: tuple, held: tuple) -> Array:
         now: Mapping = signals_at(plan, integrals, joint, held)
-        return jnp.stack([value for limit in watched.motion for value in limit.quantities(now)] or [jnp.zeros(())])
+        return jnp.stack([now[limit.signal] for limit in watched.motion] or [jnp.zeros(())])
 
     def widened(extremes: tuple, joint: tuple, held: tuple) -> tuple:
         result = quantities(joint, held)

@@ -156,18 +156,15 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
     )
     if not all(np.isfinite(each).all() for each in course):
         raise NumericalError("the vehicle diverges at trim for some of the given coefficients; narrow the prior")
-    rooms, inside, index = [], [], 0
-    for limit in problem.motion:
-        for lower, upper in limit.bounds:
-            for name, side, bound in (("upper", 1.0, upper), ("lower", -1.0, lower)):
-                if abs(bound) < inf:
-                    factor, unit = limit.shown
-                    words = f"{name} bound {bound * factor:g} {unit} of {' and '.join(limit.signals)}"
-                    room = Room(words, index, side, bound, 1.0)
-                    inside.append(-room.shortfall(course).max(-1))
-                    left = float(np.sort(inside[-1])[problem.left_out])
-                    rooms.append(room._replace(scale=max(left, 1e-3 * abs(bound), 1e-9)))
-            index += 1
+    rooms, inside = [], []
+    for index, limit in enumerate(problem.motion):
+        for name, side, bound in (("upper", 1.0, limit.upper), ("lower", -1.0, limit.lower)):
+            if abs(bound) < inf:
+                factor, unit = limit.shown
+                room = Room(f"{name} bound {bound * factor:g} {unit} of {limit.signal}", index, side, bound, 1.0)
+                inside.append(-room.shortfall(course).max(-1))
+                left = float(np.sort(inside[-1])[problem.left_out])
+                rooms.append(room._replace(scale=max(left, 1e-3 * abs(bound), 1e-9)))
     names = [room.name for room in rooms]
     if problem.cost is not None:
         inside.append(problem.budget - course.spent)

@@ -14,19 +14,29 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.numerics.integrate import Move, rk4_step, time_loop
+from seatrial.numerics.integrate import Move, time_loop
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import move_by
 
 Rate = Callable[[Mapping[str, Any]], Any]
 """Rate of an integral from the signals of `signals_at`."""
 KNOWN: dict[str, tuple[tuple[str, ...], Rate]] = {
-    "travelled": (("u",), lambda now: jnp.abs(now["u"])),
-    "advanced": (("u",), lambda now: now["u"]),
+    "distance": (("u",), lambda now: jnp.abs(now["u"])),
+    "advance": (("u",), lambda now: now["u"]),
     "psi": (("r",), lambda now: now["r"]),
     "x": (("u", "v", "psi"), lambda now: now["u"] * jnp.cos(now["psi"]) - now["v"] * jnp.sin(now["psi"])),
     "y": (("u", "v", "psi"), lambda now: now["u"] * jnp.sin(now["psi"]) + now["v"] * jnp.cos(now["psi"])),
 }
 """Signals that a vehicle without such a state may still follow: what each is integrated from, and its rate; m or rad."""
+
+
+def motion_signals(model: VehicleModel) -> tuple[str, ...]:
+    """Return what can be told of a vehicle's motion: its states, and the integrals of `KNOWN` that its states give."""
+    found = list(model.states)
+    for name, (needs, _) in KNOWN.items():
+        if name not in found and set(needs) <= set(found):
+            found.append(name)
+    return tuple(found)
 
 
 def integrals_for(model: VehicleModel, names: tuple[str, ...], where: str) -> dict[str, Rate]:
@@ -73,16 +83,12 @@ def joint_start(plan: TrialPlan, integrals: Mapping[str, Rate]) -> tuple:
 
 def joint_move(plan: TrialPlan, integrals: Mapping[str, Rate], values: Float[Array, " k"]) -> Move:
     """Return what moves state and integrals to the next sample."""
-    params, count = plan.named(values), len(plan.model.states)
 
-    def move(joint: tuple, held: tuple, h: Any) -> tuple:
-        def rate(joint: tuple) -> tuple:
-            now = signals_at(plan, integrals, joint, held)
-            return (*plan.model.derivative(params, joint[:count], held), *(of(now) for of in integrals.values()))
+    def rates(joint: tuple, held: tuple) -> tuple:
+        now = signals_at(plan, integrals, joint, held)
+        return tuple(of(now) for of in integrals.values())
 
-        return rk4_step(rate, joint, h)
-
-    return move
+    return move_by(plan.model, plan.named(values), others=rates)
 
 
 def follow_joint(

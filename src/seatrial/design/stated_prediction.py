@@ -18,9 +18,6 @@ from seatrial.design.integrals import follow_joint, integrals_for
 from seatrial.design.trial_plan import TrialPlan, plan_trial
 from seatrial.vehicles.model import VehicleModel
 
-TRACKS = {"distance": "travelled", "advance": "advanced"}
-"""Ways that may be predicted, and the integrals that hold them."""
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -29,14 +26,12 @@ class Prediction:
     Attributes:
         of: a state, `distance` or `advance`.
         after: s.
-        signal: the state or integral that holds it.
         plan: start, and the steps to that time.
         control: every control from the start on, SI.
     """
 
     of: str
     after: float
-    signal: str
     plan: TrialPlan
     control: tuple[float, ...]
 
@@ -47,7 +42,7 @@ class Prediction:
             NumericalError: the motion diverges there.
         """
         value, gradient = _value_and_slope(
-            self.signal, self.plan, np.asarray(self.control, float), np.asarray(values, float)
+            self.of, self.plan, np.asarray(self.control, float), np.asarray(values, float)
         )
         if not (np.isfinite(value) and np.isfinite(gradient).all()):
             raise NumericalError(
@@ -72,9 +67,9 @@ def prediction(
     Raises:
         InputError: something the vehicle cannot predict.
     """
-    signal, n = TRACKS.get(of, of), max(1, round(after / step))
-    integrals_for(model, (signal,), "prediction")
-    return Prediction(of, after, signal, plan_trial(model, start, {}, n, after / n), tuple(control))
+    n = max(1, round(after / step))
+    integrals_for(model, (of,), "prediction")
+    return Prediction(of, after, plan_trial(model, start, {}, n, after / n), tuple(control))
 
 
 @program(static_argnums=0)

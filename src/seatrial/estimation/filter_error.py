@@ -9,6 +9,7 @@ sure of itself; where there is none of it, the two agree.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
@@ -29,6 +30,7 @@ from seatrial.filters.extended import MOST_UNROLLED, extended_filter
 from seatrial.filters.run import filter_within
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel, outside_force
+from seatrial.vehicles.simulate import move_by
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ class FilterError:
         def move(state: tuple, control: tuple, step: Any, forces: Sequence[Any]) -> tuple:
             params = under(forces)
             # Of many states the filter carries so many derivatives that one copy of the model is compiled in a tenth of the time.
-            return rk4_step(lambda x: model.derivative(params, x, control), state[:n], step, MOST_UNROLLED + 1)
+            return move_by(model, params, partial(rk4_step, large=MOST_UNROLLED + 1))(state[:n], control, step)
 
         def over(step: Any) -> list[OverStep]:
             return [over_step(sd, time, step) for sd, time in zip(spreads, times, strict=True)]

@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.batching import bucket_length, filled
-from seatrial.core.errors import InputError
 from seatrial.estimation.combinations import (
     Combination,
     Invisible,
@@ -23,9 +22,8 @@ from seatrial.estimation.combinations import (
     known_combinations,
     null_combinations,
 )
-from seatrial.estimation.information import coefficient_information, is_noise, likelihood_information
+from seatrial.estimation.information import coefficient_information, likelihood_information
 from seatrial.estimation.mode import Mode
-from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.remedies import is_coefficient, listed, measured, percent, what_separates
 from seatrial.vehicles.model import VehicleModel
@@ -262,34 +260,6 @@ def identifiability_of_fit(
     else:
         cov = np.atleast_2d(np.cov(draws.T))
     return identify(posterior.present_parameters, mode.values, information, cov=cov, at=at)
-
-
-def identifiability_of_plan(
-    posterior: Posterior, values: Float[np.ndarray, " d"] | None = None, at: Mapping[str, float] | None = None
-) -> Identifiability:
-    """Judge trials that were not run yet, nuisances included; the noise itself is taken as given.
-
-    Args:
-        posterior: output-error posterior whose records hold the planned controls, and any number wherever a channel will be
-            measured: the numbers do not matter.
-        values: what the parameters are taken to be; None for their prior means.
-        at: operating point, signal name to SI value.
-
-    Raises:
-        InputError: a likelihood that cannot be simulated.
-    """
-    if not isinstance(posterior.likelihood, OutputError):
-        raise InputError(
-            "identifiability before the data",
-            found="a likelihood that is not of output error",
-            expected="one whose measurements can be simulated without the data",
-            remedy="plan with output error, or judge the fit after the trial",
-        )
-    parameters = posterior.present_parameters
-    point = _prior_means(parameters) if values is None else np.asarray(values, float)
-    motion = np.flatnonzero(~is_noise(posterior))
-    information = likelihood_information(posterior, point)[np.ix_(motion, motion)]
-    return identify([parameters[i] for i in motion], point[motion], information, at=at)
 
 
 def identifiability_of_design(

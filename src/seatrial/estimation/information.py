@@ -24,8 +24,8 @@ from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
 from seatrial.estimation.trial_data import TrialData
-from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import move_by
 
 APART = 1e-4
 """Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter."""
@@ -154,7 +154,7 @@ def sensitivity_loop(
         def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
             named = dict(zip(names, point, strict=True))
             shown = jnp.stack([model.output(name, named, state, held) for name in channels]) * counts
-            return rk4_step(lambda x: model.derivative(named, x, held), state, h), shown
+            return move_by(model, named)(state, held, h), shown
 
         def along(direction: tuple, slope: tuple) -> tuple:
             (moved, _), (moved_slope, shown_slope) = jax.jvp(moved_and_shown, (point, state), (direction, slope))

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from seatrial.estimation.command_delay import DELAY, delay_control
 from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
-from seatrial.numerics.integrate import Law, Move, time_loop
+from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
@@ -72,14 +72,12 @@ class Simulator:
         sensors: what is measured.
         delay: whether a delay between command and action is a parameter, `delay`, s; needs a uniform time step.
         current: whether a constant current along the course is a parameter, `current`, m/s.
-        lagging: controls whose actuators are late, in their order, by time constants that are parameters, `lag_n`, s.
     """
 
     model: VehicleModel
     sensors: tuple[Sensor, ...]
     delay: bool = False
     current: bool = False
-    lagging: tuple[str, ...] = ()
 
     def outputs(
         self,
@@ -126,17 +124,15 @@ class Simulator:
         zero, clock, past = jnp.zeros(()), None, ()
         memories = tuple(Memory(zero, zero) if sensor.lag else None for sensor in self.sensors)
         if isinstance(control, Feedback):
-            first, clock = control.command(control.begin), (control.time, control.error)
+            clock = control.time, control.error
             drive, past = self._closed(values, control, step)
         else:
             drive = self.late(values, control, step)
-            first = tuple(column[0] for column in drive)
-        acting = tuple(first[self.model.controls.index(name)] for name in self.lagging)
-        begin = (*(start[i] for i in range(start.shape[0])), *acting)
+        begin = tuple(start[i] for i in range(start.shape[0]))
         (end, (_, _, memory)), (kept, command) = time_loop(
-            self._move(values), begin, drive, step, look, (memories, past, memory), (lags, clock, data)
+            move_by(self.model, values), begin, drive, step, look, (memories, past, memory), (lags, clock, data)
         )
-        return Followed(end[: len(self.model.states)], memory, kept, command)
+        return Followed(end, memory, kept, command)
 
     def late(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
         """Return controls as they act: after the delay, where that is a parameter."""
@@ -144,9 +140,8 @@ class Simulator:
 
     def show(self, values: Mapping[str, Any], state: tuple, held: tuple, memories: tuple, lags: tuple) -> list[tuple]:
         """Return what each sensor shows at a sample without its noise, and what it remembers."""
-        felt = self._felt(state, held)
         return [
-            sensor.show(values, self._true(sensor, values, state[: len(self.model.states)], felt), memory, lag)
+            sensor.show(values, self._true(sensor, values, state, held), memory, lag)
             for sensor, memory, lag in zip(self.sensors, memories, lags, strict=True)
         ]
 
@@ -161,26 +156,6 @@ class Simulator:
         else:
             x = sensor.mount.show(sensor.channel, values, known)
         return x + values[CURRENT] if self.current and sensor.over_ground and sensor.channel == "u" else x
-
-    def _felt(self, state: tuple, held: tuple) -> tuple:
-        """Controls that act at a sample: of a late actuator where it stands, which travels behind the state."""
-        acting = dict(zip(self.lagging, state[len(self.model.states) :], strict=True))
-        return tuple(acting.get(name, x) for name, x in zip(self.model.controls, held, strict=True))
-
-    def _move(self, values: Mapping[str, Any]) -> Move:
-        """Move the vehicle under the mean of what acts until the next sample, and its late actuators by their own equation."""
-        move, count = move_by(self.model, values), len(self.model.states)
-
-        def moved(state: tuple, held: tuple, h: Any) -> tuple:
-            mean, after = list(held), []
-            for name, a in zip(self.lagging, state[count:], strict=True):
-                at, tau = self.model.controls.index(name), values[lag_name(name)]
-                behind, left = a - held[at], jnp.exp(-h / tau)
-                mean[at] = held[at] + behind * (1.0 - left) * tau / h
-                after.append(held[at] + left * behind)
-            return (*move(state[:count], tuple(mean), h), *after)
-
-        return moved
 
     def _closed(self, values: Mapping[str, Any], feedback: Feedback, step: Float[Array, " n"]) -> tuple[Law, tuple]:
         """Return the law of a feedback, and what it remembers: its memory, and its commands so far, the last one first."""

@@ -27,10 +27,10 @@ from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.residuals import White
 from seatrial.estimation.sensors import noise_name
 from seatrial.estimation.trial_data import TrialData
-from seatrial.numerics.integrate import rk4_step
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import LANES
 from seatrial.selection.evidence import Evidence
+from seatrial.vehicles.simulate import move_by
 
 # Log-likelihoods of many draws of which most cannot matter, each simulated only as long as it might.
 #
@@ -175,7 +175,7 @@ def _go_on(
                 sse + here * (y - model.output(name, values, state, held)) ** 2
                 for sse, name, y, here in zip(squares, channels, measured, present, strict=True)
             )
-            return (rk4_step(lambda x: model.derivative(values, x, held), state, step), squares), None
+            return (move_by(model, values)(state, held, step), squares), None
 
         state = tuple(jnp.where(piece.first, piece.initial[i], x) for i, x in enumerate(carry[0]))
         samples = (piece.control, piece.measured, piece.present, piece.step)

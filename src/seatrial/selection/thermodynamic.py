@@ -172,20 +172,6 @@ def spread(ladder: Float[np.ndarray, " rungs"], refusal: Float[np.ndarray, " pai
     return new
 
 
-def stepping_stone_evidence(
-    target: Target, key: jax.Array, settings: LadderSettings = _USUAL, progress: Progress = no_progress
-) -> Evidence:
-    """Return the evidence by stepping-stone; arguments and errors as `sample_ladder`."""
-    return stepping_stone(sample_ladder(target, key, settings, progress))
-
-
-def thermodynamic_evidence(
-    target: Target, key: jax.Array, settings: LadderSettings = _USUAL, progress: Progress = no_progress
-) -> Evidence:
-    """Return the evidence by thermodynamic integration; arguments and errors as `sample_ladder`."""
-    return thermodynamic(sample_ladder(target, key, settings, progress))
-
-
 def stepping_stone(ladder: Ladder) -> Evidence:
     """Return the evidence from the ratios of neighbouring rungs."""
     step = np.diff(ladder.temperatures)[:, None]

@@ -2,8 +2,8 @@
 
     d(actual)/dt = clip((clip(command) - actual) / T, -rate, rate)
 
-The bare control name stays the command; what the vehicle feels is a state of its own, `n_act` behind `n`. T may be sought: `lag_n`, or
-`lag_f` for all of f_1, f_2, ….
+which, while the command is held, is a ramp until less than rate T is left, then an exponential. The bare control name stays the command;
+what the vehicle feels is a state of its own, `n_act` behind `n`. T may be sought: `lag_n`, or `lag_f` for all of f_1, f_2, ….
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from seatrial.core.argument_checks import check_kind, check_number, check_order
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
-from seatrial.vehicles.model import Params, Unknown, VehicleModel
+from seatrial.vehicles.model import Follow, Params, Unknown, VehicleModel
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,13 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
         name: lambda params, state, control, view=view: view(params, state[:count], acting(state, control))
         for name, view in model.views.items()
     }
+
+    def follow_of(name: str) -> Follow:
+        at, actuator = model.controls.index(name), actuators[name]
+        return lambda params, before, control, time: _after(
+            actuator, control[at], before, _time_constant(name, actuator, params), time
+        )
+
     constants = tuple(
         (f"actuator {name} {key}", value)
         for name, actuator in actuators.items()
@@ -102,6 +109,7 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
         constants=(*model.constants, *constants),
         derivative=derivative,
         views=views,
+        late=(*model.late, *(follow_of(name) for name in lagging)),
         unknowns=(*model.unknowns, *_unknown_lags(unknown, {name: actuators[name] for name in lagging})),
     )
 
@@ -129,6 +137,17 @@ def _held(actuator: Actuator, command: Any) -> Any:
 def _rate(actuator: Actuator, command: Any, actual: Any, time_constant: Any) -> Any:
     rate = (_held(actuator, command) - actual) / time_constant
     return rate if actuator.rate == inf else jnp.clip(rate, -actuator.rate, actuator.rate)
+
+
+def _after(actuator: Actuator, command: Any, before: Any, time_constant: Any, time: Any) -> Any:
+    """Return where an actuator is some time after it stood at `before`, its command being held since."""
+    target = _held(actuator, command)
+    rest = before - target
+    if actuator.rate == inf:
+        return target + rest * jnp.exp(-time / time_constant)
+    size = jnp.abs(rest)
+    ramp = jnp.clip(size / actuator.rate - time_constant, 0.0, time)
+    return target + jnp.sign(rest) * (size - actuator.rate * ramp) * jnp.exp(-(time - ramp) / time_constant)
 
 
 def _check(model: VehicleModel, name: str, actuator: Actuator) -> None:

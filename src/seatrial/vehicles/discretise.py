@@ -9,6 +9,7 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.state_space import Observe, StateSpace, Transition
 from seatrial.numerics.integrate import Integrator, rk4_step
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import move_by
 
 
 def discretise(
@@ -53,7 +54,7 @@ def _functions(
 
     def transition(state: tuple, control: tuple, step: object) -> tuple:
         dynamic, params = split(state)
-        return integrator(lambda x: model.derivative(params, x, control), dynamic, step)
+        return move_by(model, params, integrator)(dynamic, control, step)
 
     def observe(state: tuple, control: tuple) -> tuple:
         dynamic, params = split(state)

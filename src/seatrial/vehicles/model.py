@@ -13,6 +13,8 @@ ROTATIONS = ("K", "M", "N")
 """Axes about which a vehicle turns."""
 Derivative = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
 View = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], Any]
+Follow = Callable[[Params, Any, tuple[Any, ...], Any], Any]
+"""`(params, before, control, time) ->` a state that follows a control, known in closed form, some time after it was `before`; s."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class VehicleModel:
         pushed: axes on which `derivative` adds a force from outside, where `params` has one under its `outside_force`, in the unit of
             a constant force on that axis.
         unknowns: numbers beside the coefficients that are sought.
+        late: how each of the last states follows its control while that is held, in their order: of actuators, of which no integrator is
+            to make an error.
     """
 
     name: str = field(compare=False)
@@ -63,6 +67,7 @@ class VehicleModel:
     views: Mapping[str, View] = field(default_factory=dict, compare=False, repr=False)
     pushed: tuple[str, ...] = ()
     unknowns: tuple[Unknown, ...] = ()
+    late: tuple[Follow, ...] = field(default=(), compare=False, repr=False)
 
     def unit_of(self, coefficient: CoefficientName) -> str:
         """Return the SI unit of a coefficient in this model."""

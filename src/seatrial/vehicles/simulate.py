@@ -66,15 +66,45 @@ def by_blocks(function: Callable[[Any], Any], lanes: Any) -> Any:
     return jax.tree.map(lambda x: x.reshape(blocks * width, *x.shape[2:])[:count], found)
 
 
-def move_by(model: VehicleModel, params: Params, integrator: Integrator = rk4_step) -> Move:
+def move_by(
+    model: VehicleModel,
+    params: Params,
+    integrator: Integrator = rk4_step,
+    others: Callable[[tuple, tuple], tuple] = lambda joint, held: (),
+) -> Move:
     """Return what moves a vehicle of given coefficients from sample to sample; traced.
+
+    Late actuators stand, at every stage of the integrator, where their closed form has them: exact, and stable for any lag.
 
     Args:
         model: vehicle.
         params: value of each free coefficient, SI.
         integrator: one-step method.
+        others: `(joint, held) ->` rates of what travels behind the state and is integrated with it.
     """
-    return lambda state, held, h: integrator(lambda x: model.derivative(params, x, held), state, h)
+    n, body = len(model.states), len(model.states) - len(model.late)
+
+    def rates(joint: tuple, held: tuple) -> tuple:
+        return (*model.derivative(params, joint[:n], held), *others(joint, held))
+
+    def move(joint: tuple, held: tuple, h: Any) -> tuple:
+        if not model.late:
+            return integrator(lambda x: rates(x, held), joint, h)
+
+        def actual(time: Any) -> tuple:
+            return tuple(
+                follow(params, before, held, time) for follow, before in zip(model.late, joint[body:n], strict=True)
+            )
+
+        def rate(x: tuple) -> tuple:
+            *own, time = x
+            found = rates((*own[:body], *actual(time), *own[body:]), held)
+            return (*found[:body], *found[n:], 1.0)
+
+        moved = integrator(rate, (*joint[:body], *joint[n:], 0.0 * h), h)
+        return (*moved[:body], *actual(h), *moved[body:-1])
+
+    return move
 
 
 @lru_cache(maxsize=64)

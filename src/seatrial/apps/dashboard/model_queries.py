@@ -23,7 +23,6 @@ from seatrial.apps.dashboard.view_models import (
 )
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.design_table import TRACKS
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.new_campaign import new_campaign
 from seatrial.campaign.config.new_campaign_file import campaign_text
@@ -44,6 +43,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
+from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
 from seatrial.export.from_campaign import of_campaign
@@ -120,10 +120,9 @@ def form_data(folder: str) -> FormData:
     campaign = load_campaign(folder)
     control, imports = campaign.family.control, campaign.imports
     stated = toml_content(campaign.path, campaign.text).get("limits", {})
-    states = campaign.model(campaign.full).states
-    known, limits = [control, *states, *TRACKS], []
+    known, limits = [control, *motion_signals(campaign.model(campaign.full))], []
     for name in [control, *(one for one in stated if one != control)]:
-        unit = "m" if name in TRACKS else shown_unit(name)[1]
+        unit = shown_unit(name)[1]
         written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
         limits.append(Limit(name, unit, *written, has_rate=name == control))
     shown = true_coefficients(campaign, campaign.model(campaign.full))

@@ -17,6 +17,7 @@ from seatrial.campaign.config.new_campaign import (
     read_sensor,
     read_sought,
 )
+from seatrial.core.signals import TRACKS
 
 Row = Mapping[str, str]
 """What stands in the fields of a row, by field."""
@@ -147,7 +148,7 @@ def kinds(is_published: bool) -> tuple[Kind, ...]:
                 "upper": ("at most", ""),
                 "unit": ("unit", "m/s"),
             },
-            (*SIGNALS, "distance", "advance"),
+            (*SIGNALS, *TRACKS),
             _limit_line,
             read_limit,
             lambda new: [_limit_row(one) for one in new.limits],

@@ -259,7 +259,7 @@ class Campaign:
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""
-        return level_start(model, self.hull.trim)
+        return level_start(model, {**self.hull.trim, self.family.control: self.family.trim})
 
     def control_trim(self, model: VehicleModel) -> Trim:
         """Every control of a model with its trim value, SI; what a designed trial leaves alone stays there.

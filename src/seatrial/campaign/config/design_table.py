@@ -11,14 +11,13 @@ from seatrial.campaign.config.schema import DesignTable, LimitsTable, PowerTable
 from seatrial.campaign.config.settings import DesignSettings, OwnSchedule, Power, RelaySettings, StatedPrediction
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
-from seatrial.design.motion_limits import Advance, Distance, MotionLimit, StateBound
+from seatrial.design.integrals import motion_signals
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.manoeuvres.family import Beside, Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
 
-TRACKS = ("distance", "advance")
-"""Limits of the way travelled, m."""
 LONGEST = 1e5
 """Of a prediction, s."""
 
@@ -132,25 +131,27 @@ def read_own(path: Path, controls: Sequence[str], limits: Mapping[str, Limits], 
 
 
 def read_limits(
-    tables: Mapping[str, LimitsTable], keys: FileKeys, controls: Sequence[str], states: Sequence[str]
+    tables: Mapping[str, LimitsTable], keys: FileKeys, model: VehicleModel
 ) -> tuple[dict[str, Limits], tuple[MotionLimit, ...]]:
     """Read the limits of the controls by name, and those of the motion, in the order of the file.
 
     Raises:
-        InputError: a name that is neither a control nor a quantity of the motion, a rate of the motion, a lower bound of the distance,
-            no bound at all, units that do not fit, or lower above upper.
+        InputError: a name that is neither a control nor a signal of the motion, a rate of the motion, a lower bound of the distance, no
+            bound at all, units that do not fit, or lower above upper.
     """
-    known = [*controls, *states, *TRACKS]
+    known = [*model.controls, *motion_signals(model)]
     for name in tables:
         if name not in known:
             raise InputError(
                 keys.where(f"limits.{name}"),
                 found=f'"{name}"',
-                expected="a control, a state or a track: " + ", ".join(known),
+                expected="a control, a state, or a way: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
-    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in controls}
-    return of_controls, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name not in controls)
+    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in model.controls}
+    return of_controls, tuple(
+        _motion_limit(name, one, keys) for name, one in tables.items() if name not in model.controls
+    )
 
 
 def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
@@ -288,10 +289,8 @@ def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:
             expected="upper" if name == "distance" else "lower, upper or both",
             remedy="rates are limited of controls only",
         )
-    lower, upper = _bounds(table, keys, name, "m" if name in TRACKS else signal_unit(name))
-    if name == "distance":
-        return Distance(upper)
-    return Advance(lower, upper) if name == "advance" else StateBound(name, lower, upper)
+    lower, upper = _bounds(table, keys, name, signal_unit(name))
+    return MotionLimit(name, lower, upper)
 
 
 def _bounds(table: LimitsTable, keys: FileKeys, name: str, unit: str) -> tuple[float, float]:

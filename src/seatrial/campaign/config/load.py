@@ -113,7 +113,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     process_noise = _process_noise(file.filter, keys, units, model)
     design = read_design(file.design, keys, model, vehicle.hull.trim, tuple(sensors))
     check_utility(design, keys, is_one_structure=not rules.optional)
-    limits, motion_limits = read_limits(file.limits, keys, model.controls, model.states)
+    limits, motion_limits = read_limits(file.limits, keys, model)
     if file.design.schedule is not None:
         where = keys.where("design.schedule")
         with located(where):

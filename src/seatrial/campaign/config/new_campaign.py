@@ -16,8 +16,6 @@ from seatrial.core.signals import is_signal, signal_unit
 from seatrial.core.units import quantity, to_si
 
 Part = TypeVar("Part")
-TRACKS = ("distance", "advance")
-"""What may be limited beside signals, m."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"({_NUMBER})\s+to\s+({_NUMBER})\s*(.*)")
 
@@ -272,7 +270,7 @@ def read_limit(text: str, place: str) -> Bound:
     """
     example = "u above 0.5 m/s"
     name, rest = _parted(text, place, example)
-    unit = "m" if name in TRACKS else _unit_of(name, place)
+    unit = _unit_of(name, place)
     word, _, amount = rest.partition(" ")
     if word in ("above", "below"):
         quantity(amount.strip(), unit, place)

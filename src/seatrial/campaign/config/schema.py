@@ -180,8 +180,8 @@ class MountTable(Table):
 
 
 class LimitsTable(Table):
-    """`[limits.NAME]`: bounds of any control and of its rate of change, of a state of the motion such as `u`, of the distance travelled
-    (`distance`), or of the advance along the course (`advance`)."""
+    """`[limits.NAME]`: bounds of any control and of its rate of change, of a state of the motion such as `u`, or of the way: the `distance`
+    travelled, the `advance` along the keel, and `x` and `y`, metres ahead and to starboard of the start and its heading."""
 
     lower: Quantity | None = None
     upper: Quantity | None = None

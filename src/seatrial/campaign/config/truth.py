@@ -1,7 +1,7 @@
 """What is true of a simulated vehicle: `[truth]` holds a value of each coefficient, and what sensors and actuators add to it.
 
 What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
-`tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
+`tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, in place of what `[vehicle.actuators]` states.
 """
 
 from collections.abc import Mapping
@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.signals import ACTUAL
 from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.mounts import mount_names
 from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
@@ -77,8 +78,17 @@ def check_truth(campaign: Campaign) -> None:
                 remedy="leave out one of the two",
             )
     spreads = {name(channel) for channel in campaign.channels for name in (noise_name, correlation_name, dof_name)}
-    lags = {lag_name(name) for name in (*campaign.model(campaign.full).controls, *campaign.channels)}
+    model = campaign.model(campaign.full)
+    lags = {lag_name(name) for name in (*model.controls, *campaign.channels)}
+    late = {lag_name(name) for name in model.controls if name + ACTUAL in model.states}
     for name, value in truth.items():
+        if name in late and value == 0:
+            raise InputError(
+                campaign.where(f"truth.{name}"),
+                found="0 s",
+                expected="more than 0 s: by [vehicle.actuators] it is late",
+                remedy="leave it out for the lag stated there, or leave out both",
+            )
         if (name in lags | {DELAY} and value < 0) or (name in spreads and value <= 0):
             unit = " s" if name not in spreads else ""
             raise InputError(

@@ -1,7 +1,8 @@
 """The simulated vehicle of a campaign: what is true of it, and what its sensors show in a trial.
 
 What is simulated is what is fitted: [truth] holds a value of each coefficient, and may hold what an estimate knows beside them, by the same
-names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, which no structure has.
+names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, in place of what
+[vehicle.actuators] states.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +17,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
+from seatrial.core.signals import ACTUAL
 from seatrial.estimation.command_delay import DELAY
 from seatrial.estimation.replicate import draw_unit_noise
 from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
@@ -23,6 +25,7 @@ from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
 from seatrial.estimation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
 from seatrial.manoeuvres.schedule import Schedule
+from seatrial.vehicles.actuators import Actuator, with_actuators
 
 FIRST = "trial"
 """Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on."""
@@ -73,7 +76,7 @@ class TrueVehicle:
             self.values[noise_name(sensor.channel)] * np.asarray(unit)
             for sensor, unit in zip(sensors, _unit_noise(sensors, self.values, channels, tuple(keys)), strict=True)
         ]
-        start, step = np.array(self.start, float), np.full(schedule.time.size, schedule.time[1])
+        start, step = self._start(columns), np.full(schedule.time.size, schedule.time[1])
         if relay is None:
             shown, end = _follow(self.simulator, self.values, start, tuple(columns.values()), step)
         else:
@@ -93,15 +96,21 @@ class TrueVehicle:
             sensor.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, sensor in enumerate(sensors)
         }
 
+    def _start(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the state at the first sample: actuators stand where they are first told to be."""
+        states = zip(self.simulator.model.states, self.start, strict=True)
+        return np.array([columns[name.removesuffix(ACTUAL)][0] if name.endswith(ACTUAL) else x for name, x in states])
+
 
 def true_vehicle(campaign: Campaign) -> TrueVehicle:
     """Return the vehicle of `[truth]`."""
     truth, model = campaign.truth, campaign.model(campaign.full)
     noise = {noise_name(channel): sd for channel, sd in campaign.noise.items()}
-    late = tuple(name for name in model.controls if truth.get(actuator_lag(name), 0.0) > 0)
+    times = {name: truth.get(actuator_lag(name), 0.0) for name in model.controls if name + ACTUAL not in model.states}
+    model = with_actuators(model, {name: Actuator(time) for name, time in times.items() if time > 0})
     sensors = tuple(_true_sensor(sensor, truth) for sensor in campaign.sensor_models)
     return TrueVehicle(
-        Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth, late),
+        Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth),
         {**noise, **truth, **true_coefficients(campaign, model)},
         campaign.state_trim(model),
         campaign.control_trim(model),

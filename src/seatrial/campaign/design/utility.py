@@ -8,7 +8,6 @@ from seatrial.campaign.config.settings import DesignFilter, DesignSettings
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion
-from seatrial.design.stated_prediction import TRACKS
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
@@ -81,7 +80,7 @@ def prediction_lines(
     value, gradient = wanted.at(mean)
     before = np.atleast_2d(np.cov(draws, rowvar=False))
     after = np.linalg.inv(np.linalg.inv(before) + np.asarray(plan.information(mean, control)))
-    factor, unit = (1.0, "m") if stated.of in TRACKS else shown_unit(stated.of)
+    factor, unit = shown_unit(stated.of)
     now, then = (float(np.sqrt(gradient @ cov @ gradient)) * factor for cov in (before, after))
     return (
         f"{stated.of} {stated.after:g} s after {campaign.family.control} is set to {stated.control * drive:.4g} {drive_unit}: "

@@ -141,10 +141,6 @@ class Results:
         """Read what the data tell about each parameter of one structure."""
         return read_known(self.store.known(label), self._by("estimate"))
 
-    def known_of_design(self) -> Known:
-        """Read what the best design would tell about each parameter."""
-        return read_known(self.store.known_design, self._by("design"))
-
     def left_out(self, label: str) -> tuple[LeftOut, ...]:
         """Read what one structure leaves out."""
         return read_left_out(self.store.left_out(label), self._by("run"))
@@ -160,10 +156,6 @@ class Results:
     def predictions(self) -> Predictions:
         """Read how well each record is predicted."""
         return read_predictions(self.store.predictions)
-
-    def predicted_curves(self) -> "xr.Dataset":
-        """Read measured and predicted curves, the records one after another on `sample`."""
-        return open_dataset(self.store.predictions)
 
     def baselines(self) -> FittedBaselines:
         """Read what baselines say of the held-back records."""

@@ -18,6 +18,7 @@ from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
@@ -286,9 +287,8 @@ class Limits:
     def _add(self) -> None:
         name = self.more.value
         if name and all(one != name for one, *_ in self.fields):
-            unit = "m" if name in ("distance", "advance") else "SI unit"
             with self.rows:
-                self._row(Limit(str(name), unit, "", "", "", False))
+                self._row(Limit(str(name), shown_unit(str(name))[1], "", "", "", False))
 
     @property
     def is_edited(self) -> bool:
