@@ -1,4 +1,4 @@
-"""Beginning a campaign from the page: texts that load, the campaign's name, and only vehicles of which a template can be."""
+"""A campaign begun from the page: the rows say what `seatrial init` reads, and a file is checked before it is written."""
 
 import tomllib
 
@@ -6,37 +6,56 @@ import pytest
 
 from seatrial.apps.dashboard import model_queries as thinking
 from seatrial.apps.dashboard.logs import look_into
+from seatrial.apps.dashboard.new_campaign_rows import kinds
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.templates import TEMPLATES
+from seatrial.campaign.config.new_campaign import OWN, PUBLISHED
+from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.core.errors import InputError
 
-
-def test_every_template_can_be_begun_from_with_each_vehicle_that_is_offered(tmp_path):
-    found = {one.template: one.vehicles for one in thinking.beginnings()}
-    assert list(found) == list(TEMPLATES)
-    assert found["design"] == ()
-    assert found["remus100"] == ("remus100_surge",)
-    assert found["steering"] == ("remus100_hall_anstee", "remus100_prestero")
-    for template, vehicles in found.items():
-        for vehicle in vehicles or ("",):
-            text = thinking.begun(str(tmp_path), template, "my boat", vehicle)
-            (tmp_path / "campaign.toml").write_text(text)
-            campaign = load_campaign(tmp_path)
-            assert (campaign.name, campaign.vehicle.catalogue) == ("my boat", vehicle)
+PARTS = {"seek": "sought", "control": "controls", "sensor": "sensors", "limit": "limits"}
+"""Attribute of a campaign for each option whose name differs."""
 
 
-def test_a_vehicle_that_a_template_cannot_be_of_is_refused(tmp_path):
-    with pytest.raises(InputError):
-        thinking.begun(str(tmp_path), "steering", "my boat", "bluerov2_heavy")
+def said_in_form(new):
+    said = {kind.option: tuple(map(kind.line, map(dict, kind.rows(new)))) for kind in kinds(bool(new.vehicle))}
+    texts = {"vehicle": new.vehicle, "mass": new.mass, "speed": new.speed, "duration": new.duration}
+    texts |= {"moves": ",".join(new.moves), "thrust_deduction": new.thrust_deduction}
+    return tuple({option: value for option, value in {**texts, **said}.items() if value}.items())
+
+
+@pytest.mark.parametrize("new", [OWN, PUBLISHED])
+def test_the_rows_of_the_form_say_the_campaign_they_were_filled_from(new, tmp_path):
+    for kind in kinds(bool(new.vehicle)):
+        read = tuple(kind.read(kind.line(row), "row") for row in kind.rows(new))
+        assert read == getattr(new, PARTS.get(kind.option, kind.option))
+    found = thinking.begun(str(tmp_path), new.name, "", said_in_form(new))
+    assert tomllib.loads(found) == tomllib.loads(campaign_text(new))
+
+
+def test_a_form_that_makes_no_campaign_is_refused_and_nothing_is_written(tmp_path):
+    said = {**dict(said_in_form(OWN)), "sensor": ("v 0.02 m/s",)}
+    with pytest.raises(InputError, match=r"sensors\.v"):
+        thinking.begun(str(tmp_path), "my boat", "", tuple(said.items()))
     with pytest.raises(InputError, match="no such template"):
-        thinking.begun(str(tmp_path), "../design", "my boat", "")
+        thinking.begun(str(tmp_path), "my boat", "../design", ())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):
+    (tmp_path / "campaign.toml").write_text(thinking.begun(str(tmp_path), "my boat", "remus100", ()))
+    assert load_campaign(tmp_path).name == "my boat"
+
+
+def test_what_is_published_of_each_vehicle_can_be_sought():
+    found = {one.name: one.terms for one in thinking.published_terms()}
+    assert {one.name for one in PUBLISHED.sought} <= set(found[PUBLISHED.vehicle])
+    assert found["remus100_surge"] == ("X_u", "X_uabsu", "T_nabsn")
 
 
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     from seatrial.apps.dashboard.edits import with_map
 
-    text = thinking.begun(str(tmp_path), "design", "my boat", "")
+    text = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
     (tmp_path / "campaign.toml").write_text(text)
     (tmp_path / "dive.csv").write_text(
         "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{900 + i}\n" for i in range(99))

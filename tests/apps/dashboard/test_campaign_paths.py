@@ -39,7 +39,17 @@ def test_a_campaign_outside_is_none(context, name):
 
 
 @pytest.mark.parametrize(
-    "file", ["../../outside/report.html", "/etc/passwd", "results/posterior/M-0.nc", "", "report.html\0", "REPORT.HTML"]
+    "file",
+    [
+        "../../outside/report.html",
+        "/etc/passwd",
+        "results/posterior/M-0.nc",
+        "",
+        "report.html\0",
+        "REPORT.HTML",
+        "../a.svg",
+        "results/a/b_schedule.csv",
+    ],
 )
 def test_only_results_meant_for_it_are_served(context, file):
     with pytest.raises(InputError):
@@ -57,6 +67,12 @@ def test_what_is_there_is_served(context):
     path, kind = context.download("one", "report.html")
     assert path.read_text() == "mine"
     assert kind == DOWNLOADS["report.html"]
+    (context.root / "one" / "results").mkdir()
+    for name in ("prior.svg", "results/free_form_schedule.csv", "results/x.nc"):
+        (context.root / "one" / name).write_text("mine")
+    made = ["campaign.toml", "prior.svg", "report.html", "results/free_form_schedule.csv"]
+    assert context.files("one") == made
+    assert context.download("one", "prior.svg")[1] == "image/svg+xml"
 
 
 def test_a_folder_that_is_none():

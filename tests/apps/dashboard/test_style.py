@@ -1,4 +1,4 @@
-"""Both themes can be read: contrast as WCAG 2.2 counts it, 4.5 for text (AA) and 7 in sunlight (AAA); and nothing comes from elsewhere."""
+"""All themes can be read: contrast as WCAG 2.2 counts it, 4.5 for text (AA) and 7 in sunlight (AAA); and nothing comes from elsewhere."""
 
 import re
 from pathlib import Path
@@ -15,8 +15,8 @@ GROUNDS = ("paper", "ground", "shade", "alarm-ground", "finding-ground")
 
 
 def colours(theme):
-    found = {name: light for name, (light, _) in PALETTE.items()}
-    for block in (r":root \{", *([r':root\[data-theme="sun"\] \{'] if theme == "sun" else [])):
+    found = {name: pair[theme == "dark"] for name, pair in PALETTE.items()}
+    for block in (r":root \{", *([rf':root\[data-theme="{theme}"\] \{{'] if theme else [])):
         match = re.search(block + r"(.*?)\}", STYLE, re.DOTALL)
         assert match is not None
         found |= dict(re.findall(r"--([a-z-]+):\s*(#[0-9a-f]{3,6})\b", match[1]))
@@ -35,13 +35,15 @@ def contrast(one, other):
     return (high + 0.05) / (low + 0.05)
 
 
-@pytest.mark.parametrize(("theme", "least"), [("", 4.5), ("sun", 7.0)])
+@pytest.mark.parametrize(("theme", "least"), [("", 4.5), ("dark", 4.5), ("sun", 7.0)])
 def test_text_stands_out_from_its_ground(theme, least):
     found = colours(theme)
     for text in TEXTS:
         for ground in GROUNDS:
             assert contrast(found[text], found[ground]) >= least, (text, ground)
-    assert contrast(found["orange"], "#ffffff") >= 4.5  # handles, and the ring of what has the focus
+    assert contrast(found["orange"], found["paper"]) >= 4.5  # the ring of what has the focus
+    assert contrast(found["blue"], found["paper"]) >= 4.5  # words on buttons
+    assert contrast(found["alarm"], found["paper"]) >= 4.5
     assert contrast(found["dots"], found["paper"]) >= (7.0 if theme == "sun" else 3.0)
 
 

@@ -5,14 +5,12 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import typer
 
 from seatrial.apps.answer import current_answer
 from seatrial.apps.running import Folder
-
-Answered = TypeVar("Answered")
 
 
 def _one(metavar: str, meaning: str) -> Any:
@@ -53,7 +51,7 @@ Control = Annotated[
 ]
 Sensor = Annotated[list[str] | None, _line('A sensor: noise of one sample, rate: "u 0.05 m/s, 5 Hz".')]
 Limit = Annotated[list[str] | None, _line('What the motion may do: "u above 0.5 m/s", "distance below 150 m".')]
-Duration = Annotated[str, typer.Option(metavar="TIME", help="Of one trial.")]
+Duration = Annotated[str | None, _one("TIME", 'Of one trial; "60 s" if not given.')]
 Goal = Annotated[list[str] | None, _line('How well a coefficient has to be known: "X_uabsu 3 %".')]
 Log = Annotated[
     Path | None, _one("FILE", "A log of the published vehicle: its columns are guessed, and the campaign imports it.")
@@ -76,7 +74,7 @@ def init(
     control: Control = None,
     sensor: Sensor = None,
     limit: Limit = None,
-    duration: Duration = "60 s",
+    duration: Duration = None,
     goal: Goal = None,
     log: Log = None,
     name: Name = None,
@@ -85,7 +83,7 @@ def init(
     said = {
         **{"vehicle": vehicle, "mass": mass, "inertia": inertia, "moves": moves, "known": known},
         **{"thrust_deduction": thrust_deduction, "seek": seek, "optional": optional, "speed": speed},
-        **{"control": control, "sensor": sensor, "limit": limit, "goal": goal, "name": name},
+        **{"control": control, "sensor": sensor, "limit": limit, "goal": goal, "name": name, "duration": duration},
     }
     given = {option: value for option, value in said.items() if value}
     _check_beside(template, given)
@@ -100,7 +98,7 @@ def init(
             given = answers
             typer.echo(f"the same by options:\n  {_command(folder, given)}")
     if given:
-        _write_new(folder, {**given, "duration": given.get("duration", duration)})
+        _write_new(folder, given)
     else:
         _write_template(folder, template or "remus100")
 
@@ -167,11 +165,12 @@ def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
 def _write_new(folder: Path, said: dict[str, Any]) -> None:
     """Write what was said, once it makes a campaign that can be used."""
     from seatrial.campaign.config.load import check_text
+    from seatrial.campaign.config.new_campaign import new_campaign
     from seatrial.campaign.config.new_campaign_file import campaign_text
     from seatrial.campaign.config.templates import init_campaign
     from seatrial.core.errors import located
 
-    new = _new_campaign(said)
+    new = new_campaign(said)
     with located("what these options make"):
         check_text(folder, campaign_text(new))
     path, answer = init_campaign(folder, new), current_answer()
@@ -179,61 +178,6 @@ def _write_new(folder: Path, said: dict[str, Any]) -> None:
     answer.name_file("campaign", path)
     answer.give(template=None)
     answer.say(f"what it means in m/s: seatrial prior {folder}; then: seatrial design {folder}")
-
-
-def _new_campaign(said: dict[str, Any]) -> Any:
-    """Read what was said by options.
-
-    Raises:
-        InputError: an option that cannot be read, both or neither of a published vehicle and one's own.
-    """
-    from seatrial.campaign.config import new_campaign as parts
-    from seatrial.core.errors import InputError
-    from seatrial.core.units import quantity
-
-    if ("vehicle" in said) == ("mass" in said):
-        raise InputError(
-            "--vehicle, --mass",
-            found="both" if "vehicle" in said else "neither",
-            expected="a published vehicle, or the mass of your own",
-            remedy='for example --mass "30 kg"; `seatrial vehicle` lists what is published',
-        )
-
-    def each(option: str, read: Callable[[str, str], Answered]) -> tuple[Answered, ...]:
-        return tuple(read(text, f"--{option}") for text in said.get(option, ()))
-
-    for option, unit in (("speed", "m/s"), ("duration", "s")):
-        if option in said:
-            quantity(said[option], unit, f"--{option}")
-    deduction, sought = said.get("thrust_deduction", ""), partial(parts.read_sought, is_published="vehicle" in said)
-    return parts.NewCampaign(
-        said.get("name") or f"{said.get('vehicle') or 'my vehicle'}, first trial",
-        each("seek", sought),
-        each("control", parts.read_control),
-        each("sensor", parts.read_sensor),
-        each("optional", sought),
-        vehicle=said.get("vehicle", ""),
-        mass=said.get("mass", ""),
-        inertia=_three(said.get("inertia", "")),
-        moves=tuple(_names(said.get("moves", ""))),
-        known=each("known", parts.read_known),
-        thrust_deduction=f"{quantity(deduction, '1', '--thrust-deduction'):g}" if deduction else "",
-        speed=said.get("speed", ""),
-        limits=each("limit", parts.read_limit),
-        duration=said["duration"],
-        goal=each("goal", parts.read_goal),
-    )
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _three(text: str) -> tuple[str, ...]:
-    """Return three quantities; a unit at the end alone is that of all."""
-    parts = _names(text)
-    unit = parts[-1].partition(" ")[2] if parts else ""
-    return tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
 
 
 def _command(folder: Path, said: dict[str, Any]) -> str:
@@ -300,7 +244,7 @@ def _say_published(name: str, moves: str) -> None:
     if name in surge_names():
         known: Iterable[str] = load_surge(name).coefficients
     else:
-        known = load_vehicle(name).terms(tuple(_names(moves)))
+        known = load_vehicle(name).terms(tuple(one.strip() for one in moves.split(",")))
     typer.echo("  published: " + " ".join(known))
 
 

@@ -14,12 +14,14 @@ from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Job, Jobs
 from seatrial.apps.dashboard.view_models import FormData, Stage, words_of
-from seatrial.apps.dashboard.worker_pool import WorkerPool
+from seatrial.apps.dashboard.worker_pool import WorkerPool, stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 
 PATIENCE = 0.35
 """Seconds that a page waits for a part before it is shown without it."""
+CHANGES = 1.0
+"""Seconds between looks whether something has changed."""
 GLANCE = 0.2
 """Seconds for which a look at a running command is good for all viewers."""
 
@@ -55,6 +57,30 @@ class AppContext:
     async def form_data(self, folder: Path) -> FormData:
         """A campaign, for the forms."""
         return await self.worker_pool.think("form_data", str(folder), files=[folder / CAMPAIGN])
+
+
+async def keep_current(part: Any, stamp_of: Callable[[], Any], build: Callable[[], Awaitable[Any]]) -> None:
+    """Build a part of a page, and build it again whenever what it shows has changed, whoever changed it.
+
+    Args:
+        part: element that holds it.
+        stamp_of: what tells that something has changed; asked in a thread.
+        build: of its content.
+    """
+    last = shown = await asyncio.to_thread(stamp_of)
+    with part:
+        await build()
+
+    async def look() -> None:
+        nonlocal last, shown
+        before, last = last, await asyncio.to_thread(stamp_of)
+        if last != shown and last == before and not part.is_deleted:  # not in the middle of several changes
+            shown = last
+            part.clear()
+            with part:
+                await build()
+
+    ui.timer(CHANGES, look)
 
 
 async def fill(
@@ -107,6 +133,12 @@ def say(error: BaseException | str) -> None:
 def markup(text: str) -> ui.html:
     """Show our own markup, whose foreign parts are escaped."""
     return ui.html(text, sanitize=False).classes("plain")
+
+
+def change_of(folder: Path) -> tuple:
+    """Return what changes with the campaign file, any result and any file beside it: times of change of the folders."""
+    results = Store(folder).results
+    return tuple(stamp(one) for one in (folder, folder / CAMPAIGN, results, *sorted(results.glob("*/"))))
 
 
 def evidence_of(folder: Path) -> list[Path]:

@@ -19,15 +19,13 @@ MOST = 500
 DOWNLOADS = {
     "report.html": "text/html; charset=utf-8",
     "campaign.toml": "text/plain; charset=utf-8",
-    "results/design_schedule.csv": "text/csv; charset=utf-8",
-    "results/design_schedule.json": "application/json",
-    "results/next_schedule.csv": "text/csv; charset=utf-8",
-    "results/next_schedule.json": "application/json",
-    "results/proposed_schedule.csv": "text/csv; charset=utf-8",
     "results/summary.json": "application/json",
     "results/selection.json": "application/json",
 }
 """Files of a campaign that may be fetched, and their types."""
+MADE = re.compile(r"[\w-][\w.-]*\.svg|results/[a-z0-9_]+_schedule\.(csv|json)|results/(coefficients|averaged)\.csv")
+"""Pictures, schedules and tables that commands wrote, by their place in the campaign's folder."""
+_TYPES = {".svg": "image/svg+xml", ".csv": "text/csv; charset=utf-8", ".json": "application/json"}
 _EXPORTED = re.compile(r"export/[A-Za-z0-9_-]+/[A-Za-z0-9_][A-Za-z0-9_.-]*")
 """Files that `seatrial export` wrote; they are only ever saved, never shown."""
 LONGEST = 200
@@ -154,6 +152,14 @@ class CampaignPaths:
             remedy="choose another, or copy it there",
         )
 
+    def files(self, name: str) -> list[str]:
+        """Files of a campaign that may be fetched, exports aside, relative to its folder."""
+        folder = self.folder(name)
+        there = [
+            path.relative_to(folder).as_posix() for place in (folder, Store(folder).results) for path in place.glob("*")
+        ]
+        return sorted(one for one in there if one in DOWNLOADS or MADE.fullmatch(one))
+
     def download(self, name: str, relative: str) -> tuple[Path, str]:
         """A file that may be fetched, and its type.
 
@@ -162,6 +168,8 @@ class CampaignPaths:
         """
         if _EXPORTED.fullmatch(relative):
             return self.inside(self.folder(name), relative), "application/octet-stream"
+        if MADE.fullmatch(relative):
+            return self.inside(self.folder(name), relative), _TYPES[Path(relative).suffix]
         if relative not in DOWNLOADS:
             raise InputError(
                 f'file "{relative[:80]}"',

@@ -7,6 +7,7 @@ is read from the campaign's folder and remembered nowhere else: `.running.json` 
 
 import os
 import re
+import shlex
 import signal
 import socket
 from collections import OrderedDict
@@ -14,18 +15,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.apps.campaign_lock import Occupant, occupant_of
-from seatrial.apps.cli import COMMANDS
+from seatrial.apps.dashboard.command_options import STARTED
 from seatrial.apps.session import Session, how_it_ended
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 
-STARTED = {name: command.makes for name, command in COMMANDS.items() if command.makes}
-"""Commands that may be started from the page, and what they make."""
 TAIL = 16_000
 """Bytes of output that are shown."""
 KEPT = 2
 """Processes that stay without work: a few hundred megabytes each."""
-_OPTION = re.compile(r"--[a-z][a-z-]*|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}")
+_OPTION = re.compile(r"--[a-z][a-z-]*(=[\w][\w ,.%\[\]+-]{0,80})?|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", re.ASCII)
+"""An option as a page writes it: neither a path nor anything that begins another option."""
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,21 @@ class Jobs:
             InputError: another is at work, or the command or an option is none.
             OSError: its output cannot be written.
         """
-        if command not in STARTED or not all(_OPTION.fullmatch(option) for option in options):
+        if command not in STARTED:
             raise InputError(
                 f"command {command[:40]!r}",
                 found="no such command",
                 expected=", ".join(STARTED),
                 remedy="use the shell",
             )
+        for option in options:
+            if not _OPTION.fullmatch(option):
+                raise InputError(
+                    f"option {option[:40]!r}",
+                    found="characters that a page does not pass on",
+                    expected="letters, digits, spaces and , . % + - _",
+                    remedy="correct it, or use the shell",
+                )
         there = self.look(folder)
         if there.running:
             words = there.occupant.words if there.occupant else "one that was just started"
@@ -97,7 +105,7 @@ class Jobs:
         log = log_of(folder)
         log.parent.mkdir(exist_ok=True)
         line = [command, str(folder), *options]
-        log.write_bytes(f"$ seatrial {' '.join(line)}\n".encode())
+        log.write_bytes(f"$ seatrial {shlex.join(line)}\n".encode())
         self._session(folder).start(line, log)
 
     def stop(self, folder: Path) -> None:

@@ -1,20 +1,32 @@
 """Questions that need the vehicle and so the whole package; answered in the thinking process."""
 
 import tempfile
-import tomllib
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Drawn, envelopes
-from seatrial.apps.dashboard.result_plots import as_plot, as_recorded
-from seatrial.apps.dashboard.view_models import Beginning, Clicked, FormData, Limit, Margin, Recorded, Stage
+from seatrial.apps.dashboard.result_plots import as_recorded
+from seatrial.apps.dashboard.view_models import (
+    Clicked,
+    ExportTarget,
+    FormData,
+    Limit,
+    Margin,
+    PublishedTerms,
+    Recorded,
+    Stage,
+)
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
-from seatrial.campaign.config.templates import TEMPLATES, template_text
+from seatrial.campaign.config.new_campaign import new_campaign
+from seatrial.campaign.config.new_campaign_file import campaign_text
+from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import read_untrimmed
@@ -34,11 +46,15 @@ from seatrial.core.units import quantity
 from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
+from seatrial.export.from_campaign import of_campaign
+from seatrial.export.target import Exporter
+from seatrial.export.trials.trial import read_trial
+from seatrial.export.trials.write import FORMATS, check_format
+from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.write import EXPORTERS, make_exporter
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
-from seatrial.report.drawing import schedule_figure
-from seatrial.report.figures.style import own_settings
-from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
+from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names, vehicle_names
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -52,10 +68,51 @@ def ready() -> bool:
     return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
 
 
-def whole_vehicles() -> tuple[str, ...]:
-    """Published vehicles in six degrees of freedom, from which what a campaign does not model may be taken."""
-    found = {name: load_vehicle(name) for name in vehicle_names()}
-    return tuple(name for name, one in found.items() if set(one.moves) == set(RATES) and one.written is None)
+def export_rests(folder: str) -> tuple[str, ...]:
+    """Published vehicles from which may be taken what a campaign does not model: whole ones that agree with what it does."""
+    found = []
+    for name in vehicle_names():
+        vehicle = load_vehicle(name)
+        if set(vehicle.moves) == set(RATES) and vehicle.written is None:
+            with suppress(InputError):
+                of_campaign(folder, rest=name)
+                found.append(name)
+    return tuple(found)
+
+
+def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
+    """Ask each target whether it can hold what the campaign has, and what of it the target does not support.
+
+    Args:
+        folder: of the campaign.
+        rest: published vehicle that supplies what it does not model; empty for none.
+    """
+    try:
+        vehicle, _ = of_campaign(folder, rest=rest or None)
+        found = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
+    except InputError as error:
+        found = [ExportTarget(name, False, _why_not(error), ()) for name in EXPORTERS]
+    place = Path(folder) / "export" / "trial"
+    for name in FORMATS:
+        refusal = ""
+        try:
+            check_format(read_trial(folder), name, place)
+        except InputError as error:
+            refusal = _why_not(error)
+        found.append(ExportTarget(name, True, refusal, ()))
+    return tuple(found)
+
+
+def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:
+    try:
+        exporter.check(vehicle)
+    except InputError as error:
+        return ExportTarget(exporter.name, False, _why_not(error), ())
+    return ExportTarget(exporter.name, False, "", exporter.carries(vehicle).lost)
+
+
+def _why_not(error: InputError) -> str:
+    return f"{error.found}; needs {error.expected}. {error.remedy[:1].upper()}{error.remedy[1:]}."
 
 
 def form_data(folder: str) -> FormData:
@@ -83,32 +140,33 @@ def form_data(folder: str) -> FormData:
     )
 
 
-def beginnings() -> tuple[Beginning, ...]:
-    """Templates to begin from, each with its published vehicle, and with others where its priors are those of the vehicle."""
+def published_terms() -> tuple[PublishedTerms, ...]:
+    """Published vehicles from which a campaign may begin, and the coefficients that are published of each."""
     found = []
-    for template, meaning in TEMPLATES.items():
-        table = tomllib.loads(template_text(template))["vehicle"]
-        own = (table["catalogue"],) if "catalogue" in table else ()
-        others = (one for one in vehicle_names() if one not in own and _usable(template, one))
-        found.append(Beginning(template, meaning, (*own, *(others if "published_to" in table else ()))))
+    for name in vehicle_names():
+        if name in surge_names():
+            found.append(PublishedTerms(name, tuple(load_surge(name).coefficients)))
+        elif terms := (vehicle := load_vehicle(name)).terms(vehicle.moves):
+            found.append(PublishedTerms(name, tuple(terms)))
     return tuple(found)
 
 
-def begun(folder: str, template: str, name: str, vehicle: str) -> str:
-    """Text of a campaign file that a template begins, checked.
+def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ...]) -> str:
+    """Text of a new campaign's file, checked.
 
     Args:
         folder: where it is to stand.
-        template: its name.
         name: of the campaign.
-        vehicle: of the catalogue; empty for the template's own.
+        template: to begin from; empty where the form was filled in.
+        said: in the form, as options of `seatrial init`.
 
     Raises:
-        InputError: no such template or vehicle, or a vehicle that the template cannot be of.
+        InputError: no such template, or a campaign that cannot be used.
     """
-    text = set_key(template_text(template), "campaign", "name", name)
-    if vehicle:
-        text = set_key(text, "vehicle", "catalogue", vehicle)
+    if template:
+        text = set_key(template_text(template), "campaign", "name", name)
+    else:
+        text = campaign_text(new_campaign({**dict(said), "name": name}))
     check_text(Path(folder), text)
     return text
 
@@ -141,15 +199,14 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     chosen = chosen_of(sweep, (row, column))
     manoeuvre = chosen.manoeuvre(campaign.families)
     planned = schedule_of(manoeuvre, sweep.family.sample_time)
-    with own_settings():
-        plot = as_plot(schedule_figure(planned, campaign.control_limits), "control", "Control of the design over time")
     with tempfile.TemporaryDirectory() as place:
         schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
     margins = (
         *_of_control(campaign.limits, sweep, planned.controls[manoeuvre.control]),
         *_of_motion(campaign, which, sweep, (row, column)),
     )
-    return Clicked(design_words(sweep.family, chosen.amplitude, chosen.period), plot, margins, schedule)
+    words, values = design_words(sweep.family, chosen.amplitude, chosen.period), planned.controls[manoeuvre.control]
+    return Clicked(words, np.asarray(planned.time), values * shown_unit(manoeuvre.control)[0], margins, schedule)
 
 
 def whole_log(folder: str, run: str) -> Recorded:
@@ -159,13 +216,6 @@ def whole_log(folder: str, run: str) -> Recorded:
     curves = envelopes(found.time, lambda a, b: {name: values[a:b] for name, values in columns.items()})
     about = {channel.name: (channel.unit, channel.role) for channel in found.channels}
     return as_recorded(Drawn(curves, about, found.time.size, dict(found.provenance.options), found.provenance.source))
-
-
-def _usable(template: str, vehicle: str) -> bool:
-    try:
-        return bool(begun(".", template, template, vehicle))
-    except InputError:
-        return False
 
 
 def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:

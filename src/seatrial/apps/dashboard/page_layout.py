@@ -1,14 +1,15 @@
-"""The frame of every page: where you are, the views of a campaign, what is at work, and the theme for sunlight."""
+"""The frame of every page: where you are, the views of a campaign, what is at work, and light, dark or sunlight colours."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlencode
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup
+from seatrial.apps.dashboard.run_bar import RunBar
 
 VIEWS = {
     "import": "Records",
@@ -19,20 +20,22 @@ VIEWS = {
     "report": "Report and export",
 }
 """Views of a campaign, in the order of the work."""
-EVERY = 1.0
-"""Seconds between looks at what is running."""
 _THEME = """<script>
 (function () {
-  const root = document.documentElement;
+  const root = document.documentElement, dark = window.matchMedia("(prefers-color-scheme: dark)");
+  let chosen = "";
   root.lang = "en";
-  try { root.dataset.theme = localStorage.getItem("seatrial-theme") || ""; } catch (e) {}
-  window.seatrialTheme = function () {
-    root.dataset.theme = root.dataset.theme === "sun" ? "" : "sun";
-    try { localStorage.setItem("seatrial-theme", root.dataset.theme); } catch (e) {}
-    document.querySelectorAll(".theme").forEach((b) => b.setAttribute("aria-pressed", root.dataset.theme === "sun"));
+  try { chosen = localStorage.getItem("seatrial-theme") || ""; } catch (e) {}
+  const show = () => { root.dataset.theme = chosen || (dark.matches ? "dark" : "light"); };
+  const mark = () => document.querySelectorAll(".theme").forEach((one) => { one.value = chosen; });
+  show();
+  dark.addEventListener("change", show);
+  window.seatrialTheme = function (theme) {
+    chosen = theme;
+    try { localStorage.setItem("seatrial-theme", theme); } catch (e) {}
+    show();
   };
-  window.addEventListener("load", () => setTimeout(() =>
-    document.querySelectorAll(".theme").forEach((b) => b.setAttribute("aria-pressed", root.dataset.theme === "sun")), 0));
+  window.addEventListener("load", () => setTimeout(mark, 0));
 })();
 </script>"""
 
@@ -54,15 +57,13 @@ def frame(context: AppContext, view: str, campaign: str = "", folder: Path | Non
         folder: of the campaign, to show what is at work on it.
     """
     ui.add_head_html(_THEME)
-    title = VIEWS.get(view, "Campaigns")
+    title = VIEWS.get(view, "New campaign" if view == "new" else "Campaigns")
     ui.page_title(f"{title} · {campaign if campaign not in ('', '.') else context.campaign_paths.root.name} · seatrial")
     markup('<a class="skip" href="#main">Skip to the content</a>')
     with ui.element("header").classes("top"):
         markup(_top(context, campaign))
-        if folder is not None:
-            flag = markup("").classes("at-work")
-            ui.timer(EVERY, lambda: flag.set_content(_at_work(context, folder, campaign)))
-            flag.set_content(_at_work(context, folder, campaign))
+    if folder is not None:
+        RunBar(context, folder, link("run", campaign))
     if campaign:
         links = Markup("").join(
             Markup('<li><a href="{}"{}>{}</a></li>').format(
@@ -71,7 +72,7 @@ def frame(context: AppContext, view: str, campaign: str = "", folder: Path | Non
             for key, name in VIEWS.items()
         )
         markup(Markup('<nav aria-label="Views of the campaign"><ul>{}</ul></nav>').format(links))
-    with ui.element("main").props('id=main tabindex="-1"'):
+    with ui.element("div").props('id=main tabindex="-1"'):  # NiceGUI lays a <main> around the whole page
         markup(Markup("<h1>{}</h1>").format(title))
         yield
 
@@ -86,14 +87,8 @@ def section(title: str, note: str = "") -> Iterator[ui.element]:
 
 def button(words: str, action, *, main: bool = False) -> ui.button:
     """A button that reads as what it does."""
-    kind = "unelevated color=primary" if main else "outline color=primary"
+    kind = "unelevated color=primary text-color=paper" if main else "outline color=primary"
     return ui.button(words, on_click=action).props(f"no-caps {kind}").classes("button")
-
-
-def figure(svg: str, caption: str = "") -> Markup:
-    """A figure; the drawing is our own markup."""
-    below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
-    return Markup("<figure>{}{}</figure>").format(Markup(svg), below)
 
 
 def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:
@@ -122,14 +117,6 @@ def _top(context: AppContext, campaign: str) -> Markup:
     place = context.campaign_paths.root.name if campaign in ("", ".") else campaign
     return Markup(
         '<a class="brand" href="/">seatrial</a><span class="place" title="{}">{}</span>'
-        '<button type="button" class="theme" aria-pressed="false" onclick="seatrialTheme()">Sunlight contrast</button>'
+        '<select class="theme" aria-label="Colours" onchange="seatrialTheme(this.value)"><option value="">As the system</option>'
+        '<option value="light">Light</option><option value="dark">Dark</option><option value="sun">Sunlight</option></select>'
     ).format(context.campaign_paths.root, place if campaign else "")
-
-
-def _at_work(context: AppContext, folder: Path, campaign: str) -> str:
-    job = context.look(folder)
-    if not job.running:
-        return ""
-    command = job.occupant.command if job.occupant and job.occupant.alive else ("seatrial", "…")
-    words = escape(" ".join(command[:2]))
-    return f'<a class="running" href="{escape(link("run", campaign))}"><span class="dot"></span>{words} is running</a>'

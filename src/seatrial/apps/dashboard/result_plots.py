@@ -2,42 +2,34 @@
 
 import tempfile
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, envelopes, rows_of
-from seatrial.apps.dashboard.view_models import Plot, Recorded, Swept
+from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Plot, Recorded, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
-from seatrial.report.drawing import axes_box, inline_svg, signal_axis, signal_symbol
+from seatrial.report.drawing import axes_box, inline_svg, signal_axis
 from seatrial.report.figures.fit import Z90, autocorrelation
-from seatrial.report.figures.posterior import PriorShape, draw_marginal
-from seatrial.report.figures.structures import probability_bars
+from seatrial.report.figures.posterior import normal_density
 from seatrial.report.figures.style import (
-    BAND,
-    BLUE,
     DOTS,
     INK,
-    MUTED,
-    NARROW,
-    ORANGE,
     WIDE,
     draw_dots,
     label_axes,
     limit_ticks,
     new_figure,
     own_settings,
+    power_of_ten,
     thin_steps,
-    unit_label,
 )
-from seatrial.report.figures.surface import design_surface
-from seatrial.report.labels import label_mathtext
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +38,8 @@ if TYPE_CHECKING:
 CORRELATED = 10_000
 """Samples of which the autocorrelation is drawn, at most."""
 MOST_LISTED = 12
+BINS, POINTS = 60, 161
+"""Bins of a histogram of draws, and points of the curves beside it."""
 
 
 def ready() -> bool:
@@ -89,21 +83,6 @@ def swept(path: Path) -> Swept:
         stored.safety,
         stored.prediction,
     )
-
-
-def surface(path: Path, family: int, measure: str) -> Plot:
-    """Draw what every design of a family is worth; `measure` is gain or worth."""
-    found = swept(path)
-    values = (found.gain if measure == "gain" else found.worth)[family]
-    best = np.unravel_index(int(np.nanargmax(found.worth[family])), values.shape)
-    labels = (unit_label("period", "s"), unit_label(f"amplitude of {signal_symbol(found.control)}", found.unit))
-    with own_settings():
-        figure = design_surface(
-            np.array(found.period), np.array(found.amplitude), values, (int(best[0]), int(best[1])), labels
-        )
-        if measure == "worth" and len(figure.axes) > 1:
-            figure.axes[1].set_ylabel("utility")
-        return as_plot(figure, "surface", f"What each design would teach: {found.families[family].replace('-', ' ')}")
 
 
 def record(path: Path, most: int = 8) -> Recorded:
@@ -162,121 +141,109 @@ def predicted(path: Path) -> Predictions:
     return read_predictions(path)
 
 
-def fit(path: Path, index: int, channel: int) -> tuple[str, str]:
-    """Draw one channel of one record beside its prediction, and what that leaves over."""
+def fit_about(path: Path, index: int, channel: int) -> FitAbout:
+    """Say what one channel of one predicted record is, and how its residuals are correlated.
+
+    Raises:
+        InputError: missing or damaged.
+    """
     about = predicted(path)
-    held_back, name = about.records[index] in about.held_back, about.channels[channel]
-    factor = shown_unit(name)[0]
+    name = about.channels[channel]
     with stored(path) as file:
-        owner = file[
-            "record"
-        ]  # increases: some twenty looks find where a record begins and ends among millions of rows
-        first, last = (find(owner, index) for find in (bisect_left, bisect_right))  # pyright: ignore[reportArgumentType]
+        first, last = _rows_of_record(file, index)
         time = rows_of(file, "time", first, last)
-
-        def load(a: int, b: int) -> Mapping[str, np.ndarray]:
-            measured, mean, sd = (
-                rows_of(file, part, first + a, first + b)[:, channel] for part in ("measured", "mean", "sd")
-            )
-            return {
-                "measured": measured * factor,
-                "mean": mean * factor,
-                "lower": (mean - Z90 * sd) * factor,
-                "upper": (mean + Z90 * sd) * factor,
-                "residual": (measured - mean) / sd,
-            }
-
-        drawn = envelopes(time, load)
-        few = load(0, min(time.size, CORRELATED))["residual"]
-    title = f"Run {about.records[index]}, {name}"
-    with own_settings():
-        curve = _fit_figure(drawn, signal_axis(name), ORANGE if held_back else BLUE)
-        left = _residual_figure(
-            drawn["residual"], autocorrelation(time[: few.size], few), ORANGE if held_back else BLUE
-        )
-        return (
-            str(inline_svg(curve, "fit", f"{title}: measured and predicted")),
-            str(inline_svg(left, "residuals", f"{title}: residuals and their autocorrelation")),
-        )
+        few = min(time.size, CORRELATED)
+        residual = _fit_rows(file, channel, 1.0)(first, first + few)["residual"]
+    lag, correlation, count = autocorrelation(time[:few], residual)
+    white = 2 / np.sqrt(max(count, 1))
+    span = float(time[0]), float(time[-1])
+    held_back, unit = about.records[index] in about.held_back, shown_unit(name)[1]
+    return FitAbout(span, name, unit, held_back, lag, correlation, float(white))
 
 
-def posteriors(path: Path, truth: tuple[tuple[str, float], ...], most: int = MOST_LISTED) -> list[str]:
-    """Draw every parameter of one structure before and after the data."""
-    data, known = read_estimate(path).data, dict(truth)
-    found = []
-    with own_settings():
-        for index, name in enumerate(map(str, data["parameter"].values[:most])):
-            row = data.sel(parameter=name)
-            draws = row["draws"].values.ravel()
-            prior = PriorShape(
-                lower=float(row["prior_lower"]),
-                upper=float(row["prior_upper"]),
-                mean=float(row["prior_mean"]),
-                sd=float(row["prior_sd"]),
-                is_logarithmic=str(row["prior_kind"].item()).startswith("Log"),
-                value=row["prior_value"].values,
-                height=row["prior_density"].values,
-            )
-            low, high = np.quantile(draws, [0.025, 0.975])
-            symbol, unit = label_mathtext(str(row["label"].item())), str(row["unit"].item())
-            normal = float(row["mode"]), float(row["laplace_sd"])
-            figure, (axes,) = new_figure(NARROW, [128], left=14, right=14, bottom=38)
-            draw_marginal(
-                axes,
-                draws,
-                symbol,
-                unit,
-                prior=prior,
-                interval=(float(low), float(high)),
-                normal=normal,
-                truth=known.get(name),
-            )
-            found.append(str(inline_svg(figure, f"posterior-{index}", f"Posterior of {name}")))
-    return found
+def fit_view(path: Path, index: int, channel: int, low: float, high: float, columns: int) -> dict[str, Envelope]:
+    """Read one channel of one predicted record between two times, s: `measured`, `mean`, `band` (90 %) and `residual`, by columns."""
+    factor = shown_unit(predicted(path).channels[channel])[0]
+    with stored(path) as file:
+        first, last = _rows_of_record(file, index)
+        at: Any = file["time"]
+        begin = min(bisect_left(at, low, first, last), last - 1)
+        end = max(bisect_right(at, high, first, last), begin + 1)
+        load = _fit_rows(file, channel, factor)
+        found = envelopes(rows_of(file, "time", begin, end), lambda a, b: load(begin + a, begin + b), columns)
+    lower, upper = found.pop("lower"), found.pop("upper")
+    return {**found, "band": Envelope(lower.time, lower.least, upper.greatest)}
 
 
-def bars(labels: tuple[str, ...], share: tuple[float, ...], error: tuple[float, ...], title: str, first: bool) -> str:
-    """Draw probabilities; `first` singles out the first of them."""
-    with own_settings():
-        figure = probability_bars(list(labels), share, error, 0 if first else None)
-        return str(inline_svg(figure, title.split()[0].lower(), title))
+def marginals(
+    paths: tuple[tuple[str, Path], ...], truth: tuple[tuple[str, float], ...], most: int = MOST_LISTED
+) -> tuple[Marginal, ...]:
+    """Read the posterior of each parameter of the first structure, beside those of the other structures that have it.
+
+    Args:
+        paths: label and posterior of each structure, the chosen one first.
+        truth: of a simulated vehicle, by name.
+        most: parameters.
+
+    Raises:
+        InputError: missing or damaged.
+    """
+    data = {label: read_estimate(path).data for label, path in paths}
+    chosen, *_ = data.values()
+    return tuple(_marginal(str(name), data, dict(truth)) for name in chosen["parameter"].values[:most])
 
 
-def _fit_figure(drawn: Mapping[str, Envelope], label: str, colour: str) -> "Figure":
-    figure, (axes,) = new_figure(WIDE, [170.0])
-    mean = drawn["mean"]
-    _marks(axes, drawn["measured"], DOTS)
-    axes.fill_between(
-        mean.time, drawn["lower"].least, drawn["upper"].greatest, color=colour, alpha=BAND, linewidth=0, zorder=1.5
+def _marginal(name: str, data: "Mapping[str, xr.Dataset]", truth: Mapping[str, float]) -> Marginal:
+    rows = {label: one.sel(parameter=name) for label, one in data.items() if name in one["parameter"].values}
+    row = next(iter(rows.values()))
+    draws = {label: one["draws"].values.ravel() for label, one in rows.items()}
+    ends = [np.quantile(one, [0.0005, 0.9995]) for one in draws.values()]
+    low, high = min(float(one[0]) for one in ends), max(float(one[1]) for one in ends)
+    if (true := truth.get(name)) is not None:
+        low, high = min(low, true), max(high, true)
+    low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
+    scale = 10.0 ** (exponent := power_of_ten(low, high))
+    edges, grid = np.linspace(low, high, BINS + 1), np.linspace(low, high, POINTS)
+    inside = (grid >= float(row["prior_lower"])) & (grid <= float(row["prior_upper"]))
+    prior = np.where(inside, np.interp(grid, row["prior_value"].values, row["prior_density"].values), 0.0)
+    interval = np.quantile(next(iter(draws.values())), [0.025, 0.975]) / scale
+    return Marginal(
+        name,
+        str(row["label"].item()),
+        str(row["unit"].item()),
+        exponent,
+        edges / scale,
+        {
+            label: np.histogram(one, edges)[0] / (one.size * (edges[1] - edges[0])) * scale
+            for label, one in draws.items()
+        },
+        grid / scale,
+        prior * scale,
+        normal_density(grid, float(row["mode"]), float(row["laplace_sd"])) * scale,
+        float(row["mean"]) / scale,
+        (float(interval[0]), float(interval[1])),
+        None if true is None else true / scale,
     )
-    if (mean.greatest - mean.least).max(initial=0.0) > 0:
-        axes.fill_between(mean.time, mean.least, mean.greatest, color=colour, linewidth=0.8, zorder=3)
-    else:
-        axes.plot(mean.time, mean.least, color=colour, linewidth=1.5, zorder=3)
-    axes.set_xlim(float(mean.time[0]), float(mean.time[-1]))
-    label_axes(axes, "time [s]", label)
-    return figure
 
 
-def _residual_figure(residual: Envelope, correlation: tuple[np.ndarray, np.ndarray, int], colour: str) -> "Figure":
-    figure, (axes, below) = new_figure(WIDE, [110.0, 58.0], gap=38, share_x=False)
-    axes.axhspan(-Z90, Z90, color=colour, alpha=BAND, linewidth=0)
-    axes.axhline(0.0, color=MUTED, linewidth=0.8)
-    _marks(axes, residual, DOTS)
-    sizes = np.abs(np.concatenate([residual.least, residual.greatest]))
-    reach = max(4.0, 1.08 * float(np.nanmax(sizes, initial=0.0)))
-    axes.set(xlim=(float(residual.time[0]), float(residual.time[-1])), ylim=(-reach, reach))
-    label_axes(axes, "time [s]", "residual [sd]")
-    lag, values, count = correlation
-    if lag.size:
-        white = 2 / np.sqrt(count)
-        below.axhspan(-white, white, color=MUTED, alpha=BAND, linewidth=0)
-        below.vlines(lag, 0, values, color=colour, linewidth=1.4)
-    below.axhline(0.0, color=MUTED, linewidth=0.8)
-    below.set_ylim(min(-0.55, 1.1 * float(values.min(initial=0.0))), 1.0)
-    below.set_yticks([-0.5, 0, 0.5, 1])
-    label_axes(below, "lag [s]", "autocorr.")
-    return figure
+def _rows_of_record(file: Any, index: int) -> tuple[int, int]:
+    """First row of a record, and the one after its last: records increase, so some twenty looks find both among millions."""
+    owner: Any = file["record"]
+    return bisect_left(owner, index), bisect_right(owner, index)
+
+
+def _fit_rows(file: Any, channel: int, factor: float) -> Callable[[int, int], Mapping[str, np.ndarray]]:
+    def load(first: int, last: int) -> Mapping[str, np.ndarray]:
+        measured, mean, sd = (rows_of(file, part, first, last)[:, channel] for part in ("measured", "mean", "sd"))
+        return {
+            "measured": measured * factor,
+            "mean": mean * factor,
+            "lower": (mean - Z90 * sd) * factor,
+            "upper": (mean + Z90 * sd) * factor,
+            "residual": (measured - mean) / sd,
+        }
+
+    return load
 
 
 def _marks(axes: "Axes", curve: Envelope, colour: str) -> None:

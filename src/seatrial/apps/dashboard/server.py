@@ -21,7 +21,7 @@ from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
 from seatrial.apps.dashboard.page_layout import frame
-from seatrial.apps.dashboard.pages import compare, design, overview, records, report, results, work
+from seatrial.apps.dashboard.pages import compare, design, new_campaign, overview, records, report, results, work
 from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, is_loopback
 from seatrial.apps.dashboard.throttling import Throttle, punctual
 from seatrial.apps.dashboard.view_models import words_of
@@ -134,7 +134,7 @@ def build(context: AppContext, guard: RequestGuard) -> GuardedApp:
     logging.getLogger("nicegui").setLevel(logging.ERROR)
     app.router.on_startup.append(context.worker_pool.warm)
     app.router.on_shutdown.append(end_all)
-    return GuardedApp(app, guard, ("/", *(f"/{view}" for view in VIEWS)), PACE)
+    return GuardedApp(app, guard, ("/", "/new", *(f"/{view}" for view in VIEWS)), PACE)
 
 
 _FAVICON = (
@@ -145,8 +145,8 @@ _FAVICON = (
 
 def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
     style = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
-    palette = "; ".join(f"--{name}: {light}" for name, (light, _) in PALETTE.items())
-    style = f":root {{ {palette}; }}\n{style}"
+    light, dark = ("; ".join(f"--{name}: {pair[i]}" for name, pair in PALETTE.items()) for i in (0, 1))
+    style = f':root {{ {light}; }}\n:root[data-theme="dark"] {{ {dark}; }}\n{style}'
 
     @app.get("/style.css")
     async def _style() -> Response:
@@ -182,6 +182,10 @@ def _add_pages(context: AppContext) -> None:
     @ui.page("/", response_timeout=BUILD)
     async def _overview() -> None:
         await overview.build(context)
+
+    @ui.page("/new", response_timeout=BUILD)
+    async def _new() -> None:
+        await new_campaign.build(context)
 
     for view, make in VIEWS.items():
         _add_view(context, view, make)

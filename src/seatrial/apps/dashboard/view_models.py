@@ -45,6 +45,53 @@ class Recorded(NamedTuple):
     notes: tuple[str, ...]
 
 
+class FitAbout(NamedTuple):
+    """One channel of one predicted record: first and last time, s, its name and unit, and the autocorrelation of its residuals.
+
+    The correlations stand at `lag`, s; those of white noise stay within `white` in 95 % of cases.
+    """
+
+    span: tuple[float, float]
+    channel: str
+    unit: str
+    is_held_back: bool
+    lag: np.ndarray
+    correlation: np.ndarray
+    white: float
+
+
+class Marginal(NamedTuple):
+    """Posterior of one parameter by each structure that has it, in units of 10^`exponent` of its SI unit.
+
+    Attributes:
+        name: of the parameter.
+        label: in LaTeX.
+        unit: SI.
+        exponent: of ten, pulled out of all numbers.
+        edges: of the bins of the histograms, shape (b + 1,).
+        density: histogram of the draws by each structure's label, the chosen one first; shape (b,) each.
+        grid: points of the curves, shape (n,).
+        prior: density there.
+        normal: density of the normal approximation there.
+        mean: of the chosen structure.
+        interval: its 95 % interval.
+        truth: of a simulated vehicle; None where it is unknown.
+    """
+
+    name: str
+    label: str
+    unit: str
+    exponent: int
+    edges: np.ndarray
+    density: dict[str, np.ndarray]
+    grid: np.ndarray
+    prior: np.ndarray
+    normal: np.ndarray
+    mean: float
+    interval: tuple[float, float]
+    truth: float | None
+
+
 class Swept(NamedTuple):
     """A stored sweep, for the forms beside its picture; numbers in the units in which they are shown, NaN where a limit is broken."""
 
@@ -94,12 +141,20 @@ class FormData(NamedTuple):
     predict: tuple[str, ...]
 
 
-class Beginning(NamedTuple):
-    """A template to begin from: what it is, and the published vehicles it may be of, its own first; none where it is by hand."""
+class PublishedTerms(NamedTuple):
+    """A published vehicle to begin from, and its published coefficients."""
 
-    template: str
-    meaning: str
-    vehicles: tuple[str, ...]
+    name: str
+    terms: tuple[str, ...]
+
+
+class ExportTarget(NamedTuple):
+    """A target of `seatrial export`: why it cannot be, empty where it can, and which terms it does not support."""
+
+    name: str
+    is_trial: bool
+    refusal: str
+    unsupported: tuple[str, ...]
 
 
 class Margin(NamedTuple):
@@ -113,9 +168,10 @@ class Margin(NamedTuple):
 
 
 class Clicked(NamedTuple):
-    """One design, looked at."""
+    """One design, looked at: its control in the unit in which it is shown, over time, s."""
 
     words: str
-    control: Plot
+    time: np.ndarray
+    control: np.ndarray
     margins: tuple[Margin, ...]
     schedule: str

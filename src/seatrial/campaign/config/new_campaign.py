@@ -5,13 +5,17 @@
 """
 
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeVar
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import is_signal, signal_unit
 from seatrial.core.units import quantity, to_si
 
+Part = TypeVar("Part")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"({_NUMBER})\s+to\s+({_NUMBER})\s*(.*)")
 
@@ -132,6 +136,53 @@ PUBLISHED = NewCampaign(
 """A published vehicle in sway and yaw."""
 
 
+def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
+    """Read a campaign from what was said by options, by answers or in a form.
+
+    Args:
+        said: by option of `seatrial init`, with `_` for `-`: a text, or the lines of an option that may be given again.
+
+    Raises:
+        InputError: an option that cannot be read, both or neither of a published vehicle and one's own.
+    """
+    if ("vehicle" in said) == ("mass" in said):
+        raise InputError(
+            "--vehicle, --mass",
+            found="both" if "vehicle" in said else "neither",
+            expected="a published vehicle, or the mass of your own",
+            remedy='for example --mass "30 kg"; `seatrial vehicle` lists what is published',
+        )
+
+    def each(option: str, read: Callable[[str, str], Part]) -> tuple[Part, ...]:
+        return tuple(read(text, f"--{option}") for text in said.get(option, ()))
+
+    for option, unit in SCALARS.items():
+        if option in said:
+            quantity(said[option], unit, f"--{option.replace('_', '-')}")
+    deduction, sought = said.get("thrust_deduction", ""), partial(read_sought, is_published="vehicle" in said)
+    return NewCampaign(
+        said.get("name") or f"{said.get('vehicle') or 'my vehicle'}, first trial",
+        each("seek", sought),
+        each("control", read_control),
+        each("sensor", read_sensor),
+        each("optional", sought),
+        vehicle=said.get("vehicle", ""),
+        mass=said.get("mass", ""),
+        inertia=three_quantities(said.get("inertia", "")),
+        moves=tuple(_names(said.get("moves", ""))),
+        known=each("known", read_known),
+        thrust_deduction=f"{quantity(deduction, '1', '--thrust-deduction'):g}" if deduction else "",
+        speed=said.get("speed", ""),
+        limits=each("limit", read_limit),
+        duration=said.get("duration", NewCampaign.duration),
+        goal=each("goal", read_goal),
+    )
+
+
+SCALARS = {"mass": "kg", "thrust_deduction": "1", "speed": "m/s", "duration": "s"}
+"""Options that are one quantity, and their units."""
+
+
 # One part of a campaign from a line.
 
 
@@ -241,6 +292,17 @@ def read_goal(text: str, place: str) -> tuple[str, str]:
     if not quantity(rest, "1" if rest.endswith("%") else unit, place) > 0:
         raise InputError(place, found=f'"{text}"', expected="more than 0", remedy='for example "X_uabsu 3 %"')
     return name, rest
+
+
+def three_quantities(text: str) -> tuple[str, ...]:
+    """Return three quantities parted by commas; a unit at the end alone is that of all."""
+    parts = _names(text)
+    unit = parts[-1].partition(" ")[2] if parts else ""
+    return tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _parted(text: str, place: str, example: str) -> tuple[str, str]:

@@ -36,7 +36,7 @@ def write_bag(trial: Trial, folder: Path, storage: str) -> Path:
     Raises:
         InputError: the library is not installed.
     """
-    writing, types = _library("rosbags.rosbag2", folder), _library("rosbags.typesys", folder)
+    writing, types = bag_libraries(folder)
     store = types.get_typestore(types.Stores.ROS2_HUMBLE)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as inside:
@@ -48,6 +48,15 @@ def write_bag(trial: Trial, folder: Path, storage: str) -> Path:
             shutil.rmtree(folder)
         os.replace(made, folder)
     return folder
+
+
+def bag_libraries(folder: Path) -> tuple[Any, Any]:
+    """Return what writes a bag and knows its types.
+
+    Raises:
+        InputError: the library is not installed.
+    """
+    return _library("rosbags.rosbag2", folder), _library("rosbags.typesys", folder)
 
 
 def _fill(bag: Any, store: Any, trial: Trial) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
-from seatrial.export.trials.bag import STORAGES, write_bag
+from seatrial.export.trials.bag import STORAGES, bag_libraries, write_bag
 from seatrial.export.trials.mavlink import trial_script
 from seatrial.export.trials.plain import trial_csv, trial_json
 from seatrial.export.trials.trial import Trial
@@ -30,6 +30,18 @@ def write_plain(trial: Trial, folder: Path) -> tuple[list[Path], str]:
         (folder / script).unlink(missing_ok=True)  # an earlier trial's would be taken for this one's
         return write_trial(trial, folder, tuple(name for name in PLAIN if name != "mavlink")), str(error)
     return write_trial(trial, folder, PLAIN), ""
+
+
+def check_format(trial: Trial, name: str, folder: Path) -> None:
+    """Refuse a format in which a trial could not be written into a folder.
+
+    Raises:
+        InputError: a script for a control that no stick stands for, or a library that is not installed.
+    """
+    if name == "mavlink":
+        trial.find_stick()
+    if name in STORAGES:
+        bag_libraries(folder)
 
 
 def write_trial(trial: Trial, folder: Path, formats: Sequence[str] = PLAIN) -> list[Path]:

@@ -8,9 +8,11 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.page_layout import section, table
+from seatrial.apps.dashboard.result_charts import Side, sides_chart
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_summary
-from seatrial.core.errors import SeatrialError
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError, SeatrialError
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, unit_html, with_sd
 
@@ -27,7 +29,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     ]
     with section(
         "Two campaigns side by side",
-        "Beyond 3 joint standard deviations the two contradict each other, if they tell of the same vehicle and water.",
+        "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water. "
+        "Noise, bias and current belong to the sensors and the day: they are listed, not judged.",
     ):
         if not Store(folder).summary.is_file():
             markup("<p>This campaign has no results yet.</p>")
@@ -51,31 +54,54 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with holder:
                 try:
                     there = context.campaign_paths.folder(str(form.value))
-                    sides = [read_summary(Store(one).summary, f"seatrial run {one}") for one in (folder, there)]
+                    ours, theirs = (read_summary(Store(one).summary, f"seatrial run {one}") for one in (folder, there))
                 except (SeatrialError, OSError) as error:
                     say(error)
                     return
-                markup(side_by_side(sides[0], sides[1], campaign if campaign != "." else folder.name, str(form.value)))
+                names = campaign if campaign != "." else folder.name, str(form.value)
+                if shared := shared_sides(ours, theirs):
+                    sides_chart(shared, names)
+                markup(side_by_side(ours, theirs, *names))
 
         form.on_value_change(show)
         show()
 
 
+def shared_sides(ours: Summary, theirs: Summary) -> list[Side]:
+    """Coefficients of the vehicle that both campaigns estimate, in joint standard deviations from ours."""
+    other, found = {row.name: row for row in theirs.coefficients}, []
+    for row in ours.coefficients:
+        apart = joint_difference(row, other.get(row.name))
+        if apart is not None and is_of_vehicle(row.name):
+            joint = hypot(row.sd, other[row.name].sd)
+            found.append(Side(row.name, (0.0, -apart), (row.sd / joint, other[row.name].sd / joint)))
+    return found
+
+
+def is_of_vehicle(name: str) -> bool:
+    """Whether a parameter is a coefficient of the vehicle, not one of a sensor, a run or the water."""
+    try:
+        CoefficientName.parse(name)
+    except InputError:
+        return False
+    return True
+
+
 def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Markup:
     """The tables of two summaries."""
-    rows = []
+    rows: dict[bool, list[list[str | Markup]]] = {True: [], False: []}
     tables = [{row.name: row for row in one.coefficients} for one in (ours, theirs)]
     for name in dict.fromkeys([*tables[0], *tables[1]]):
         a, b = (one.get(name) for one in tables)
         known = a or b
         assert known is not None
-        apart = joint_difference(a, b)
-        words = "" if apart is None else decimals(apart, 1)
-        if apart is not None and abs(apart) > FAR:
-            words = Markup('<span class="verdict fail">{}</span>').format(words)
         name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
-        rows.append([name_cell, words, _value(a), _value(b), unit_html(known.unit)])
-    head = ["parameter", "difference, joint sd", here, there, "unit"]
+        values = [_value(a), _value(b), unit_html(known.unit)]
+        is_judged = is_of_vehicle(name)
+        rows[is_judged].append(
+            [name_cell, _judged(joint_difference(a, b)), *values] if is_judged else [name_cell, *values]
+        )
+    head = [here, there, "unit"]
     facts = [
         ["model", _model(ours), _model(theirs)],
         ["probability of it", *(_probability(one) for one in (ours, theirs))],
@@ -83,7 +109,20 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
         ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
         ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
     ]
-    return table(head, rows, "Coefficients") + table(["", here, there], [list(row) for row in facts], "In all", left=3)
+    return Markup("").join(
+        [
+            table(["coefficient", "difference, joint sd", *head], rows[True], "Coefficients of the vehicle"),
+            table(["parameter", *head], rows[False], "Of sensors, runs and water") if rows[False] else Markup(""),
+            table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3),
+        ]
+    )
+
+
+def _judged(apart: float | None) -> str | Markup:
+    if apart is None:
+        return ""
+    words = decimals(apart, 1)
+    return Markup('<span class="verdict fail">{}</span>').format(words) if abs(apart) > FAR else words
 
 
 def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -> float | None:

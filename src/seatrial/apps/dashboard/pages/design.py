@@ -1,6 +1,7 @@
 """The design: what every trial of the grid would teach, the room the clicked one leaves, the limits, and the next run."""
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,14 +9,18 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
-from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, markup, say
 from seatrial.apps.dashboard.edits import with_limit
-from seatrial.apps.dashboard.page_layout import button, figure, section, table
-from seatrial.apps.dashboard.pages.work import begin, live_view
-from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Plot, Swept
+from seatrial.apps.dashboard.page_layout import button, section, table
+from seatrial.apps.dashboard.pages.work import begin, live_view, made_part
+from seatrial.apps.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
+from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
+from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
-from seatrial.report.numbers import percent, short
+from seatrial.report.numbers import percent, short, unit_html
 
 WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from what the data taught"}
 
@@ -23,41 +28,43 @@ WHICH = {"design": "the first trial, from the priors", "next": "the next trial, 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     paths = {"design": Store(folder).design, "next": Store(folder).next_design}
-    there = [which for which, path in paths.items() if path.is_file()]
-    if there:
-        Surface(context, folder, paths, there[-1], there)
-    else:
-        with section(
-            "No design yet", "Run the design below: every trial of the grid is weighed, which takes seconds to minutes."
-        ):
-            pass
+
+    async def show() -> None:
+        there = [which for which, path in paths.items() if path.is_file()]
+        if there:
+            Surface(context, folder, paths, there[-1], there)
+        else:
+            words = "Run the design below: every trial of the grid is weighed, which takes seconds to minutes."
+            with section("No design yet", words):
+                pass
+
+    await keep_current(ui.element("div"), lambda: tuple(map(stamp, paths.values())), show)
+    with section("Run it", "Results that no longer belong to the campaign file are computed again."):
+        with ui.element("div").classes("line"):
+            for command, words in (
+                ("prior", "What the priors mean"),
+                ("design", "Run the design"),
+                ("next", "Design the next trial"),
+            ):
+                start = partial(lambda name: (begin(context, folder, said, name), live.look()), command)
+                button(words, start, main=command == "design")
+        said = ui.element("div")
+        live = live_view(context, folder)
+        await made_part(context, campaign, folder)
     with section(
         "Limits",
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
-        holder = ui.element("div")
-        await fill(holder, context.form_data(folder), lambda found: Limits(context, folder, found))
-    with section("Run it", "Results that no longer belong to the campaign file are made anew."):
-        live, said = live_view(context, folder), ui.element("div")
+        holder, forms = ui.element("div"), []
 
-        async def reload() -> None:
-            ui.navigate.reload()
+        async def limits() -> None:
+            part = ui.element("div")
+            await fill(part, context.form_data(folder), lambda found: forms.append(Limits(context, folder, found)))
 
-        live.on_end.append(reload)
-        with ui.element("div").classes("line"):
-            for command, words in (("design", "Run the design"), ("next", "Design the next trial")):
-                button(
-                    words,
-                    lambda command=command: (begin(context, folder, said, command), live.look()),
-                    main=command == "design",
-                )
+        def seen() -> Any:  # what somebody types is not taken away: only a form without edits is read again
+            return forms[-1].seen if forms and forms[-1].is_edited else stamp(folder / CAMPAIGN)
 
-
-_WHERE = """(e) => {
-  const r = e.currentTarget.getBoundingClientRect();
-  emit((e.clientX - r.left) / r.width, (e.clientY - r.top) / r.height);
-}"""
-"""Where a click is, as shares of the picture."""
+        await keep_current(holder, seen, limits)
 
 
 class Surface:
@@ -65,7 +72,7 @@ class Surface:
 
     def __init__(self, context: AppContext, folder: Path, paths: dict[str, Path], which: str, there: list[str]):
         self.context, self.folder, self.paths, self.which = context, folder, paths, which
-        self.family, self.measure, self.found, self.plot = 0, "gain", None, None
+        self.family, self.measure, self.found = 0, "gain", None
         self.at = (0, 0)
         with section("What each design would teach", "Click a design, or choose its amplitude and period below."):
             with ui.element("div").classes("line"):
@@ -125,19 +132,9 @@ class Surface:
         await self._draw()
 
     async def _draw(self) -> None:
-        path, found = self.paths[self.which], self.found
+        found = self.found
         assert found is not None
-        plot: Plot = await self.context.worker_pool.draw("surface", path, self.family, self.measure, files=[path])
-        self.plot = plot
-        self.holder.clear()
-        with self.holder, ui.element("div").classes("plot surface") as area:
-            markup(plot.svg)
-            self.mark = ui.element("div").classes("mark")
-        area.on(
-            "click",
-            self._clicked,
-            js_handler=_WHERE,
-        )
+        self._surface()
         self.forms.clear()
         with self.forms:
             amplitudes = {i: f"{value:.4g} {found.unit}" for i, value in enumerate(found.amplitude)}
@@ -152,37 +149,39 @@ class Surface:
                 form.on_value_change(self._chosen)
         await self._look()
 
-    async def _clicked(self, event: Any) -> None:
-        assert self.plot is not None
+    def _surface(self) -> None:
         assert self.found is not None
-        (left, top, right, bottom), (x, y) = self.plot.box, event.args
-        period = self.plot.x[0] + (x - left) / (right - left) * (self.plot.x[1] - self.plot.x[0])
-        amplitude = self.plot.y[0] + (bottom - y) / (bottom - top) * (self.plot.y[1] - self.plot.y[0])
-        row, column = nearest(self.found.amplitude, amplitude), nearest(self.found.period, period)
-        if len(self.found.amplitude) == 1 or len(self.found.period) == 1:
-            value = period  # a line: the axis is the setting that varies
-            row = row if len(self.found.amplitude) == 1 else nearest(self.found.amplitude, value)
-        if (row, column) != self.at:
-            self.at = row, column
-            self.amplitude.value, self.period.value = row, column
-            await self._look()
+        self.holder.clear()
+        with self.holder:
+            self.surface = surface_chart(self.found, self.family, self.measure, self.at).classes("surface")
+            self.surface.on(
+                "chart:click", self._clicked, js_handler="(e) => emit([e.seriesType, e.dataIndex, e.value])"
+            )
+
+    async def _clicked(self, event: Any) -> None:
+        assert self.found is not None
+        kind, index, value = event.args
+        if kind == "heatmap":
+            self.at = int(value[1]), int(value[0])
+        elif kind == "line":  # the setting that varies
+            self.at = (0, int(index)) if len(self.found.amplitude) == 1 else (int(index), 0)
+        self.amplitude.value, self.period.value = self.at
+        await self._chosen_now()
 
     async def _chosen(self) -> None:
         chosen = int(self.amplitude.value), int(self.period.value)  # pyright: ignore[reportArgumentType]
         if chosen != self.at:
             self.at = chosen
-            await self._look()
+            await self._chosen_now()
+
+    async def _chosen_now(self) -> None:
+        assert self.found is not None
+        mark_chosen(self.surface, self.found, self.family, self.measure, self.at)
+        await self._look()
 
     async def _look(self) -> None:
-        found, plot = self.found, self.plot
+        found = self.found
         assert found is not None
-        assert plot is not None
-        left, top, right, bottom = plot.box
-        (x0, x1), (y0, y1) = plot.x, plot.y
-        flat = len(found.amplitude) == 1 or len(found.period) == 1
-        x = left + (found.period[self.at[1]] - x0) / ((x1 - x0) or 1.0) * (right - left)
-        y = bottom - (found.amplitude[self.at[0]] - y0) / ((y1 - y0) or 1.0) * (bottom - top)
-        self.mark.style(f"left: {100 * x:.2f}%; top: {100 * y:.2f}%; display: {'none' if flat else 'block'}")
         self.details.clear()
         answer = self.context.worker_pool.think(
             "look_at",
@@ -203,12 +202,13 @@ class Surface:
         )
 
     def _details(self, clicked: Clicked) -> None:
-        name = f"{self.which}_schedule.csv"
+        found, name = self.found, f"{self.which}_schedule.csv"
+        assert found is not None
         markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
         with ui.element("div").classes("figures"):
-            markup(figure(clicked.control.svg))
+            schedule_chart(clicked.time, clicked.control, found.control, found.unit)
             rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
-            head = ["limit", "", "room left", "reached", "bound"]
+            head = ["limit", "kept?", "room left", "reached", "bound"]
             markup(
                 table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>"
             )
@@ -225,7 +225,13 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
     lines += [f"utility {short(worth)}"] * (worth != gain)
     lines += [f"trial of {short(length)} s", f"from {found.basis}"]
     rows = [
-        [name, short(before), short(float(after)), percent(float(after) / before)]
+        [
+            name,
+            short(before),
+            short(float(after)),
+            unit_html(CoefficientName.parse(name).unit),
+            percent(float(after) / before),
+        ]
         for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
     ]
     said = [*found.safety, *found.prediction] if (family, row, column) == found.best else []
@@ -234,9 +240,9 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
         "; ".join(lines)[:1].upper() + "; ".join(lines)[1:],
         Markup('<ul class="findings">{}</ul>').format(more) if said else "",
         table(
-            ["coefficient", "sd before", "sd after", "left"],
-            [list(map(str, row)) for row in rows],
-            "Standard deviations, SI",
+            ["coefficient", "sd before", "sd after", "unit", "after / before"],
+            rows,
+            "Standard deviations",
         ),
     )
 
@@ -281,9 +287,13 @@ class Limits:
     def _add(self) -> None:
         name = self.more.value
         if name and all(one != name for one, *_ in self.fields):
-            unit = "m" if name in ("distance", "advance") else "SI unit"
             with self.rows:
-                self._row(Limit(str(name), unit, "", "", "", False))
+                self._row(Limit(str(name), shown_unit(str(name))[1], "", "", "", False))
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether something was typed that is not saved."""
+        return any((form.value or "").strip() != before for _, _, before, form in self.fields)
 
     async def _save(self) -> None:
         self.said.clear()
@@ -307,8 +317,3 @@ class Limits:
             markup(
                 '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
             )
-
-
-def nearest(grid: tuple[float, ...], value: float) -> int:
-    """Index of the nearest grid point."""
-    return min(range(len(grid)), key=lambda i: abs(grid[i] - value))

@@ -8,9 +8,9 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file
-from seatrial.apps.dashboard.app_context import PATIENCE, AppContext, fill, markup, say
-from seatrial.apps.dashboard.page_layout import VIEWS, button, frame, link, section
-from seatrial.apps.dashboard.view_models import Beginning, Stage
+from seatrial.apps.dashboard.app_context import PATIENCE, AppContext, change_of, fill, keep_current, markup
+from seatrial.apps.dashboard.page_layout import VIEWS, button, frame, link
+from seatrial.apps.dashboard.view_models import Stage
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import SeatrialError
 
@@ -18,77 +18,42 @@ EVERY = 2.0
 """Seconds between looks at what is running."""
 LEGEND = "✓ current: its results belong to the campaign file and logs as they are now. ↻ stale: something has changed since. ○ missing."
 
-NEW = (
-    "A new folder here with one file, campaign.toml; what is there already is never touched. Vehicle, priors and sensors are edited in "
-    "that file; limits and logs on the pages."
-)
-
 
 async def build(context: AppContext) -> None:
     """Build the page."""
     with frame(context, ""):
-        names = await asyncio.to_thread(context.campaign_paths.campaigns)
-        if not names:
-            words = "<section><p>No campaign in {} yet. Begin one below, or in a shell with <code>seatrial init</code>.</p></section>"
-            markup(Markup(words).format(context.campaign_paths.root))
-            await _begin_form(context)
-            return
-        markup(
-            Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), context.campaign_paths.root, LEGEND)
-        )
-        folders = {name: context.campaign_paths.folder(name) for name in names}
-        standing = {name: asyncio.ensure_future(context.steps(folder)) for name, folder in folders.items()}
-        await asyncio.wait(standing.values(), timeout=PATIENCE)
-        looks = []
-        with ui.element("div").classes("cards"):
-            for name, folder in folders.items():
-                looks.append(await _card(context, name, folder, standing[name]))
-        ui.timer(EVERY, lambda: [look() for look in looks])
-        if names != ["."]:
-            await _begin_form(context)
+        part = ui.element("div")
+
+        async def show() -> None:
+            await _campaigns(context, await asyncio.to_thread(context.campaign_paths.campaigns))
+
+        await keep_current(part, lambda: tuple(context.campaign_paths.campaigns()), show)
 
 
-async def _begin_form(context: AppContext) -> None:
-    """Build the part where a campaign is begun."""
-    with section("Begin a campaign", NEW):
-        holder = ui.element("div")
-        await fill(holder, context.worker_pool.think("beginnings"), lambda found: Begin(context, found))
+async def _campaigns(context: AppContext, names: list[str]) -> None:
+    """Build the card of every campaign."""
+    root = context.campaign_paths.root
+    if not names:
+        words = "<section><p>No campaign in {} yet. Begin one here, or in a shell with <code>seatrial init</code>.</p></section>"
+        markup(Markup(words).format(root))
+        _new_button()
+        return
+    if names != ["."]:
+        _new_button()
+    markup(Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), root, LEGEND))
+    folders = {name: context.campaign_paths.folder(name) for name in names}
+    standing = {name: asyncio.ensure_future(context.steps(folder)) for name, folder in folders.items()}
+    await asyncio.wait(standing.values(), timeout=PATIENCE)
+    looks = []
+    with ui.element("div").classes("cards"):
+        for name, folder in folders.items():
+            looks.append(await _card(context, name, folder, standing[name]))
+    ui.timer(EVERY, lambda: [look() for look in looks])
 
 
-class Begin:
-    """The form of a new campaign: its name, the template, and of which published vehicle."""
-
-    def __init__(self, context: AppContext, found: tuple[Beginning, ...]):
-        self.context, self.found = context, {one.template: one for one in found}
-        look, first = "outlined options-dense hide-bottom-space", found[0]
-        with ui.element("div").classes("line"):
-            self.name = ui.input("Name").props("outlined hide-bottom-space")
-            self.template = ui.select(list(self.found), value=first.template, label="Begin from").props(look)
-            self.vehicle = ui.select(list(first.vehicles), label="Published vehicle").props(look)
-            button("Begin", self._begin, main=True)
-        self.meaning = markup("").props('aria-live="polite"')
-        self.said = ui.element("div")
-        self.template.on_value_change(self._of_template)
-        self._of_template()
-
-    def _of_template(self) -> None:
-        chosen = self.found[str(self.template.value)]
-        vehicles = chosen.vehicles
-        self.meaning.set_content(Markup('<p class="note">{}: {}.</p>').format(chosen.template, chosen.meaning))
-        self.vehicle.set_options(list(vehicles), value=vehicles[0] if vehicles else None)
-        self.vehicle.set_visibility(bool(vehicles))
-
-    async def _begin(self) -> None:
-        self.said.clear()
-        with self.said:
-            try:
-                folder = self.context.campaign_paths.new_folder(self.name.value or "")
-                about = str(folder), str(self.template.value), folder.name, self.vehicle.value or ""
-                self.context.campaign_paths.begin(folder, await self.context.worker_pool.think("begun", *about))
-            except (SeatrialError, OSError) as error:
-                say(error)
-                return
-        ui.navigate.to(link("design", folder.name))
+def _new_button() -> None:
+    with ui.element("div").classes("line"):
+        button("New campaign", lambda: ui.navigate.to("/new"), main=True)
 
 
 async def _card(
@@ -100,10 +65,14 @@ async def _card(
         place = folder.relative_to(context.campaign_paths.root.parent)
         head = Markup('<h2><a href="{}">{}</a></h2><p class="note">{}</p>')
         markup(head.format(link("results", name), title, place))
-        holder = ui.element("div")
-        await fill(
-            holder, standing, lambda steps: markup(steps_html(steps)), "looking at what is current …", patience=0.001
-        )
+        first = [standing]
+
+        async def show() -> None:
+            part, steps = ui.element("div"), first.pop() if first else context.steps(folder)
+            waiting = "looking at what is current …"
+            await fill(part, steps, lambda found: markup(steps_html(found)), waiting, patience=0.001)
+
+        await keep_current(ui.element("div"), lambda: change_of(folder), show)
         at_work = markup("")
         links = Markup("").join(
             Markup('<a href="{}">{}</a>').format(link(key, name), words) for key, words in VIEWS.items()

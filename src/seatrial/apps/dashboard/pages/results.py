@@ -1,27 +1,37 @@
 """What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
-from seatrial.apps.dashboard.page_layout import figure, link, section, table
+from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
+from seatrial.apps.dashboard.page_layout import link, section, table
+from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
+from seatrial.apps.dashboard.view_models import Marginal
+from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import Summary, read_selection, read_summary
-from seatrial.core.coefficients import CoefficientName
+from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_selection, read_summary
 from seatrial.core.errors import SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.report.labels import label_html, label_mathtext
-from seatrial.report.numbers import percent, probability, short, unit_html, with_sd
+from seatrial.report.labels import label_html
+from seatrial.report.numbers import Digits, percent, probability, short, times_ten, unit_html, with_sd
 
 MOST = 12
+CANDIDATES = 4
+"""Structures over one plot, at most: the chosen one and the most probable others."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
+    store = Store(folder)
+    await keep_current(ui.element("div"), lambda: stamp(store.summary), partial(_results, context, campaign, folder))
+
+
+async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     store = Store(folder)
     try:
         summary = read_summary(store.summary, f"seatrial run {folder}")
@@ -32,7 +42,6 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with section("No results yet"):
                 markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(link("run", campaign)))
         return
-    labels = {row.name: row.label for row in summary.coefficients}
     with section(summary.name):
         await _currency(context, campaign, folder)
         for kind in ("alarms", "verdicts", "cautions"):
@@ -45,21 +54,16 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         markup(coefficients(summary))
     with section(
         "Fit and residuals",
-        "Dots or strokes: measured, downsampled, spikes kept. Line and 90 % band: predicted from the inputs alone.",
+        "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
     ):
         await _fits(context, store)
     with section(
         "Posteriors",
-        "Histogram: draws. Dashed: prior. Thin line: normal approximation. Dotted: the truth of a simulated vehicle.",
+        "Filled: draws; pale: 95 % interval. Dashed: prior. Thin line: normal approximation. Dotted: the truth of a simulated vehicle.",
     ):
-        path = store.posterior(summary.chosen)
-        holder = ui.element("div").classes("figures small")
-        truth = _truth(context, folder)
-        await fill(
-            holder, _posteriors(context, path, await truth), lambda found: [markup(figure(svg)) for svg in found]
-        )
+        await _posteriors(context, folder, summary)
     with section("Models and terms"):
-        await _models(context, store, summary, labels)
+        _models(store, summary)
     with section("The next trial"):
         words = summary.next_trial.words
         markup(
@@ -88,24 +92,33 @@ def coefficients(summary: Summary) -> Markup:
         [
             label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
             with_sd(row.mean, row.sd),
-            unit_html(row.unit),
-            f"{short(row.lower_95)} to {short(row.upper_95)}",
+            interval(row),
             short(row.prior_sd),
+            unit_html(row.unit),
             percent(row.sd / row.prior_sd) if row.prior_sd else "",
         ]
         for row in summary.coefficients
     ]
-    head = ["parameter", "mean ± sd", "unit", "95 % interval", "prior sd", "left of it"]
+    head = ["parameter", "mean ± sd", "95 % interval", "prior sd", "unit", "sd / prior sd"]
     return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}")
 
 
+def interval(row: StoredCoefficient) -> str:
+    """The 95 % interval, with the digits and the power of ten of the mean: `(5.87 to 6.30) × 10⁻⁴`."""
+    digits = Digits.of(row.mean, row.sd)
+    ends = f"{digits.bare(row.lower_95)} to {digits.bare(row.upper_95)}"
+    return f"({ends}){times_ten(digits.exponent)}" if digits.exponent else ends
+
+
 async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
-    """Say so where the results no longer belong to the campaign file."""
-    holder = ui.element("div")
+    """Say so where the results no longer belong to the campaign file, or where others are being made."""
 
     def build(steps: Any) -> None:
         old = [one.name for one in steps if one.state != "current" and one.name != "report"]
-        if old:
+        if context.jobs.look(folder).running:
+            words = '<p class="note" role="status">A command is at work. These are the results from before it; the page follows.</p>'
+            markup(words)
+        elif old:
             words = "These results are from before the campaign file or its logs were changed: {} {} stale or missing. "
             markup(
                 Markup('<p class="alarm">▲ ' + words + '<a href="{}">Run it again</a>.</p>').format(
@@ -113,7 +126,13 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
                 )
             )
 
-    await fill(holder, context.steps(folder), build, "looking whether these results are current …")
+    async def show() -> None:
+        await fill(ui.element("div"), context.steps(folder), build, "looking whether these results are current …")
+
+    def seen() -> Any:
+        return change_of(folder), context.look(folder).running
+
+    await keep_current(ui.element("div"), seen, show)
 
 
 async def _fits(context: AppContext, store: Store) -> None:
@@ -147,8 +166,8 @@ async def _fits(context: AppContext, store: Store) -> None:
         ]
         head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
         markup(table(head, rows, "How well each record is predicted"))
-        pictures = ui.element("div").classes("figures")
-        campaign_paths = {
+        pictures = ui.element("div")
+        curves = {
             (i, j): f"run {record}, {channel}{' (held back)' if record in found.held_back else ''}"
             for i, record in enumerate(found.records)
             for j, channel in enumerate(found.channels)
@@ -156,11 +175,11 @@ async def _fits(context: AppContext, store: Store) -> None:
 
         async def show(at: tuple[int, int]) -> None:
             pictures.clear()
-            drawn = context.worker_pool.draw("fit", path, *at, files=[path])
-            await fill(pictures, drawn, lambda pair: [markup(figure(svg)) for svg in pair], "drawing …")
+            asked = context.worker_pool.draw("fit_about", path, *at, files=[path])
+            await fill(pictures, asked, lambda about: fit_charts(context, path, *at, about), "reading …")
 
-        if len(campaign_paths) > 1:
-            names = {f"{i}/{j}": words for (i, j), words in campaign_paths.items()}
+        if len(curves) > 1:
+            names = {f"{i}/{j}": words for (i, j), words in curves.items()}
             form = (
                 ui.select(names, value="0/0", label="Record and channel")
                 .props("outlined options-dense hide-bottom-space")
@@ -178,8 +197,30 @@ async def _fits(context: AppContext, store: Store) -> None:
     await fill(holder, context.worker_pool.draw("predicted", path, files=[path]), build)
 
 
-async def _posteriors(context: AppContext, path: Path, truth: tuple[tuple[str, float], ...]) -> list[str]:
-    return await context.worker_pool.draw("posteriors", path, truth, files=[path])
+async def _posteriors(context: AppContext, folder: Path, summary: Summary) -> None:
+    """Draw the posterior of every parameter of the chosen structure, and if wanted those of the other candidates over it."""
+    store, terms = Store(folder), {one.label: " ".join(one.terms) for one in summary.structures}
+    ranked = sorted(summary.structures, key=lambda one: (one.label != summary.chosen, -one.probability))
+    paths = tuple((one.label, store.posterior(one.label)) for one in ranked if store.posterior(one.label).is_file())
+    candidates = paths[:CANDIDATES]
+    over = ui.checkbox("Other candidate structures over them") if len(candidates) > 1 else None
+    holder = ui.element("div").classes("figures small")
+
+    def draw(found: tuple[Marginal, ...]) -> None:
+        for one in found:
+            with ui.element("figure"):
+                markup(Markup("<figcaption>{} <small>{}</small></figcaption>").format(label_html(one.label), one.name))
+                marginal_chart(one, terms)
+
+    async def show() -> None:
+        holder.clear()
+        wanted = candidates if over is not None and over.value else candidates[:1]
+        files, truth = [path for _, path in wanted], await _truth(context, folder)
+        await fill(holder, context.worker_pool.draw("marginals", wanted, truth, files=files), draw)
+
+    if over is not None:
+        over.on_value_change(show)
+    await show()
 
 
 async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], ...]:
@@ -194,41 +235,24 @@ async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], 
         return ()
 
 
-async def _models(context: AppContext, store: Store, summary: Summary, labels: dict[str, str]) -> None:
+def _models(store: Store, summary: Summary) -> None:
     ranked = sorted(summary.structures, key=lambda one: -one.probability)
     if len(ranked) > 1:
-        holder = ui.element("div").classes("figures")
-        shown = ranked[:MOST]
-        drawn = context.worker_pool.draw(
-            "bars",
-            tuple(one.label for one in shown),
-            tuple(one.probability for one in shown),
-            tuple(one.probability_error for one in shown),
-            "Models and their probability",
-            True,
-        )
-        await fill(
-            holder, drawn, lambda svg: markup(figure(svg, "Probability of each model, with one standard error."))
-        )
-        try:
-            chosen = read_selection(store.selection, "seatrial select")
-        except (SeatrialError, OSError):
-            chosen = None
-        if chosen is not None and chosen.inclusion:
-            terms = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
-            drawn = context.worker_pool.draw(
-                "bars",
-                tuple(label_mathtext(labels.get(term) or CoefficientName.parse(term).label) for term in terms),
-                tuple(chosen.inclusion[term] for term in terms),
-                tuple(chosen.inclusion_error[term] for term in terms),
-                "Terms and the probability that each is needed",
-                False,
-            )
-            with holder:
-                beside = ui.element("div").style("display: contents")
-            await fill(
-                beside, drawn, lambda svg: markup(figure(svg, "Probability that the vehicle needs each optional term."))
-            )
+        with ui.element("div").classes("figures"):
+            bars = [Probability(" ".join(one.terms), one.probability, one.probability_error) for one in ranked[:MOST]]
+            with ui.element("figure"):
+                probability_chart(bars, "Probability of each model, with one standard error")
+                markup("<figcaption>Probability of each model, with one standard error.</figcaption>")
+            try:
+                chosen = read_selection(store.selection, "seatrial select")
+            except (SeatrialError, OSError):
+                chosen = None
+            if chosen is not None and chosen.inclusion:
+                terms = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
+                bars = [Probability(term, chosen.inclusion[term], chosen.inclusion_error[term]) for term in terms]
+                with ui.element("figure"):
+                    probability_chart(bars, "Probability that the vehicle needs each optional term")
+                    markup("<figcaption>Probability that the vehicle needs each optional term.</figcaption>")
     rows = [
         [
             one.label + (" (chosen)" if one.label == summary.chosen else ""),

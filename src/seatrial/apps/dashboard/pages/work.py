@@ -1,67 +1,130 @@
-"""What runs: start, watch, stop and resume the commands of the shell, in processes that outlive this page."""
+"""What runs: start, watch and resume the commands of the shell with their options, in processes that outlive this page."""
 
+import re
 from pathlib import Path
 
 from markupsafe import Markup, escape
 from nicegui import ui
 
-from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
-from seatrial.apps.dashboard.jobs import STARTED, Job
-from seatrial.apps.dashboard.page_layout import button, section
+from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
+from seatrial.apps.dashboard.campaign_paths import MADE
+from seatrial.apps.dashboard.command_options import STARTED, CommandOption, Value, options_of, words_of_options
+from seatrial.apps.dashboard.jobs import Job
+from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
+from seatrial.apps.dashboard.run_bar import duration_text
+from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import SeatrialError
 
 EVERY = 0.25
 """Seconds between looks at a command at work."""
 OFFERED = {name: f"{name}: {makes}" for name, makes in STARTED.items() if name != "export"}
 """Commands in words; that which exports has a form of its own, beside the report."""
+LOOK = "outlined options-dense hide-bottom-space"
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section("Where this campaign stands", LEGEND):
-        holder = ui.element("div")
-        await fill(
-            holder, context.steps(folder), lambda steps: markup(steps_html(steps)), "looking at what is current …"
-        )
-    with section(
-        "At work",
-        "The same commands as in a shell. They go on when this page or the dashboard is closed; started again, they resume.",
-    ):
-        live = live_view(context, folder)
+        await standing_part(context, folder)
+    with section("Run a command", "The same commands as in a shell. Started again, they resume where they were."):
+        CommandForm(context, folder)
+    with section("At work", "A command goes on if this page or the dashboard is closed."):
+        live_view(context, folder)
+        await made_part(context, campaign, folder)
 
-        async def again() -> None:
-            with holder:
-                holder.clear()
-                await fill(holder, context.steps(folder), lambda steps: markup(steps_html(steps)))
 
-        live.on_end.append(again)
-        said = ui.element("div")
+async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
+    """Show what the last command wrote, and keep that up to date."""
+
+    async def show() -> None:
+        _made(folder, campaign, context.jobs.look(folder))
+
+    await keep_current(ui.element("div"), lambda: change_of(folder), show)
+
+
+async def standing_part(context: AppContext, folder: Path) -> None:
+    """Show which steps are current, and keep that up to date."""
+    holder = ui.element("div")
+
+    async def show() -> None:
+        part = ui.element("div")
+        await fill(part, context.steps(folder), lambda steps: markup(steps_html(steps)), "looking at what is current …")
+
+    await keep_current(holder, lambda: change_of(folder), show)
+
+
+class CommandForm:
+    """One form for all commands: which, and its options as the command itself declares them."""
+
+    def __init__(self, context: AppContext, folder: Path):
+        self.context, self.folder = context, folder
+        self.fields: dict[str, ui.input | ui.select | ui.checkbox] = {}
+        self.command = ui.select(OFFERED, value="run", label="Command").props(LOOK).classes("wide")
+        self.command.on_value_change(self._show)
+        self.place, self.said = ui.element("div"), ui.element("div")
         with ui.element("div").classes("line"):
-            command = (
-                ui.select(OFFERED, value="run", label="Command")
-                .props("outlined options-dense hide-bottom-space")
-                .classes("wide")
-            )
+            button("Start or resume", self._start, main=True)
 
-            def start() -> None:
-                begin(context, folder, said, str(command.value))
-                live.look()
+    def _show(self) -> None:
+        self.place.clear()
+        self.fields.clear()
+        with self.place:
+            for option in options_of(str(self.command.value)):
+                self.fields[option.name] = _field(option)
 
-            def stop() -> None:
-                said.clear()
-                with said:
-                    if not context.look(folder).running:
-                        markup('<p class="note">Nothing is running.</p>')
-                        return
-                    try:
-                        context.jobs.stop(folder)
-                    except (SeatrialError, OSError) as error:
-                        say(error)
-                live.look()
+    def _start(self) -> None:
+        self.said.clear()
+        command = str(self.command.value)
+        values: dict[str, Value] = {name: form.value for name, form in self.fields.items()}
+        for form in self.fields.values():
+            if isinstance(form, ui.input):
+                form.error = None
+        try:
+            words = words_of_options(command, values)
+        except SeatrialError as error:
+            name = str(getattr(error, "where", ""))
+            form = self.fields.get(name)
+            if isinstance(form, ui.input):
+                form.error = f"{error.found}: expected {error.expected}"  # pyright: ignore[reportAttributeAccessIssue]
+            with self.said:
+                say(error)
+            return
+        begin(self.context, self.folder, self.said, command, *words)
 
-            button("Start or resume", start, main=True)
-            button("Stop", stop)
+
+def _field(option: CommandOption) -> ui.input | ui.select | ui.checkbox:
+    label = option.name.removeprefix("--").replace("-", " ")
+    with ui.element("div").classes("option"):
+        if option.kind == "flag":
+            form = ui.checkbox(label)
+        elif option.kind == "choice":
+            form = ui.select(list(map(str, option.choices)), value=option.default, label=label).props(LOOK)
+        else:
+            form = ui.input(label, value=option.default).props("outlined dense hide-bottom-space")
+        more = " Several are parted by commas." if option.is_list else ""
+        markup(Markup('<p class="note">{}{}</p>').format(option.meaning, more))
+    return form
+
+
+def _made(folder: Path, campaign: str, job: Job) -> None:
+    """Show the pictures that the last command wrote, and offer its other files."""
+    found = {
+        path for path in re.findall(r"[^\s;,]+\.(?:svg|csv|json)", job.output) if Path(path).is_relative_to(folder)
+    }
+    names = sorted(Path(path).relative_to(folder).as_posix() for path in found)
+    there = [name for name in names if MADE.fullmatch(name) and (folder / name).is_file()]
+    if not there:
+        return
+    for name in there:
+        if name.endswith(".svg"):
+            changed = str((folder / name).stat().st_mtime_ns)
+            address = link("download", campaign, file=name, shown="1", changed=changed)
+            markup(Markup('<figure class="picture"><img src="{}" alt="{}"></figure>').format(address, name))
+    links = Markup("").join(
+        Markup('<a href="{}">Download {}</a>').format(link("download", campaign, file=name), name) for name in there
+    )
+    markup(Markup('<p class="links">{}</p>').format(links))
 
 
 def begin(context: AppContext, folder: Path, said: ui.element, command: str, *options: str) -> bool:
@@ -117,7 +180,11 @@ def live_html(job: Job, with_output: bool) -> Markup:
     """What a campaign's command does, or how the last one ended."""
     parts = [_state(job)]
     if job.occupant is not None and job.occupant.alive:
-        parts.append(Markup('<div class="bars">{}</div>').format(Markup("").join(map(_bar, job.occupant.work))))
+        parts.append(
+            Markup('<div class="bars">{}</div>').format(
+                Markup("").join(_bar(piece) for piece in job.occupant.work if piece["title"] != TITLE)
+            )
+        )
     if with_output and (job.command or job.output):
         shown = Markup("<pre class='output' tabindex='0'>$ {}\n{}</pre>").format(job.command, job.output)
         parts.append(
@@ -145,18 +212,12 @@ def _bar(piece: dict) -> Markup:
     done, total, elapsed = int(piece["done"]), int(piece["total"]), float(piece["elapsed"])
     share = min(1.0, done / total) if total else 0.0
     if total and done >= total:
-        words = f"done in {_time(elapsed)}"
+        words = f"done in {duration_text(elapsed)}"
     elif share > 0:
-        words = f"{share:.0%}, {_time(elapsed)} elapsed, about {_time(elapsed * (1 - share) / share)} remaining"
+        words = f"{share:.0%}, {duration_text(elapsed)} elapsed, about {duration_text(elapsed * (1 - share) / share)} remaining"
     else:
         words = "begun"
     title = escape(piece["title"])
     return Markup('<div><label>{}<progress max="1" value="{}"></progress></label><small>{}</small></div>').format(
         title, f"{share:.4f}", words
     )
-
-
-def _time(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

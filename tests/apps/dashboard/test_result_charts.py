@@ -1,0 +1,126 @@
+"""What charts of results show: histograms that are densities, windows of predictions, axes that hold their bars, no foreign markup."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+
+from seatrial.apps.dashboard import model_queries, result_charts, result_plots
+from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
+from seatrial.apps.dashboard.view_models import FitAbout, Swept
+from seatrial.core.dataset_file import write_dataset
+from tests.export.finished import finished
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """Options of charts, without a page."""
+    monkeypatch.setattr(result_charts, "chart", lambda options, title, height: options)
+
+
+def estimate(names, mean, sd, seed):
+    z = np.random.default_rng(seed).normal(size=(4, 5000, len(names)))
+    mean, sd = np.array(mean), np.array(sd)
+    at = mean[:, None] + sd[:, None] * np.linspace(-4, 4, 41)
+    each = "parameter"
+    return xr.Dataset(
+        {
+            "draws": (("chain", "draw", each), mean + sd * z),
+            **{name: (each, values) for name, values in {"mean": mean, "mode": mean, "laplace_sd": sd}.items()},
+            "prior_lower": (each, at[:, 0]),
+            "prior_upper": (each, at[:, -1]),
+            "prior_value": ((each, "point"), at),
+            "prior_density": ((each, "point"), np.full_like(at, 1 / 8) / sd[:, None]),
+            "label": (each, names),
+            "unit": (each, ["kg/m"] * len(names)),
+        },
+        coords={each: names},
+    )
+
+
+def test_posteriors_are_densities_in_the_unit_of_their_axis():
+    names, sd = ["X_uabsu", "T_nabsn"], [0.1, 2e-5]
+    data = {"M-0": estimate(names, [-2.9, 6.3e-4], sd, 0), "M-1": estimate(names[1:], [6.4e-4], sd[1:], 1)}
+    found = result_plots._marginal("T_nabsn", data, {"T_nabsn": 6.35e-4})
+    width = found.edges[1] - found.edges[0]
+    assert found.exponent == -4
+    assert list(found.density) == ["M-0", "M-1"]
+    assert found.truth == pytest.approx(6.35)
+    assert found.density["M-0"].sum() * width == pytest.approx(1.0, abs=0.002)  # all but the outermost draws
+    assert np.trapezoid(found.normal, found.grid) == pytest.approx(1.0, abs=0.01)
+    assert found.interval == pytest.approx((6.3 - 1.96 * 0.2, 6.3 + 1.96 * 0.2), abs=0.02)
+    inside = np.abs(found.grid - 6.3) < 0.5
+    assert found.prior[inside] == pytest.approx(1 / 8 / 0.2, rel=1e-6)
+
+
+def test_a_window_of_a_prediction_is_that_of_the_whole(tmp_path, monkeypatch):
+    time = np.concatenate([np.arange(50) * 0.1, np.arange(80) * 0.1])
+    measured, mean = np.sin(time)[:, None], np.cos(time)[:, None]
+    rows = {"record": np.repeat([0, 1], [50, 80]), "time": time}
+    values = {"measured": measured, "mean": mean, "sd": np.full_like(mean, 0.5)}
+    data = xr.Dataset({**{k: ("row", v) for k, v in rows.items()}, **{k: (("row", "c"), v) for k, v in values.items()}})
+    write_dataset(tmp_path / "predictions.nc", data)
+    about = SimpleNamespace(records=("1", "2"), held_back=("2",), channels=("u",))
+    monkeypatch.setattr(result_plots, "predicted", lambda _: about)
+    found = result_plots.fit_view(tmp_path / "predictions.nc", 1, 0, 2.0, 4.0, 720)
+    inside = slice(50 + 20, 50 + 41)
+    assert found["mean"].time == pytest.approx(time[inside])
+    assert found["measured"].least == pytest.approx(measured[inside, 0])
+    assert found["band"].greatest - found["band"].least == pytest.approx(2 * 1.6449 * 0.5, rel=1e-4)
+    assert found["residual"].greatest == pytest.approx(((measured - mean) / 0.5)[inside, 0])
+    whole = result_plots.fit_about(tmp_path / "predictions.nc", 1, 0)
+    assert (whole.span, whole.is_held_back) == (pytest.approx((0.0, 7.9)), True)
+
+
+@pytest.mark.parametrize("values", [[0.95, 0.6, -0.4], [-0.9, 0.5], [0.01, -0.02]])
+def test_the_axis_of_the_autocorrelation_holds_its_bars(shown, values):
+    about = FitAbout((0.0, 9.0), "u", "m/s", False, np.arange(1.0, len(values) + 1), np.array(values), 0.05)
+    ends = result_charts.correlation_chart(about, "blue")["yAxis"]
+    assert ends["min"] < min(*values, -about.white)
+    assert ends["max"] > max(*values, about.white)
+
+
+def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(shown):
+    gain = np.array([[[1.0, 2.0], [np.nan, 3.0]]])
+    found = Swept(
+        *(("doublet",), "n", "rpm", (100.0, 200.0), (5.0, 10.0), gain, gain, (0, 1, 1), ("<b>X_u",), (1.0,)),
+        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), ()),
+    )
+    options = result_charts.surface_chart(found, 0, "gain", (0, 0))
+    cells = options["series"][0]["data"]
+    assert [cell[:3] for cell in cells] == [[0, 0, 1.0], [1, 0, 2.0], [1, 1, 3.0]]
+    assert "<b>X_u" not in json.dumps(options)
+    assert options["series"][1]["data"] == [[1, 1]]
+
+
+def test_noise_of_two_campaigns_is_no_contradiction():
+    def side(mean, noise):
+        rows = (("X_u", mean, 0.1), ("sigma_u", noise, 0.001))
+        return SimpleNamespace(coefficients=tuple(SimpleNamespace(name=n, mean=m, sd=s) for n, m, s in rows))
+
+    ours, theirs = side(-1.0, 0.05), side(-1.5, 0.08)
+    (found,) = shared_sides(ours, theirs)
+    apart = joint_difference(ours.coefficients[0], theirs.coefficients[0])
+    assert found.name == "X_u"
+    assert found.at == pytest.approx((0.0, -apart))
+    assert apart == pytest.approx(0.5 / np.hypot(0.1, 0.1))
+    assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
+
+
+def test_only_targets_that_can_hold_the_vehicle_are_offered(monkeypatch, tmp_path):
+    folder = str(finished(monkeypatch, tmp_path / "c"))
+    alone = {one.name: one for one in model_queries.export_targets(folder, "") if not one.is_trial}
+    assert [name for name, one in alone.items() if not one.refusal] == ["json", "csv"]
+    assert "v w p q r" in alone["gz"].refusal
+    rests = model_queries.export_rests(folder)
+    assert "remus100_hall_anstee" in rests
+    assert "bluerov2_heavy" not in rests
+    whole = {one.name: one for one in model_queries.export_targets(folder, "remus100_hall_anstee") if not one.is_trial}
+    assert whole["gz"].refusal == ""
+    assert any("K_nabsn" in term for term in whole["gz"].unsupported)
+    trials = [one for one in model_queries.export_targets(folder, "") if one.is_trial]
+    assert all("no schedule" in one.refusal for one in trials)
