@@ -22,12 +22,14 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "release"), str(ROOT)]
 
-from attacks import bombs, campaigns, folders, logs  # noqa: E402
+from attacks import bombs, campaigns, folders, logs, options, streams  # noqa: E402
 from attacks.outcome import FAILED, FINE, MOST_MEMORY, Outcome, Watchman, mirror  # noqa: E402
 
 STATE = ROOT / "outputs" / "attack"
 BATCH = 200
-"""Cases after which what is done is written down."""
+"""Cases that one worker runs at most."""
+KEEP = 20.0
+"""Seconds after which what is done is written down."""
 
 
 class Kind(NamedTuple):
@@ -55,7 +57,9 @@ class Kind(NamedTuple):
 
 KINDS = {
     "logs": Kind(logs.damaged_log, 100_000, 400, 30, "logs of every format, damaged", logs.label, one_in=20),
-    "campaigns": Kind(campaigns.damaged_campaign, 10_000, 100, 30, "campaign files, damaged"),
+    "campaigns": Kind(campaigns.damaged_campaign, 10_000, 100, 30, "campaign files and what they name, damaged"),
+    "streams": Kind(streams.damaged_stream, 2000, 20, 30, "live streams, damaged"),
+    "options": Kind(options.odd_options, 2000, 50, 30, "campaigns begun by odd options and answers"),
     "bombs": Kind(
         bombs.bomb,
         len(bombs.BOMBS),
@@ -106,6 +110,7 @@ def attack(name: str, seed: int, count: int, state: Path, fresh: bool = False) -
     kind, path = _kind(name), state / f"{name}-{seed}.json"
     done = {} if fresh or not path.is_file() else json.loads(path.read_text(encoding="utf-8"))
     counts, findings, at = Counter(done.get("counts", {})), done.get("findings", {}), done.get("next", 0)
+    kept = time.monotonic()
     while at < count:
         end = min(at + BATCH, count)
         for number, outcome in watched(name, seed, at, end, state):
@@ -118,7 +123,9 @@ def attack(name: str, seed: int, count: int, state: Path, fresh: bool = False) -
                 same["cases"] += 1
                 if same["cases"] == 1:
                     print(f"  {outcome.what}, {name} case {number}: {outcome.line[:400]}", flush=True)
-        _keep(path, {"kind": name, "seed": seed, "next": at, "counts": counts, "findings": findings})
+            if at == end or time.monotonic() - kept > KEEP:
+                _keep(path, {"kind": name, "seed": seed, "next": at, "counts": counts, "findings": findings})
+                kept = time.monotonic()
     failed = sum(counts[what] for what in FAILED)
     told = ", ".join(f"{counts[what]} {what}" for what in (*FINE, *FAILED) if counts[what])
     for key, found in findings.items():

@@ -78,6 +78,11 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/regressor_noise.py, _at: trial, signals={**trial.signals, **{name: trial.signals[name] + times * e "
     "for name, e in noise.items()}} => trial, signals={**trial.signals, **{name: trial.signals[name] - times * e "
     "for name, e in noise.items()}}": "each noise is added and subtracted anyway, and the mean of both taken",
+    "src/seatrial/export/from_campaign.py, _with_rest: if not same_mass(alone.hull, published.hull): => "
+    "if not same_mass(published.hull, alone.hull):": "the same question of the same two",
+    "src/seatrial/design/sweep.py, Sweep.controls: self.family, trim or self.trim, self.amplitude[row : row + 1], "
+    "self.period[column : column + 1] => self.family, trim or self.trim, self.amplitude[row : row + 1], "
+    "self.period[column : column + 2]": "one design more, of which the first is taken",
 }
 """Mutants that no test can kill, by what `python release/mutate.py --list` prints, and why."""
 

@@ -43,6 +43,7 @@ CELLS = [
     "t",
     "#",
     "1e-400",
+    "1e9999999",
     "-0",
 ]
 """Cells for a table of text."""

@@ -22,6 +22,7 @@ def damaged_log(number: int, random: Random, place: Path, watchman: Watchman) ->
     from seatrial.core.errors import InputError
     from seatrial.logs.align import align
     from seatrial.logs.inspect import inspect_log
+    from seatrial.logs.linear_sum import parse_sum
     from seatrial.logs.read import read_log
     from seatrial.logs.source import ColumnMap, LogSource
 
@@ -36,11 +37,13 @@ def damaged_log(number: int, random: Random, place: Path, watchman: Watchman) ->
         place.mkdir(parents=True)
         target, source = path, written.path
     target.write_bytes(_damaged(name, random, source.read_bytes()))
+    text = random.choice(("", f"0.75 '{written.rpm}' + 0.25 * '{written.rpm}'"))
+    turns = ColumnMap(text or written.rpm, "rpm", "control", parts=parse_sum(text, "here") if text else ())
 
     def work() -> None:
         with suppress(InputError):
             inspect_log(path)
-        surge, turns = ColumnMap(written.surge, "m/s", "measurement"), ColumnMap(written.rpm, "rpm", "control")
+        surge = ColumnMap(written.surge, "m/s", "measurement")
         align([read_log(LogSource(path, None, None, {"u": surge, "n": turns}, table=written.table))], step=0.02)
 
     found = judged(work, watchman, place)
@@ -54,10 +57,10 @@ def label(number: int) -> str:
 
 @cache
 def names() -> tuple[str, ...]:
-    """Return the formats: those of the tests, and compressed text."""
+    """Return the formats: those of the tests, compressed text, and messages that are nothing but an array."""
     from tests.logs.log_writers import WRITERS
 
-    return (*WRITERS, "csv.gz")
+    return (*WRITERS, "csv.gz", "ros 2, multiarray")
 
 
 @cache
@@ -68,12 +71,32 @@ def original(name: str, folder: Path) -> Any:
     place = folder / name.replace(" ", "-").replace(",", "")
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
+    if name == "ros 2, multiarray":
+        return _multiarray(place)
     if name != "csv.gz":
         return WRITERS[name](place)
     plain = WRITERS["csv"](place)
     path = plain.path.with_name("run.csv.gz")
     path.write_bytes(gzip.compress(plain.path.read_bytes()))
     return replace(plain, path=path)
+
+
+def _multiarray(place: Path) -> Any:
+    """Return a bag of arrays without a header, whose elements are surge speed and propeller speed."""
+    import numpy as np
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    from tests.logs import log_writers
+
+    store, kind, path = log_writers.ros_store(False), "std_msgs/msg/Float64MultiArray", place / "bag"
+    dimension = store.types["std_msgs/msg/MultiArrayDimension"]("speeds", 3, 3)
+    layout = store.types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topic = writer.add_connection("/speeds", kind, typestore=store)
+        for k, stamp in enumerate(log_writers.STAMPS):
+            row = np.array([log_writers.SURGE[k], log_writers.RPM[k], 0.0])
+            writer.write(topic, int(stamp), store.serialize_cdr(store.types[kind](layout, row), kind))
+    return log_writers.Written(path, "/speeds", "data[0]", "data[1]", "log_time", "ns", log_writers.STAMPS)
 
 
 def _damaged(name: str, random: Random, data: bytes) -> bytes:

@@ -25,7 +25,7 @@ from seatrial.campaign.live.kept import Kept, with_session
 from seatrial.campaign.live.next_segment import make_library
 from seatrial.campaign.live.recursion import live_recursion, within_bounds
 from seatrial.campaign.live.session import LiveSettings, Session
-from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, PipedText, open_source
+from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, Piece, PipedText, open_source
 from seatrial.core.errors import InputError
 from seatrial.filters.run import filter_within
 from tests.campaign.small import NO_X_U, write_small
@@ -180,8 +180,8 @@ def test_values_of_another_unit_and_of_the_other_sign_are_told_once():
     notes = Notes()
     gate = ValueGate({"u": 2.0}, {"n": 150.0}, notes.say)
     for _ in range(3):
-        assert gate.admit({"u": 1500.0, "n": 1200.0, "x": 1e9, "v": np.nan}) == {"x": 1e9}
-    assert len(notes.take()) == 2
+        assert gate.admit({"u": 1500.0, "n": 1200.0, "x": 1e8, "v": np.nan, "w": 3e38}) == {"x": 1e8}
+    assert len(notes.take()) == 3
     signs, rng = SignGate({"u": 0.05}, ("n",), notes.say), np.random.default_rng(0)
     for k in range(600):
         moved = np.array([np.sin(k / 40)])
@@ -260,14 +260,14 @@ def test_rows_become_channels_as_an_import_makes_them_and_the_session_is_importe
     text = "\n".join(["stamp,prop,speed,other", *rows]) + "\n"
     (tmp_path / "small" / "log_1.csv").write_text(text)
     log = tmp_path / "live.csv"
-    log.write_text(text + "3000,1,2\n3000,1000,oops,\nstamp,prop,speed,other\n")
+    log.write_text(text + "3000,1,2\n3000,1000,oops,\n1e9999999,1000,0,\n9e20,1000,0,\nstamp,prop,speed,other\n")
     session = Session(campaign, str(log))
     session.kept = Kept(campaign, ".received.csv", ("n", "u"))
     stream = open_source(str(log), session.channels.tables)
     looks = session.take(stream.read(0.0))
     stream.close()
     assert [round(look.time, 6) for look in looks] == [0.0, 1.0, 2.0, 3.0]
-    assert len(session.notes.take()) == 2
+    assert len(session.notes.take()) == 3
     # All of it is with the system before the session ends: a kill loses nothing that was taken.
     assert len(session.kept.path.read_text().splitlines()) == 1 + 31
     assert (session.kept.folder / f"{session.kept.run}.received.csv").read_bytes() == log.read_bytes()
@@ -328,6 +328,7 @@ def test_mavlink_over_udp_from_a_real_sender(tmp_path):
     session.kept.close()
     stream.close()
     sender.close()
+    assert session.channels.of(Piece(messages=[("RPM", "1/1", {"rpm1": 1.0, "log_time": np.nan})])) == []
     assert session.samples == 80  # the sender's RPM comes first, and is a sample of its own
     assert session.control["n"] == pytest.approx(1039 * RPM)
     times = [float(row.split(",")[0]) for row in session.kept.path.read_text().splitlines()[1:]]

@@ -323,6 +323,9 @@ def test_an_input_is_drawn_in_no_further_than_the_limits_ask():
     found = Climb.pulled_in(climb, np.array([9.0, -0.3]))
     assert found[1] / found[0] == pytest.approx(-0.3 / 0.5)
     assert 0.6 <= 1 - found[0] / 0.5 < 0.6 * 10 ** (12 / (LANES - 2))
+    step = 10 ** (-36 / 78)
+    at_a_step = stand_in(beyond=lambda x: x[:, 0] - 0.5 * (1 - step))
+    assert 1 - Climb.pulled_in(at_a_step, np.array([9.0, -0.3]))[0] / 0.5 == pytest.approx(step, rel=1e-6)
     np.testing.assert_array_equal(Climb.pulled_in(climb, np.array([0.2, -2.0])), [0.2, -1.0])
     climb.excess = lambda x: np.full(len(x), 2 * ROUNDING)
     with pytest.raises(NumericalError, match="trim breaks a limit"):

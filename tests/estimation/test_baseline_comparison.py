@@ -84,6 +84,19 @@ def test_chance_alone_rarely_fails():
     assert failed <= 200 * (0.05 + 4 * np.sqrt(0.05 * 0.95 / 200))
 
 
+def test_chance_between_runs_is_the_t_test_of_their_means():
+    """Runs of one length that differ by more than the samples within them say."""
+    runs, bys = runs_of(), (0.1, 0.2, 0.35, 0.5)
+    found = compare("u", runs, [off(by, count=1)[0] for by in bys], {"a lag": off(0.0)})
+
+    def crps(run, by):
+        z, norm = (run.measured - MOTION - by) / 0.1, scipy.stats.norm
+        return np.mean(0.1 * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)))
+
+    means = [crps(run, by) - crps(run, 0.0) for run, by in zip(runs, bys, strict=True)]
+    assert found.p_value == pytest.approx(scipy.stats.ttest_1samp(means, 0.0, alternative="greater").pvalue)
+
+
 def test_few_effective_samples_are_no_proof_however_large_the_difference():
     """One run whose error only grows is worth two or three samples."""
     found = compare(

@@ -97,6 +97,15 @@ def test_an_error_of_the_motion_that_runs_share_counts_once():
     )
 
 
+def test_three_runs_are_worth_what_their_shares_scatter_by():
+    """Shares of n samples in all scatter by m (1 - m) 3 / n; two runs are too few to tell."""
+    errors = [scale * np.random.default_rng(seed).normal(size=400) for seed, scale in enumerate((0.8, 1.2, 1.8))]
+    shares = np.array([np.mean(np.abs(one) <= stats.norm.ppf(0.95)) for one in errors])
+    expected = shares.mean() * (1 - shares.mean()) * 3 / shares.var(ddof=1)
+    assert pooled_verdict([run(one) for one in errors], "u").effective == pytest.approx(expected, rel=1e-6)
+    assert pooled_verdict([run(one) for one in errors[:2]], "u").effective > 100
+
+
 def test_wrong_units_fail_however_few_the_samples():
     motion = 0.1 * np.sin(0.3 * TIME)
     for factor in (57.3, 60.0, 1000.0):

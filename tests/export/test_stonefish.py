@@ -252,6 +252,7 @@ def test_the_laboratory_tells_the_driver_our_commands_by_the_names_of_the_scenar
     twin = laboratory.twin_of(published(), driver, "1", tmp_path)
     assert twin.actuators == {"n": "propeller", "delta_r": "delta_r", "delta_s": "delta_s"}
     assert {path.name for path in twin.folder.iterdir()} >= {"vehicle.scn", "part.obj"}
+    assert "for Stonefish 1.4 to 1.6; older versions" in (twin.folder / "vehicle.scn").read_text()
     start = np.linspace(0.1, 0.8, 8)
     found = twin.run(start, lambda t: {"n": 90.0 + t, "delta_r": 0.1, "delta_s": -0.1}, 0.2)
     np.testing.assert_array_equal(found, np.tile(start, (3, 1)))

@@ -22,3 +22,10 @@ def test_a_page_has_units_sources_and_what_is_fixed():
     assert "| `X_udot` | -0.93 | kg | fixed |" in page
     assert "Prestero" in page
     assert "errata" in page
+
+
+def test_a_page_says_which_way_each_control_turns():
+    """Prestero's REMUS and Fossen's turn to opposite sides for the same rudder."""
+    for name, side in (("remus100_prestero", "port"), ("remus100_fossen", "starboard")):
+        page = vehicle_page(name, load_vehicle(name))
+        assert f"| delta_r | turns to {side} |\n| delta_s | nose down |" in page

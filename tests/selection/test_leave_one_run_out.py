@@ -13,6 +13,7 @@ from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.posterior_by_run import expand_runs, marginal_log_likelihoods, split_runs, weigh_runs
 from seatrial.estimation.priors import Normal
 from seatrial.sampling.target import evaluate
+from seatrial.selection import leave_one_run_out as module
 from seatrial.selection.leave_one_run_out import difference, leave_one_run_out, mean_score, paired
 from tests.selection.run_cases import exact_left_out, linear_runs, posterior_of_runs
 
@@ -37,8 +38,18 @@ def test_closed_form():
 
 
 @pytest.mark.proof
-def test_refits_agree():
-    again = found(max_k_hat=-np.inf, draws=256)
+def test_refits_agree(monkeypatch):
+    """Draws are weighed by the density of all proposals that they came from, whose shares sum to one however often they are refitted."""
+    shares, density = [], module.log_mixture
+
+    def noted(proposals, z):
+        shares.append((len(proposals), sum(one.share for one in proposals)))
+        return density(proposals, z)
+
+    monkeypatch.setattr(module, "log_mixture", noted)
+    again = leave_one_run_out(posterior_of_runs(linear_runs(5)), KEY, max_k_hat=-np.inf, draws=256)
+    assert max(count for count, _ in shares) > 5
+    np.testing.assert_allclose([total for _, total in shares], 1.0, rtol=1e-12)
     assert all(run.refitted for run in again.runs)
     assert not any(run.refitted for run in found().runs)
     for one, other in zip(found().runs, again.runs, strict=True):

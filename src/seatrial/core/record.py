@@ -12,6 +12,8 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import QUATERNION
 
 Role = Literal["control", "measurement"]
+LARGEST = 1e9
+"""SI, from which a number is no measurement of a vehicle."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +247,7 @@ def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
             remedy="map another column, or drop the channel",
         )
     size = np.max(np.abs(values))
-    if size > 0 and not 1e-6 < size < 1e9 and channel.role == "measurement":
+    if size > 0 and not 1e-6 < size < LARGEST and channel.role == "measurement":
         raise InputError(
             where,
             found=f"values of at most {size:.1e} {channel.unit}",

@@ -6,6 +6,7 @@ from the coefficients or None in the hull, never zero by default.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import isclose
 
 import numpy as np
 from jaxtyping import Float
@@ -211,4 +212,4 @@ def rest_for(vehicle: ExportedVehicle) -> str | None:
 
 def same_mass(one: Hull, other: Hull) -> bool:
     """Return whether two hulls are of one known mass."""
-    return one.mass is not None and other.mass is not None and abs(one.mass - other.mass) <= SAME_MASS * one.mass
+    return one.mass is not None and other.mass is not None and isclose(one.mass, other.mass, rel_tol=SAME_MASS)

@@ -172,7 +172,8 @@ class Adviser:
         """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""
         goal, found = self.goal or Goal(), np.full(mean.size, np.inf)
         for i, name in enumerate(self.recursion.names):
-            found[i] = min(goal.sds.get(name, np.inf), goal.shares.get(name, np.inf) * abs(mean[i]))
+            by_share = goal.shares[name] * abs(mean[i]) if name in goal.shares else np.inf
+            found[i] = min(goal.sds.get(name, np.inf), by_share)
         return found
 
     def _rate(self, time: float, raw: np.ndarray) -> Float[np.ndarray, " k"] | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +25,8 @@ EMPTY = ("", "na", "nan", "null", "none")
 """Cells of text that hold no value."""
 CLOCKS = ("time", "t", "time_s")
 """Names of the time where a campaign has no [import], s."""
+LATEST = Decimal("1e11")
+"""Seconds on a stream's clock, three thousand years, from which a cell holds no time."""
 Say = Callable[[str, str], None]
 """Takes the kind of a fault, which is told once, and the words."""
 
@@ -160,7 +162,10 @@ class Channels:
                 if stamp == LOG_TIME:
                     unit = "us"
                 values = self.signals(source, {part: [columns[part]] for part in columns_of(source)})
-                seconds = Decimal(repr(columns[stamp])) * time_scale(source, unit)
+                seconds = _seconds(repr(columns[stamp]), time_scale(source, unit))
+                if seconds is None:
+                    self.say("stamps", f"messages without a time are left out, such as {table} at {columns[stamp]!r}")
+                    continue
                 found.append(Arrival(seconds, part, {name: float(one[0]) for name, one in values.items()}))
         return found
 
@@ -187,6 +192,15 @@ class Channels:
 def columns_of(source: LogSource) -> set[str]:
     """Return every column that a channel is made of."""
     return {part for column in source.channels.values() for _, part in column.columns}
+
+
+def _seconds(text: str, scale: Decimal) -> Decimal | None:
+    """Return a stamp in s, exactly; None where it is no time that a clock could show."""
+    try:
+        stamp = Decimal(text) * scale
+    except DecimalException:
+        return None
+    return stamp if stamp.is_finite() and abs(stamp) < LATEST else None
 
 
 class _Text:
@@ -232,11 +246,8 @@ class _Text:
             if len(cells) != len(header):
                 say("cells", f"rows of other than {len(header)} cells are left out, such as {line[:60]!r}")
                 continue
-            try:
-                stamp = Decimal(cells[clock]) * scale
-            except InvalidOperation:
-                stamp = Decimal("nan")
-            if not stamp.is_finite():
+            stamp = _seconds(cells[clock], scale)
+            if stamp is None:
                 say("stamps", f"rows without a time are left out, such as {line[:60]!r}")
                 continue
             stamps.append(stamp)

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from decimal import Decimal
-from math import inf, isfinite
+from math import isfinite
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from seatrial.core.display_units import shown_unit
+from seatrial.core.record import LARGEST
 
 LATE = 1.0
 """Seconds by which a stamp may lie behind the latest and be of one that was overtaken; further back the clock was set anew."""
@@ -113,7 +114,7 @@ class ValueGate:
     """Values that a vehicle can have.
 
     Args:
-        sizes: largest magnitude that is foreseen of a channel, SI.
+        sizes: largest magnitude that is foreseen of a channel, SI; of others only what a record cannot hold is left out.
         limits: of a control, SI.
         say: told what is left out.
     """
@@ -121,19 +122,21 @@ class ValueGate:
     def __init__(self, sizes: Mapping[str, float], limits: Mapping[str, float], say: Callable[[str, str], None]):
         self.most = {name: BEYOND * size for name, size in sizes.items()}
         self.most |= {name: BEYOND_LIMIT * limit for name, limit in limits.items()}
-        self.limits, self.say = limits, say
+        self.sizes, self.limits, self.say = sizes, limits, say
 
     def admit(self, values: dict[str, float]) -> dict[str, float]:
         """Return the values that can be."""
         return {name: value for name, value in values.items() if isfinite(value) and not self._is_beyond(name, value)}
 
     def _is_beyond(self, name: str, value: float) -> bool:
-        most = self.most.get(name, inf)
-        if abs(value) <= most:
+        most = self.most.get(name, LARGEST)
+        if abs(value) < most:
             return False
         factor, unit = shown_unit(name)
-        known = f"its limit is {most / BEYOND_LIMIT * factor:.3g} {unit}"
-        if name not in self.limits:
+        known = f"no vehicle has {most * factor:.3g} {unit}"
+        if name in self.limits:
+            known = f"its limit is {most / BEYOND_LIMIT * factor:.3g} {unit}"
+        elif name in self.sizes:
             known = f"the priors foresee {most / BEYOND * factor:.3g} {unit} at most"
         self.say(
             f"beyond {name}",
