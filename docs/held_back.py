@@ -1,8 +1,9 @@
 """Whether stated bands hold on new runs of vehicles that the model does not contain: `python docs/held_back.py [--vehicles N]`.
 
 Vehicles with a late thruster, waves, a drifting current, a dead zone or a cubic drag are simulated by a plain loop that shares no code with
-seatrial. Three runs of each are fitted by a model that lacks the effect, three new ones are predicted, and the verdict is read. About 15
-minutes on two cores; what is done is kept in outputs/held_back. Writes the table in docs/held_back.md.
+seatrial. Three runs of each are fitted by a model that lacks the effect, three new ones are predicted, and the verdict is read. What the
+verdict claims is checked on ten further runs, which neither the fit nor the verdict has seen. About half a minute of one core for each
+kind, error model and 40 vehicles; what is done is kept in outputs/held_back. Writes the table in docs/held_back.md.
 """
 
 import argparse
@@ -11,27 +12,36 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
 import numpy as np
 
 import seatrial as st
 from seatrial.core.files import write_text
 from seatrial.estimation.mode import Mode
-from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
+from seatrial.estimation.pooled_coverage import RunResiduals, pooled_verdict, run_residuals
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.robust_errors import robust_errors
 from seatrial.sampling.run import Draws
+from seatrial.selection.importance import ImportanceSettings, importance_sample
 
 HERE = Path(__file__).parent
 STATE = HERE.parent / "outputs" / "held_back"
 RESULTS = "<!-- results -->"
 """Where the table begins in the page."""
+FITTED, JUDGED, FURTHER = 3, 3, 10
+"""Runs that are fitted, that the verdict is about, and on which it is checked."""
+DRAWS = 200
+"""Draws of the posterior by which a run is predicted."""
+SIZE = ImportanceSettings(draws=1024, pilot=512, refits=1)
+"""Weighted draws of which these are taken."""
 STEP, DURATION, FINE = 0.1, 60.0, 5
 """Interval of the samples and length of a run, s; steps of the simulation in one interval."""
 NOISE, MASS, DEDUCTION = 0.02, 31.41, 0.1
 """Standard deviation of the speed sensor, m/s; effective mass, kg; share of the thrust that the hull takes."""
 TRIM = 125.0
 """Speed of the propeller about which it is moved, rad/s."""
-LEVEL = 0.9
+LEVEL, MARGIN = 0.9, 0.05
+"""Share of the samples that a band has to hold, and by how much it may be off."""
 CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
 OWN = st.Provenance("a plain loop", "")
 TRUE = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
@@ -70,16 +80,11 @@ KINDS = {
 ERRORS = {
     "white": {"sigma_u": st.LogUniform(0.002, 0.5), "u_0": st.Normal(1.5, 0.3)},
     "coloured": {"sigma_u": st.LogUniform(0.002, 0.5), "tau_u": st.LogUniform(0.05, 30.0), "u_0": st.Normal(1.5, 0.3)},
-    "coloured, a current of each run": {
+    "drifting": {
         "sigma_u": st.LogUniform(0.002, 0.5),
-        "tau_u": st.LogUniform(0.05, 30.0),
+        "drift_u": st.LogUniform(0.0001, 0.5),
+        "drift_time_u": st.LogUniform(0.1, 180.0),
         "u_0": st.Normal(1.5, 0.3),
-        "current": st.Normal(0.0, 0.2),
-    },
-    "disturbance": {
-        "sigma_u": st.LogUniform(0.002, 0.5),
-        "disturbance_X": st.LogUniform(0.01, 10.0),
-        "disturbance_time_X": st.LogUniform(0.2, 60.0),
     },
 }
 """Models of the error, by what they add to the priors."""
@@ -90,14 +95,15 @@ DRIFT = 40.0
 def main() -> None:
     """Simulate, fit and predict what is not done yet, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--vehicles", type=int, default=200)
+    parser.add_argument("--vehicles", type=int, default=40)
     parser.add_argument("--kinds", nargs="*", default=list(KINDS))
+    parser.add_argument("--errors", nargs="*", default=list(ERRORS))
     asked = parser.parse_args()
     count = asked.vehicles
     st.configure()
     rows = []
     for kind in asked.kinds:
-        for error in ERRORS:
+        for error in asked.errors:
             path = STATE / f"{kind}-{error}-{count}.json"
             if not path.exists():
                 found = [judged(*trial, error) for trial in vehicles(kind, count)]
@@ -105,19 +111,19 @@ def main() -> None:
                 write_text(path, json.dumps(found))
             rows.append(row(KINDS[kind].words, error, json.loads(path.read_text())))
             print(rows[-1])
-    if count == parser.get_default("vehicles") and len(rows) == len(KINDS) * len(ERRORS):
+    if asked.kinds == list(KINDS):
         _write(rows)
 
 
 def vehicles(kind: str, count: int) -> Iterator[tuple[dict[str, float], list[st.Record]]]:
-    """Yield the true coefficients and six runs of each vehicle."""
+    """Yield the true coefficients and all runs of each vehicle."""
     random = np.random.default_rng(hash_of(kind))
     about = KINDS[kind]
     truth = {name: value * (1 + 0.1 * random.standard_normal(count)) for name, value in TRUE.items()}
     size = about.size * random.uniform(1 / 3, 1, count)
     time = np.arange(0.0, DURATION, STEP)
     runs = []
-    for number in range(6):
+    for number in range(FITTED + JUDGED + FURTHER):
         command = TRIM + excitation(number, time)
         shown = simulated(about, truth, size, time, command, random)
         shown += NOISE * random.standard_normal(shown.shape)
@@ -138,7 +144,7 @@ def hash_of(kind: str) -> int:
 def excitation(number: int, time: np.ndarray) -> np.ndarray:
     """Return the change of the propeller's speed in one run, rad/s: steps of another length and seed in each, 60 at most."""
     random = np.random.default_rng(number)
-    hold = (3.0, 5.0, 8.0, 4.0, 6.0, 10.0)[number]
+    hold = (3.0, 5.0, 8.0, 4.0, 6.0, 10.0)[number % 6]
     levels = random.uniform(-60.0, 60.0, int(DURATION / hold) + 1)
     return levels[(time / hold).astype(int)]
 
@@ -179,8 +185,8 @@ def simulated(
 
 
 def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dict:
-    """Fit three runs, predict three, and return the verdict, the share inside the bands and which coefficients are covered."""
-    fitted, new = records[:3], records[3:]
+    """Fit some runs, judge the bands by others, and return the verdict, whether it is so, and which coefficients are covered."""
+    fitted, new, further = records[:FITTED], records[FITTED : FITTED + JUDGED], records[FITTED + JUDGED :]
     priors = {
         "X_u": st.Normal(-1.2, 1.5),
         "X_uabsu": st.Normal(-3.0, 3.0),
@@ -188,51 +194,78 @@ def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dic
     }
     model = st.load_vehicle("remus100_surge").build(free=list(priors))
     added = ERRORS[error]
-    sensor = st.Sensor("u", "coloured" if "tau_u" in added else "white")
-    posterior = st.make_posterior(
-        model, fitted, priors | added, [sensor], own=["current"] if "current" in added else []
-    )
+    kind = "drifting" if "drift_u" in added else "coloured" if "tau_u" in added else "white"
+    posterior = st.make_posterior(model, fitted, priors | added, [st.Sensor("u", kind)])
     mode = st.find_mode(posterior, 1)
-    draws = about(posterior, mode)
-    runs, inside, samples = [], 0.0, 0
-    for record in new:
-        predicted = st.predict(posterior, draws, record, key=2)
-        measured, mean = record.channel("u"), predicted.mean[:, 0]
-        runs.append(run_residuals(record.time, measured, mean, predicted.motion_sd[:, 0], float(predicted.noise_sd[0])))
-        inside += float(np.sum(np.abs(runs[-1].z) < 1.6449))
-        samples += measured.size
+    draws = drawn(posterior, mode)
+    found = pooled_verdict([residuals(posterior, draws, record) for record in new], "u")
+    beyond = np.abs(np.concatenate([residuals(posterior, draws, record).z for record in further]))
+    held = {"as stated": 1.0, "widened": found.widen, "widened most": found.widen_upper}
     wide = robust_errors(posterior, mode)
     covered = {}
     for name, value in truth.items():
-        sd = mode.sd[mode.names.index(name)]
-        away = abs(mode.by_name[name] - value) / 1.6449
+        column = draws.array([name])[:, 0]
+        away = abs(column.mean() - value) / 1.6449
+        sd = float(column.std())
         covered[name] = [bool(away < sd), bool(away < (wide.wider(name, sd) or sd))]
-    return {"inside": inside / samples, "level": pooled_verdict(runs, "u").level, "covered": covered}
+    return {
+        "inside": {words: float(np.mean(beyond < 1.6449 * factor)) for words, factor in held.items()},
+        "level": found.level,
+        "effective": found.effective,
+        "covered": covered,
+    }
 
 
-def about(posterior: Posterior, mode: Mode) -> Draws:
-    """Return draws of the normal approximation about a mode."""
-    z = np.random.default_rng(3).multivariate_normal(mode.z, mode.cov, 200, method="eigh")
+def residuals(posterior: Posterior, draws: Draws, record: st.Record) -> RunResiduals:
+    """Return what is left of one run as it is predicted."""
+    predicted = st.predict(posterior, draws, record, n=DRAWS, key=2)
+    motion = predicted.mean[:, 0], predicted.motion_sd[:, 0]
+    return run_residuals(record.time, record.channel("u"), *motion, float(predicted.noise_sd[0]))
+
+
+def drawn(posterior: Posterior, mode: Mode) -> Draws:
+    """Return draws of the posterior: weighted ones about its mode, each taken as often as its weight says."""
+    weighted = importance_sample(posterior, jax.random.key(3), mode, SIZE)
+    edges = np.cumsum(np.exp(weighted.smoothed))
+    places = np.searchsorted(edges / edges[-1], (np.arange(DRAWS) + 0.5) / DRAWS)
+    z = weighted.z[np.random.default_rng(3).permutation(places)]
     values = np.asarray(values_of(posterior, z))
-    return Draws(z[None], np.zeros((1, 200)), 1.0, 0, mode.names, mode.units, values[None])
+    return Draws(z[None], np.zeros((1, DRAWS)), 1.0, 0, mode.names, mode.units, values[None])
 
 
 def row(words: str, error: str, found: list[dict]) -> str:
     """Return one line of the table."""
-    inside = np.array([one["inside"] for one in found])
+    inside, widened, most = (np.array([one["inside"][key] for one in found]) for key in found[0]["inside"])
     level = np.array([one["level"] for one in found])
-    failed, false = level == "fail", np.isin(level, ["pass", "caution"]) & (inside < LEVEL - 0.05)
-    stated, wider = np.array([list(one["covered"].values()) for one in found], float).mean((0, 1))
-    kept = inside[~failed].mean() if (~failed).any() else np.nan
-    shares = (inside.mean(), failed.mean(), (level == "unjudged").mean(), kept, false.mean(), stated, wider)
-    return f"| {words} | {error} | " + " | ".join(f"{share:.0%}" for share in shares) + " |"
+    failed, unjudged, passed = level == "fail", level == "unjudged", np.isin(level, ["pass", "caution"])
+    covered = np.array([list(one["covered"].values()) for one in found], float).mean(1)
+    shares = (
+        inside.mean(),
+        np.mean(holds(inside)),
+        failed.mean(),
+        unjudged.mean(),
+        np.mean(holds(inside) | failed),
+        np.mean(passed & (inside < LEVEL - MARGIN)),
+        np.mean(passed & (inside > LEVEL + MARGIN)),
+        widened.mean(),
+        np.mean(most >= LEVEL - MARGIN),
+        *covered.mean(0),
+        covered[~failed, 1].mean() if (~failed).any() else np.nan,
+    )
+    return f"| {words} | {error} | {len(found)} | " + " | ".join(f"{share:.0%}" for share in shares) + " |"
+
+
+def holds(inside: np.ndarray) -> np.ndarray:
+    """Return whether a band of 90 % holds what is asked for."""
+    return np.abs(inside - LEVEL) <= MARGIN
 
 
 def _write(rows: list[str]) -> None:
     page = HERE / "held_back.md"
     head = (
-        "| the model lacks | error model | inside 90 % bands | fail | unjudged | inside where not failed | below 85 % and passed "
-        "| coefficients inside ± | inside the wider ± |\n|---|---|---|---|---|---|---|---|---|\n"
+        "| the model lacks | error model | vehicles | inside 90 % bands | held | fail | unjudged | held or fail | false pass "
+        "| pass, too wide | inside widened bands | widest hold 85 % | ± covers | wider ± covers | the same if not failed |\n"
+        f"|{'---|' * 15}\n"
     )
     before = page.read_text().split(RESULTS)[0]
     write_text(page, f"{before}{RESULTS}\n\n{head}" + "\n".join(rows) + "\n")

@@ -112,21 +112,21 @@ def memory() -> None:
 def held_back() -> None:
     """What bands and coefficients hold when the model is wrong, from the table of held_back.md."""
     rows = [
-        [cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "| coloured |" in line
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "| drifting |" in line
     ]
     figure, axes = plt.subplots(figsize=(5.2, 3.3))
     place = np.arange(len(rows))[::-1]
     for column, marker, label in (
-        (2, "o", "new samples in their 90 % band"),
-        (7, "s", "coefficients in their ±"),
-        (8, "d", "in the wider ±"),
+        (3, "o", "new samples in their 90 % band"),
+        (12, "s", "coefficients in their ±"),
+        (13, "d", "in the wider ±"),
     ):
         axes.plot(
             [float(row[column].rstrip("%")) for row in rows],
             place,
             marker,
-            color="black" if column == 2 else BLUE,
-            mfc="none" if column == 8 else None,
+            color="black" if column == 3 else BLUE,
+            mfc="none" if column == 13 else None,
             label=label,
         )
     axes.axvline(90, color=GREY, linewidth=0.8)

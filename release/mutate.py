@@ -58,12 +58,12 @@ EQUIVALENT: dict[str, str] = {
     "stands in for a divisor where the quotient is not used",
     "src/seatrial/estimation/rows.py, _depth: return int((row - column).max(initial=0)) + 1 => "
     "return int((row - column).max(initial=0)) + 2": "one diagonal more, of zeros",
-    "src/seatrial/estimation/command_delay.py, delay_control: here, before = (from_on(xp.maximum(start, 0)) for start in "
+    "src/seatrial/estimation/delayed_control.py, delay_control: here, before = (from_on(xp.maximum(start, 0)) for start in "
     "(first, first - 1)) => here, before = (from_on(xp.maximum(start, 1)) for start in (first, first - 1))": "the first value is "
     "there once more than is read",
     "src/seatrial/estimation/sensors.py, Sensor.show: if memory is not None and lag is not None: => "
     "if memory is not None or lag is not None:": "a sensor has both or neither",
-    "src/seatrial/estimation/command_delay.py, delay_control.from_on: return held[start : start + n] if xp is np else "
+    "src/seatrial/estimation/delayed_control.py, delay_control.from_on: return held[start : start + n] if xp is np else "
     "jax.lax.dynamic_slice(held, (start,), (n,)) => return (jax.lax.dynamic_slice(held, (start,), (n,)))": "the same slice by JAX",
     "src/seatrial/design/utility_agreement.py, _spearman: return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), "
     "where=scale > 0) => return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 1)": "ranks of five designs "

@@ -162,7 +162,15 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "trim": ("", "`[import.trim.RUN]`, for a run with its own start and end"),
         "split": ("time", "length of the pieces into which a long record is cut"),
         "schedule": ("", "CSV of what was commanded, with `{run}` for the label of a run; the record is cut to it"),
+        "keep": ("", "when a run is what it is taken for, `[[import.keep]]`; it is cut to the longest such stretch"),
         "files": ("", "the logs, `[[import.files]]`, one or more"),
+    },
+    "KeepTable": {
+        "path": ("", "path of a log of the trial; `{run}` stands for the label of a run"),
+        "when": ("", "comparisons of columns with numbers, joined by `and`, such as `armed == 1 and voltage > 14.5`"),
+        "table": ("", "topic or type of message, if the log has several"),
+        "time": ("", "column of time, `[import.keep.time]`; not needed if the format has a clock of its own"),
+        "delimiter": ("", "character between the cells of a text file, or `whitespace`"),
     },
     "FileTable": {
         "path": ("", "path of the log; `{run}` stands for the label of a run, `${NAME}` for an environment variable"),
@@ -174,7 +182,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "encoding": ("", "encoding of a text file"),
         "skip_rows": ("", "lines above the header of a text file"),
         "header_rows": ("", "rows of the header of a text file; the first names the columns"),
-        "names": ("", "names of all columns, for a text file without a header"),
+        "names": (
+            "",
+            "names of all columns, for a text file without a header; if not given, `column_1`, `column_2`, …",
+        ),
         "axes": ("", "axes of the log: `NED` with body axes forward, right, down, or `ENU` with forward, left, up"),
     },
     "TrimTable": {

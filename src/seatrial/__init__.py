@@ -26,8 +26,8 @@ _HOME = {
     "make_record": "seatrial.core.record",
     "InputError": "seatrial.core.errors",
     "find_mode": "seatrial.estimation.mode",
-    "sample": "seatrial.estimation.draw_posterior",
-    "NestedSettings": "seatrial.estimation.draw_posterior",
+    "sample": "seatrial.estimation.sample_posterior",
+    "NestedSettings": "seatrial.estimation.sample_posterior",
     "ChainSettings": "seatrial.sampling.run",
     "Draws": "seatrial.sampling.run",
     "SMCSettings": "seatrial.sampling.tempered_smc",
@@ -160,13 +160,13 @@ if TYPE_CHECKING:
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
     from seatrial.core.record import Channel, Provenance, Record, make_record
     from seatrial.design.trial_design import TrialDesign, design_trial
-    from seatrial.estimation.draw_posterior import NestedSettings, sample
     from seatrial.estimation.mode import Mode, find_mode
     from seatrial.estimation.posterior import Posterior, posterior_of_density
     from seatrial.estimation.prediction import Prediction, predict
     from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform, half_normal, truncated_normal
     from seatrial.estimation.profile import profile_likelihood
     from seatrial.estimation.record_posterior import make_posterior
+    from seatrial.estimation.sample_posterior import NestedSettings, sample
     from seatrial.estimation.sensors import Sensor
     from seatrial.estimation.simulated_record import simulate
     from seatrial.export.to_target import export_to as export_vehicle

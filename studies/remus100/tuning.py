@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.core.gaussian import Gaussian
-from seatrial.filters.noise import noise_from_high_pass
+from seatrial.filters.noise_from_differences import noise_from_high_pass
 from seatrial.filters.run import FilterTrace
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.tuning import check_tuning

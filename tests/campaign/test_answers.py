@@ -6,7 +6,7 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
-from seatrial.campaign.store.answers import keep, key_of_answer, recall
+from seatrial.campaign.store.answer_cache import keep, key_of_answer, recall
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
 from seatrial.core.files import depend_on, is_there, sha256_of, watching_files, write_text
 from tests.campaign.small import NO_X_U, hearing_of_files, write_small

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.campaign.inference.coefficient_tables import averaged_rows, write_averaged, write_coefficients
+from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure

@@ -125,7 +125,7 @@ def test_lines_of_every_error_model_are_what_it_does(tmp_path):
     values = {name: value for name, (value, _) in coefficients.items()}
     scale = scale_of(model, trials.fit, coefficients, values)
     found = {one.name: one for one in error_models(campaign, campaign.full, scale)}
-    assert list(found) == ["coloured", "heavy", "process noise", "disturbance", "all vary by run"]
+    assert list(found) == ["coloured", "drifting", "heavy", "process noise", "disturbance", "all vary by run"]
     for error in found.values():
         tables = tomllib.loads("\n".join(error.lines()))
         changed = with_error_model(campaign, campaign.full, error)
@@ -147,6 +147,7 @@ def test_white_noise_recommends_nothing_else(tmp_path):
     assert {one.error_model for one in made.candidates} == {
         OWN,
         "coloured",
+        "drifting",
         "heavy",
         "process noise",
         "disturbance",

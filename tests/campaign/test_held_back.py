@@ -1,6 +1,7 @@
 """What is said of held-back runs that are too few, too short, too much alike, too still, or in other units."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.predict import (
+from seatrial.campaign.inference.judge_predictions import (
     _lacks,
+    _unseen,
     fit_complaints,
     held_back_alarms,
     held_back_cautions,
@@ -137,3 +139,12 @@ def test_what_the_campaign_has_is_not_said_to_be_missing(known):
         estimation=replace(campaign.estimation, residuals="coloured"),
     )
     assert _lacks(has, "u") == ("a term", 'a model of the error (likelihood = "filter-error")')
+
+
+def test_states_that_no_sensor_shows_are_named_where_a_run_is_lost(known):
+    _, trials, _ = known
+    simulator = SimpleNamespace(model=SimpleNamespace(states=("u", "v", "r")))
+    said = _unseen({"output": SimpleNamespace(simulator=simulator)}, trials.fit[0])
+    assert said.endswith("not measured: v and r")
+    simulator.model.states = ("u",)
+    assert _unseen({"output": SimpleNamespace(simulator=simulator)}, trials.fit[0]) == ""

@@ -22,8 +22,8 @@ from seatrial.campaign.live.channels import Arrival
 from seatrial.campaign.live.gates import ClockGate, Notes, SignGate, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.kept import Kept, with_session
+from seatrial.campaign.live.next_segment import make_library
 from seatrial.campaign.live.recursion import live_recursion, within_bounds
-from seatrial.campaign.live.segments import make_library
 from seatrial.campaign.live.session import LiveSettings, Session
 from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, PipedText, open_source
 from seatrial.core.errors import InputError

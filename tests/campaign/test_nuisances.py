@@ -31,6 +31,16 @@ distribution = "normal"
 mean = 0.0
 sd = 0.3
 
+[prior.drift_u]
+distribution = "log-uniform"
+lower = 1e-3
+upper = 1.0
+
+[prior.drift_time_u]
+distribution = "log-uniform"
+lower = 0.1
+upper = 30.0
+
 [prior.process_u]
 distribution = "log-uniform"
 lower = 1e-4
@@ -57,6 +67,7 @@ COEFFICIENTS = ["X_uabsu", "T_nabsn", "X_u"]
 ASKED = {
     "white": ("", "", ["sigma_u"]),
     "coloured": ("", 'residuals = "coloured"', ["sigma_u", "tau_u"]),
+    "drifting": ("", 'residuals = "drifting"', ["sigma_u", "drift_u", "drift_time_u"]),
     "heavy": ('residuals = "heavy"', "", ["sigma_u", "dof_u"]),
     "lag": ("lag = true", "", ["sigma_u", "lag_u"]),
     "shared bias": ('bias = "shared"', "", ["sigma_u", "bias_u"]),
@@ -91,6 +102,8 @@ def campaign(folder, sensor, estimation):
         name = part.splitlines()[0].removeprefix("[prior.").rstrip("]")
         used = {
             "tau_u": "coloured" in sensor + estimation,
+            "drift_u": "drifting" in estimation,
+            "drift_time_u": "drifting" in estimation,
             "lag_u": "lag" in sensor,
             "bias_u": "bias" in sensor,
             "current": "current" in estimation,

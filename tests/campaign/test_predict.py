@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from seatrial.campaign.inference.predict import (
+from seatrial.campaign.inference.judge_predictions import (
     MOST_NAMED,
     HeldBack,
     fit_complaints,
@@ -15,7 +15,7 @@ from seatrial.campaign.inference.predict import (
 from seatrial.campaign.store.estimates import Fit, decode_fit
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
-from seatrial.estimation.validation import Score
+from seatrial.estimation.prediction_scores import Score
 
 NUMBERS = {
     "nrmse": 0.5,

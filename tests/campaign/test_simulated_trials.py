@@ -257,6 +257,11 @@ def test_true_noise_may_be_correlated_or_have_heavy_tails(tmp_path):
     assert abs(np.corrcoef(coloured[:-1], coloured[1:])[0, 1] - rho) < 4 * np.sqrt((1 - rho**2) / N)
     heavy = shown(campaign(tmp_path / "h", ("[truth]", "[truth]\nsigma_u = 0.2\ndof_u = 1.0")))[0] - speed(rev)
     assert abs(np.mean(np.abs(heavy) > 0.2) - 0.5) < 4 * 0.5 / np.sqrt(N)
+    both = "[truth]\nsigma_u = 0.1\ndrift_u = 0.2\ndrift_time_u = 0.5"
+    drifting = shown(campaign(tmp_path / "d", ("[truth]", both)))[0] - speed(rev)
+    assert abs(np.corrcoef(drifting[:-1], drifting[1:])[0, 1] - 0.8 * rho) < 4 * np.sqrt(
+        (1 + rho**2) / (1 - rho**2) / N
+    )
 
 
 def test_a_true_vehicle_that_runs_away_is_told(tmp_path):
@@ -278,6 +283,7 @@ def test_a_record_is_drawn_by_its_label(tmp_path):
         ("[truth]", "[truth]\nlag_u = -0.1", r"truth.lag_u[^$]*0 s or more"),
         ("[truth]", "[truth]\nsigma_u = 0.0", r"truth.sigma_u[^$]*more than 0"),
         ("[truth]", "[truth]\ntau_u = 1.0\ndof_u = 3.0", r"truth.dof_u[^$]*tau_u as well"),
+        ("[truth]", "[truth]\ndrift_u = 0.1", r"truth.drift_u[^$]*no drift_time_u"),
     ],
 )
 def test_truths_that_cannot_be(tmp_path, old, new, match):

@@ -13,7 +13,8 @@ import seatrial as st
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.estimation.prediction import noise_sd
+from seatrial.estimation.prediction import noise_sd, slow_noise
+from seatrial.estimation.prediction_scores import SlowNoise
 from seatrial.estimation.simulated_record import _would_act
 from tests.campaign.small import write_small
 
@@ -250,7 +251,7 @@ def test_a_prediction_is_that_of_draws_spread_over_all(record, given, kept):
     np.testing.assert_allclose(found.motion_sd[:, 0], motion.std(0), rtol=1e-6, atol=1e-12)
     noise = np.sqrt(np.mean([one["sigma_u"] ** 2 for one in drawn]))
     assert found.noise_sd == pytest.approx([noise])
-    assert found.correlation_time == (pytest.approx(np.median([one["tau_u"] for one in drawn])),)
+    assert found.slow == (SlowNoise(pytest.approx(np.median([one["tau_u"] for one in drawn])), 1.0),)
     np.testing.assert_allclose(found.sd, np.hypot(found.motion_sd, noise))
 
 
@@ -260,6 +261,14 @@ def test_noise_with_heavy_tails_is_that_of_student_s_t():
     expected = [0.1 * stats.t(5).std(), 0.2 * stats.t(3).std()]
     np.testing.assert_allclose(noise_sd(st.Sensor("u", "heavy"), values), expected)
     np.testing.assert_array_equal(noise_sd(st.Sensor("u"), values), [0.1, 0.2])
+
+
+def test_noise_that_drifts_is_that_of_both_its_parts():
+    sensor = st.Sensor("u", "drifting")
+    values = {"sigma_u": np.array([0.3, 0.6]), "drift_u": np.array([0.4, 0.8]), "drift_time_u": np.array([20.0, 30.0])}
+    np.testing.assert_allclose(noise_sd(sensor, values), [0.5, 1.0])
+    assert slow_noise(sensor, values) == pytest.approx((25.0, 0.64))
+    assert slow_noise(st.Sensor("u"), values) is None
 
 
 @pytest.mark.parametrize(("rate", "every"), [(20.0, 1), (10.0, 2), (6.7, 3), (1 / 11.95, 239)])

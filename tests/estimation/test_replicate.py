@@ -49,10 +49,15 @@ def assert_normal(sample, mean, cov):
     assert np.abs(white.mean()) < 4 / np.sqrt(white.size)
 
 
-def test_coloured_noise():
-    sample = output(Sensor("u", "coloured"), {**VALUES, "tau_u": 0.8})
+@pytest.mark.parametrize(
+    ("noise", "more", "sd", "white"),
+    [("coloured", {"tau_u": 0.8}, 0.05, 0.0), ("drifting", {"drift_u": 0.1, "drift_time_u": 0.8}, 0.1, 0.05)],
+)
+def test_slow_noise(noise, more, sd, white):
+    sample = output(Sensor("u", noise), {**VALUES, **more})
     time = TIME[THERE]
-    assert_normal(sample, SPEED[THERE], 0.05**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / 0.8))
+    cov = sd**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / 0.8) + white**2 * np.eye(time.size)
+    assert_normal(sample, SPEED[THERE], cov)
 
 
 def test_process_noise():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from seatrial.estimation.validation import (
+from seatrial.estimation.prediction_scores import (
     _innovations,
     coverage,
     crps_normal,

@@ -115,4 +115,5 @@ def test_values_that_vary_between_trials():
 def test_parameters_of_a_sensor():
     assert Sensor("u").parameters == ("sigma_u",)
     assert Sensor("u", "coloured", bias=True).parameters == ("sigma_u", "tau_u", "bias_u")
+    assert Sensor("u", "drifting").parameters == ("sigma_u", "drift_u", "drift_time_u")
     assert Sensor("u", "heavy", lag=True).parameters == ("sigma_u", "dof_u", "lag_u")

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.command_delay import delay_control
+from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.sensors import Sensor
 from seatrial.estimation.simulation import Feedback, Simulator
 from seatrial.vehicles.actuators import Actuator, with_actuators

@@ -10,8 +10,8 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.reading import read_exported
+from seatrial.export.targets.csv_table import CsvTable
 from seatrial.export.targets.own_json import OwnJson
-from seatrial.export.targets.table import CsvTable
 from tests.export.cases import PROVENANCE, own_force, published, rich, states, written
 
 

@@ -8,7 +8,7 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.noise import MAX_ORDER, _relative_error, noise_from_high_pass
+from seatrial.filters.noise_from_differences import MAX_ORDER, _relative_error, noise_from_high_pass
 from seatrial.filters.run import run_filter
 from seatrial.filters.tuning import LEVEL, TuningReport, _band, _findings, check_tuning
 from tests.cases import X_U, naive_rk4, surge_rate

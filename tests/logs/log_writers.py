@@ -265,13 +265,38 @@ def telemetry(folder: Path) -> Written:
     for k in range(ROWS):
         time = struct.pack(">Q", int(STAMPS[k]) // 1000)
         attitude = link.attitude_encode(20 * k, SURGE[k], -SURGE[k], 0.0, 0.0, 0.0, RPM[k])
-        outputs = link.servo_output_raw_encode(20_000 * k, 0, *range(1500, 1508))
+        outputs = link.servo_output_raw_encode(20_000 * k, 0, *(1500 + (k * j) % 90 for j in range(8)))
         for sender, message in ((link, attitude), (ground, link.heartbeat_encode(6, 8, 0, 0, 4)), (link, outputs)):
             records += time + message.pack(sender, force_mavlink1=k % 2 == 1)
         records += time + link.heartbeat_encode(2, 3, 0, 0, 4).pack(link)
     path.write_bytes(records)
     single = SURGE.astype(np.float32).astype(float)
     return Written(path, "ATTITUDE", "roll", "yawspeed", "log_time", "us", STAMPS // 1000, single)
+
+
+def ulog_message(kind: bytes, body: bytes) -> bytes:
+    return struct.pack("<HB", len(body), kind[0]) + body
+
+
+def ulog(folder: Path) -> Written:
+    """Two instances of a topic that holds another, rows without the padding at their end, a text and a dropout in between."""
+    path, micro = folder / "run.ulg", (STAMPS - START) // 1000 + 50_000_000
+    body = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", int(micro[0])) + ulog_message(b"B", bytes(40))
+    for text in (
+        b"nav:uint64_t timestamp;speed_s[1] speed;bool[3] ok;double rpm;uint8_t[4] _padding0;",
+        b"speed_s:float x;float[2] yz;",
+    ):
+        body += ulog_message(b"F", text)
+    for instance, number in ((0, 3), (1, 260)):
+        body += ulog_message(b"A", struct.pack("<BH", instance, number) + b"nav")
+    for k in range(ROWS):
+        row = struct.pack("<Q3f3Bd", int(micro[k]), SURGE[k], -SURGE[k], 0.0, 1, 0, k % 2, RPM[k])
+        body += ulog_message(b"D", struct.pack("<H", 3) + row + bytes(4) * (k % 2))
+        body += ulog_message(b"L", b"6" + struct.pack("<Q", k) + b"going") + ulog_message(b"O", b"\1\0")
+        body += ulog_message(b"D", struct.pack("<H", 260) + struct.pack("<Q3f3Bd", k, 0, 0, 0, 0, 0, 0, 0.5 * k))
+    path.write_bytes(body)
+    single = SURGE.astype(np.float32).astype(float)
+    return Written(path, "nav[0]", "speed[0].x", "rpm", "timestamp", "us", micro, single)
 
 
 def alog(folder: Path) -> Written:
@@ -326,6 +351,7 @@ WRITERS = {
     "matlab 7.3": matlab_73,
     "dataflash": dataflash,
     "telemetry": telemetry,
+    "ulog": ulog,
     "alog": alog,
     "npz": npz,
 }

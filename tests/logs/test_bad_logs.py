@@ -32,7 +32,7 @@ FILES = {
     "empty gzip": (gzip.compress(b""), "a.csv.gz", ("empty",)),
     "only a header": (LINES[0].encode(), "a.csv", ("no row below the header",)),
     "two rows": ("".join(LINES[:3]).encode(), "a.csv", ("2 samples", "at least 3")),
-    "unknown suffix": (GOOD.encode(), "a.dat", ("a.dat, delimiter", "whitespace")),
+    "unknown suffix": (b"one\ntwo\n", "a.dat", ("a.dat, delimiter", "whitespace")),
 }
 
 
@@ -92,8 +92,7 @@ HEADERS = {
     "misspelt": (GOOD.replace("speed", "Speed"), ('column "speed"', '"Speed"?')),
     "missing": (GOOD.replace("speed", "zz"), ('column "speed"', "one of the 4", "t, rpm, zz, remark")),
     "repeated": (GOOD.replace("remark", "speed"), ('column "speed"', "positions 3, 4", "names")),
-    "other delimiter": (GOOD.replace(",", ";"), ('column "t"', "delimiter to ';'")),
-    "no header": (GOOD.replace(",ok", "").split("\n", 1)[1], ('column "t"', "no header")),
+    "no header": (GOOD.replace(",ok", "").split("\n", 1)[1], ('column "t"', "no header", "column_1")),
 }
 
 

@@ -46,7 +46,7 @@ def test_columns_come_back_exactly(written):
     assert first.columns.keys() == {written.rpm}
 
 
-MODULES = ("matlab", "moos", "netcdf", "npz", "parquet", "ros_messages", "telemetry")
+MODULES = ("matlab", "moos", "netcdf", "npz", "parquet", "ros_messages", "telemetry", "ulog")
 
 
 def test_many_blocks_are_one_table(written, monkeypatch):
@@ -54,6 +54,7 @@ def test_many_blocks_are_one_table(written, monkeypatch):
         monkeypatch.setattr(f"seatrial.logs.formats.{module}.BLOCK_ROWS", 7)
     monkeypatch.setattr("seatrial.logs.formats.dataflash._PIECE", 100)
     monkeypatch.setattr("seatrial.logs.formats.telemetry._PIECE", 100)
+    monkeypatch.setattr("seatrial.logs.formats.ulog._PIECE", 100)
     raw = read_columns(LogFile(written.path), written.table, [written.surge, written.clock], [written.clock])
     np.testing.assert_array_equal(raw.columns[written.surge], written.surge_values)
     np.testing.assert_array_equal(raw.columns[written.clock], written.stamps)
@@ -148,6 +149,31 @@ def followed(message, name):
     if type(message).__name__.endswith("Time"):
         return message.sec * 10**9 + message.nanosec
     return message
+
+
+def test_bags_without_definitions_know_the_messages_of_mavros(tmp_path):
+    """As ROS 2 Humble writes them: the outputs of an autopilot are read, a message of one's own is named as undefined."""
+    import sqlite3
+
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import get_types_from_msg
+
+    store, kind = ros_store(False), "mavros_msgs/msg/RCOut"
+    store.register(get_types_from_msg("std_msgs/Header header\nuint16[] channels\n", kind))
+    stamp, header = store.types["builtin_interfaces/msg/Time"], store.types["std_msgs/msg/Header"]
+    with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        outputs, own = (writer.add_connection(name, name, typestore=store) for name in (kind, "vehicle_msgs/msg/State"))
+        for k in range(4):
+            message = store.types[kind](header(stamp(k, 0), ""), np.array([1500 + k, 1100], np.uint16))
+            writer.write(outputs, k * 10**9, store.serialize_cdr(message, kind))
+            writer.write(own, k * 10**9, b"")
+    with sqlite3.connect(next((tmp_path / "bag").glob("*.db3"))) as database:
+        database.executescript("DROP TABLE message_definitions; UPDATE schema SET schema_version = 3;")
+    log = LogFile(tmp_path / "bag")
+    known, unknown = catalogue(log)
+    assert "ROS 2 Humble" in unknown.trouble
+    raw = read_columns(log, known.name, ["channels[0]"])
+    np.testing.assert_array_equal(raw.columns["channels[0]"], [1500, 1501, 1502, 1503])
 
 
 def test_ros_stamp_that_never_moves_gives_way_to_the_time_of_receipt(tmp_path):

@@ -140,7 +140,7 @@ def test_every_element_of_a_multiarray_is_listed(tmp_path):
 
     store, kind = ros_store(False), "std_msgs/msg/Int32MultiArray"
     layout = store.types["std_msgs/msg/MultiArrayLayout"]([], 0)
-    widths = 1500 + (50 * np.sin(np.outer(np.arange(30), np.arange(8)))).astype(np.int32)
+    widths = 1500 + (50 * np.sin(np.outer(np.arange(30), np.r_[0:8, 0, 0]))).astype(np.int32)
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         topic = writer.add_connection("/pwm", kind, typestore=store)
         for k, row in enumerate(widths):
@@ -148,11 +148,12 @@ def test_every_element_of_a_multiarray_is_listed(tmp_path):
             writer.write(topic, int(STAMPS[k]), store.serialize_cdr(message, kind))
     found = inspect_log(tmp_path / "bag")
     columns = {column.name: column for column in found.tables[0].columns}
-    assert [name for name in columns if name.startswith("data")] == [f"data[{k}]" for k in range(8)]
+    assert [name for name in columns if name.startswith("data")] == [f"data[{k}]" for k in range(10)]
     lines = {line.split()[0]: line for line in found.lines() if line.startswith("  ")}
     assert lines["data[0]"].endswith("1500; constant; 10.0% missing")
     assert columns["data[3]"].sd == pytest.approx(widths[3:, 3].std())
     assert any("data[0]" in remark and "pulse widths" in remark for remark in found.remarks)
+    # Thruster 1 stands still; of those behind the last that moves nothing says that they are thrusters.
     (block,) = tomllib.loads(found.as_toml())["import"]["files"]
     assert block["channels"] == {f"f_{k + 1}": {"column": f"data[{k}]", "unit": "command"} for k in range(8)}
 
@@ -178,6 +179,15 @@ def test_velocities_over_the_earth_bring_the_attitude_with_them(name):
     assert {guess.channel for guess in best(found, ["u"])} == {*earth, *turns}
     assert {guess.channel for guess in best(found, ["psi"])} == {"psi"}
     assert {guess.channel for guess in best(found)} == {*earth, *turns}
+    # A topic of PX4 with a heading and no other angle: the quaternion beside it gives all three; what is only wanted is no measurement.
+    names = ("q[0]", "q[1]", "q[2]", "q[3]")
+    tables = {
+        "vehicle_local_position": ("vx", "heading"),
+        "vehicle_attitude": names,
+        "vehicle_rates_setpoint": ("roll",),
+    }
+    found = guesses([summed(kind, columns) for kind, columns in tables.items()])
+    assert [guess.channel for guess in best(found)] == ["v_north", "q_w", "q_x", "q_y", "q_z"]
 
 
 NAMES = {
@@ -226,7 +236,7 @@ def test_stated_units_decide(tmp_path):
 def test_autopilot_columns_that_no_factor_maps_are_remarked(tmp_path):
     found = inspect_log(WRITERS["telemetry"](tmp_path).path)
     assert any("SERVO_OUTPUT_RAW" in remark and "pulse" in remark for remark in found.remarks)
-    assert {"phi", "theta", "r"} <= {guess.channel for guess in found.guesses if "ArduPilot" in guess.reason}
+    assert {"phi", "theta", "r"} <= {guess.channel for guess in found.guesses if "autopilot" in guess.reason}
 
 
 def test_pasted_map_imports_a_bag_and_a_csv(tmp_path):

@@ -6,8 +6,8 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.logs.curve import read_curve
+from seatrial.logs.cut_record import cut
 from seatrial.logs.read import read_log
-from seatrial.logs.segments import cut
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import refusal, written
 

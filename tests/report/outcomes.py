@@ -23,7 +23,7 @@ from seatrial.design.sweep import Sweep
 from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict, run_residuals
-from seatrial.estimation.validation import Score, unscored
+from seatrial.estimation.prediction_scores import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select

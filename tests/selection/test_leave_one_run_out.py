@@ -10,8 +10,8 @@ from scipy import stats
 from seatrial.core.errors import InputError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.posterior import posterior_of_density
+from seatrial.estimation.posterior_by_run import expand_runs, marginal_log_likelihoods, split_runs, weigh_runs
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.run_posteriors import expand_runs, marginal_log_likelihoods, split_runs, weigh_runs
 from seatrial.sampling.target import evaluate
 from seatrial.selection.leave_one_run_out import difference, leave_one_run_out, mean_score, paired
 from tests.selection.run_cases import exact_left_out, linear_runs, posterior_of_runs

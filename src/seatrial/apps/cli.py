@@ -50,7 +50,7 @@ COMMANDS = {
     "export": Command("export:export", "the estimated vehicle as files for a simulator"),
     "completion": Command("completion:completion"),
 }
-"""By name, in the order in which they are listed. To add a command, write its function and add a line here."""
+"""By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING."""
 
 
 class _Imported(Mapping[str, Any]):

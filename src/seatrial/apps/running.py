@@ -95,7 +95,7 @@ def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | 
 
 def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context, also: str) -> Exit:
     """Give the answer that was kept, or do the work and keep what it says."""
-    from seatrial.campaign.store.answers import keep, key_of_answer, recall
+    from seatrial.campaign.store.answer_cache import keep, key_of_answer, recall
     from seatrial.campaign.store.stored_result import FILE_NAME, Store
     from seatrial.core.files import is_there, watching_files
 

@@ -33,14 +33,13 @@ from seatrial.core.batching import bucket_length
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.estimation.command_delay import delay_control
+from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import OutputError, initial_name
-from seatrial.estimation.prediction import ANY, noise_sd
+from seatrial.estimation.prediction import ANY, noise_sd, slow_noise
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.replicate import motions
-from seatrial.estimation.sensors import correlation_name
 from seatrial.estimation.trial_data import TrialData
 
 RUN_DRAWS, STRETCH_DRAWS = 200, 40
@@ -100,8 +99,8 @@ class Ours:
 
     def predict(self, record: Record, stretches: Sequence[Stretch]) -> Predicted:
         """See `Fitted`."""
-        coloured = any(sensor.noise == "coloured" for sensor in self.campaign.sensor_models)
-        simulated = [(stretches[0][0], record.time.size - 1)] if coloured else stretches
+        remembers = any(sensor.noise in ("coloured", "drifting") for sensor in self.campaign.sensor_models)
+        simulated = [(stretches[0][0], record.time.size - 1)] if remembers else stretches
         draws = self.drawn.draws()
         count = RUN_DRAWS if len(simulated) == 1 else STRETCH_DRAWS
         known = dict(zip(self.drawn.names, draws[:: max(1, len(draws) // count)][:count].T, strict=True))
@@ -112,7 +111,7 @@ class Ours:
         key = random_key(campaign.seed, f"benchmark {record.label}")
         undelayed = {**values, "delay": np.zeros_like(values["delay"])} if "delay" in values else values
         shown = _simulated(likelihood, undelayed, starts, control, record, simulated, key)
-        if coloured:
+        if remembers:
             return self._remembered(record, stretches, values, next(shown))
         mean = np.full((record.time.size, len(self.campaign.channels)), np.nan)
         motion = mean.copy()
@@ -128,14 +127,13 @@ class Ours:
         first = stretches[0][0]
         measured = np.column_stack([record.channel(channel) for channel in self.campaign.channels])
         noise = np.column_stack([noise_sd(sensor, values) for sensor in self.campaign.sensor_models])
-        times = [values.get(correlation_name(sensor.channel)) for sensor in self.campaign.sensor_models]
+        slow = [slow_noise(sensor, values) for sensor in self.campaign.sensor_models]
         mean = np.full(measured.shape, np.nan)
         sd = mean.copy()
         for begin, end in stretches:
             since = record.time[begin + 1 : end + 1] - record.time[begin]
             kept = np.stack(
-                [np.zeros((len(noise), since.size)) if tau is None else np.exp(-since / tau[:, None]) for tau in times],
-                -1,
+                [np.zeros(since.size) if one is None else one.share * np.exp(-since / one.time) for one in slow], -1
             )
             left = measured[begin] - outputs[:, begin - first]
             centre = outputs[:, begin + 1 - first : end + 1 - first] + kept * left[:, None]

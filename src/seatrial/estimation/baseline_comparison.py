@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.fit_verdict import FitLevel, explained_short
-from seatrial.estimation.validation import LOG_2PI, crps_normal, effective_samples
+from seatrial.estimation.prediction_scores import LOG_2PI, crps_normal, effective_samples
 
 CLEAR = 1.1
 """Ratio of the CRPS from which a baseline is clearly better."""

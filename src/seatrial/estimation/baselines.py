@@ -27,7 +27,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import OVER_GROUND, RATES
 from seatrial.estimation.cubic_lag import fit_cubic
 from seatrial.estimation.lag_response import Lags, Run, fit_lags
-from seatrial.estimation.validation import Score, score_channel, unscored
+from seatrial.estimation.prediction_scores import Score, score_channel, unscored
 
 VELOCITIES = (*RATES, *OVER_GROUND)
 """Channels that a lag predicts."""

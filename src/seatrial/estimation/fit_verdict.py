@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from seatrial.core.display_units import shown_unit
-from seatrial.estimation.validation import DIVERGES, Score
+from seatrial.estimation.prediction_scores import DIVERGES, Score
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
 LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")

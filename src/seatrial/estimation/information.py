@@ -22,7 +22,7 @@ from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.filter_slopes import filter_slopes
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
+from seatrial.estimation.sensors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
@@ -97,7 +97,7 @@ def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:
 
 def is_noise(posterior: Posterior) -> np.ndarray:
     """Return which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
-    kinds = (noise_name, correlation_name, dof_name)
+    kinds = (noise_name, correlation_name, dof_name, drift_name, drift_time_name)
     names = {kind(channel) for channel in posterior.likelihood.channels for kind in kinds}
     return np.array([name in names for name in posterior.present_names])
 

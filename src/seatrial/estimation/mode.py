@@ -19,7 +19,7 @@ from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
 from seatrial.core.notebook import result_html
 from seatrial.core.programs import program
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.filter_slopes import filter_slopes
 from seatrial.estimation.information import expand_everywhere

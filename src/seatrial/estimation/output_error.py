@@ -3,6 +3,7 @@
 White residuals: y_k = h(x_k) + s e_k, summed inside the time loop. Heavy-tailed: e_k of Student's t. Coloured: an
 Ornstein-Uhlenbeck process of standard deviation s and correlation time tau, e_k given e_j before it being normal with mean
 rho e_j and variance s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau), which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996).
+Drifting: white residuals and such a process added, as a current, a bias or waves lie under the noise of the sensor.
 
 Trials fitted jointly share every parameter but those that are each trial's own (`bias_u[label]`), and those that vary about
 a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical model in which dev has the standard normal prior.
@@ -20,8 +21,8 @@ from jaxtyping import Array, Float
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
-from seatrial.estimation.residuals import Coloured, Heavy, White
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.noise_models import Coloured, Drifting, Heavy, White
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Simulator
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel
@@ -66,7 +67,7 @@ class OutputError:
     @property
     def independent(self) -> bool:
         """Whether measurements are independent given the parameters."""
-        return all(sensor.noise != "coloured" for sensor in self.simulator.sensors)
+        return all(sensor.noise in ("white", "heavy") for sensor in self.simulator.sensors)
 
     def __call__(self, values: dict[str, Any], data: TrialData) -> Any:
         """Return the log-likelihood of all trials; -inf where the simulation diverges."""
@@ -108,7 +109,9 @@ class OutputError:
         current = apart[CURRENT] if CURRENT in apart else values[CURRENT]
         return starts.at[:, self.model.states.index("u")].add(-current)
 
-    def noise(self, values: Mapping[str, Any], sensor: Sensor, data: ChannelData) -> White | Heavy | Coloured:
+    def noise(
+        self, values: Mapping[str, Any], sensor: Sensor, data: ChannelData
+    ) -> White | Heavy | Coloured | Drifting:
         """Model of one channel's residuals under these parameters."""
         sd = values[noise_name(sensor.channel)]
         match sensor.noise:
@@ -119,6 +122,9 @@ class OutputError:
             case "coloured":
                 memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
                 return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
+            case "drifting":
+                memory = jnp.exp(-data.gaps / values[drift_time_name(sensor.channel)])
+                return Drifting(sd, values[drift_name(sensor.channel)], memory)
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""

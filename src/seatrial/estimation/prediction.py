@@ -19,12 +19,12 @@ from seatrial.core.signals import signal_unit
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Parameter, Posterior, as_key, check_posterior
+from seatrial.estimation.prediction_scores import Score, SlowNoise, score_channel
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import start_of
 from seatrial.estimation.replicate import motions, replicate
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.trial_data import TrialData, stack_trials
-from seatrial.estimation.validation import Score, score_channel
 from seatrial.sampling.run import Draws
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Prediction:
         mean: SI, shape (n, m).
         motion_sd: standard deviation of the motion, for the parameters are uncertain, SI, shape (n, m).
         noise_sd: of each sensor's noise, SI, shape (m,).
-        correlation_time: of each sensor's noise, s; None where it is white.
+        slow: what is slow in each sensor's noise; None where it is white.
     """
 
     record: Record
@@ -52,7 +52,7 @@ class Prediction:
     mean: Float[np.ndarray, "n m"]
     motion_sd: Float[np.ndarray, "n m"]
     noise_sd: Float[np.ndarray, " m"]
-    correlation_time: tuple[float | None, ...]
+    slow: tuple[SlowNoise | None, ...]
 
     @property
     def sd(self) -> Float[np.ndarray, "n m"]:
@@ -95,7 +95,7 @@ class Prediction:
             self.mean[:, at],
             self.motion_sd[:, at],
             noise_sd=float(self.noise_sd[at]),
-            correlation_time=self.correlation_time[at],
+            slow=self.slow[at],
         )
 
 
@@ -128,14 +128,13 @@ def predict(
     shown = np.asarray(outputs_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
     sensors = _sensors(posterior)
     noise = np.column_stack([noise_sd(sensor, values) for sensor in sensors])
-    times = [correlation_name(sensor.channel) for sensor in sensors]
     return Prediction(
         record,
         posterior.likelihood.channels,
         shown.mean(axis=0),
         shown.std(axis=0),
         np.sqrt((noise**2).mean(axis=0)),
-        tuple(float(np.median(values[name])) if name in values else None for name in times),
+        tuple(slow_noise(sensor, values) for sensor in sensors),
     )
 
 
@@ -168,6 +167,20 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
         case "heavy":
             dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
             return sd * np.sqrt(dof / (dof - 2.0))
+        case "drifting":
+            return np.hypot(sd, np.asarray(values[drift_name(sensor.channel)]))
+
+
+def slow_noise(sensor: Sensor, values: Mapping[str, Any]) -> SlowNoise | None:
+    """Return what is slow in a sensor's noise, medians over draws; None where nothing is."""
+    match sensor.noise:
+        case "white" | "heavy":
+            return None
+        case "coloured":
+            return SlowNoise(float(np.median(values[correlation_name(sensor.channel)])), 1.0)
+        case "drifting":
+            share = (np.asarray(values[drift_name(sensor.channel)]) / noise_sd(sensor, values)) ** 2
+            return SlowNoise(float(np.median(values[drift_time_name(sensor.channel)])), float(np.median(share)))
 
 
 @lru_cache(maxsize=16)

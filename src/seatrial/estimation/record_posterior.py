@@ -20,7 +20,7 @@ from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error, process_name
 from seatrial.estimation.first_guess import first_guess
@@ -33,7 +33,16 @@ from seatrial.estimation.output_error import (
 )
 from seatrial.estimation.posterior import Parameter, Posterior, check_priors
 from seatrial.estimation.priors import Normal, Prior
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.sensors import (
+    Sensor,
+    bias_name,
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    lag_name,
+    noise_name,
+)
 from seatrial.estimation.simulation import CURRENT
 from seatrial.estimation.trial_data import TrialData
 from seatrial.numerics.rotations import quaternion_of_angles
@@ -281,6 +290,8 @@ def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
         noise_name(channel): (unit, rf"\sigma_{{{label}}}"),
         correlation_name(channel): ("s", rf"\tau_{{{label}}}"),
         dof_name(channel): ("1", rf"\nu_{{{label}}}"),
+        drift_name(channel): (unit, rf"\sigma_{{\mathrm{{drift}},{label}}}"),
+        drift_time_name(channel): ("s", rf"\tau_{{\mathrm{{drift}},{label}}}"),
         bias_name(channel): (unit, rf"b_{{{label}}}"),
         lag_name(channel): ("s", rf"t_{{\mathrm{{lag}},{label}}}"),
     }
@@ -317,7 +328,13 @@ def _of_trial(one: _Unknown, label: str, priors: Mapping[str, Prior]) -> Paramet
     return Parameter(name, one.unit, f"{one.label}[{label}]", priors[name] if name in priors else priors[one.name])
 
 
-_OF_SENSORS = {"tau": 'noise="coloured"', "dof": 'noise="heavy"', "bias": "bias=True", "lag": "lag=True"}
+_OF_SENSORS = {
+    "tau": 'noise="coloured"',
+    "dof": 'noise="heavy"',
+    "drift": 'noise="drifting"',
+    "bias": "bias=True",
+    "lag": "lag=True",
+}
 """What gives a sensor a parameter of that kind."""
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from seatrial.core.programs import program
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, noise_name
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.trial_data import ChannelData, TrialData
 
 
@@ -62,21 +62,18 @@ def motions(
 
 def draw_noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array) -> Float[Array, " n"]:
     """Draw the noise of one channel at every sample, SI; arguments as `replicate`."""
-    return values[noise_name(sensor.channel)] * draw_unit_noise(sensor, values, channel, key)
-
-
-def draw_unit_noise(
-    sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array
-) -> Float[Array, " n"]:
-    """Draw the noise of one channel in units of its parameter `sigma`; arguments as `replicate`."""
-    shape = channel.measured.shape
+    shape, sd = channel.measured.shape, values[noise_name(sensor.channel)]
     match sensor.noise:
         case "white":
-            return jax.random.normal(key, shape)
+            return sd * jax.random.normal(key, shape)
         case "heavy":
-            return jax.random.t(key, values[dof_name(sensor.channel)], shape)
+            return sd * jax.random.t(key, values[dof_name(sensor.channel)], shape)
         case "coloured":
-            return _coloured(jax.random.normal(key, shape), values[correlation_name(sensor.channel)], channel)
+            return sd * _coloured(jax.random.normal(key, shape), values[correlation_name(sensor.channel)], channel)
+        case "drifting":
+            white, slow = jax.random.normal(key, (2, *shape))
+            drift, time = values[drift_name(sensor.channel)], values[drift_time_name(sensor.channel)]
+            return sd * white + drift * _coloured(slow, time, channel)
 
 
 def _coloured(white: Float[Array, " n"], correlation_time: Any, channel: ChannelData) -> Float[Array, " n"]:

@@ -11,6 +11,8 @@ with the leverage of each piece taken out of it, which few pieces need (MacKinno
 2023). L is the curvature of the prior: what it says is not drawn anew with the data, and its own spread stays. Where the model is right,
 V is C. The deviation of one parameter over the root of V has about Student's t distribution of n - 1 degrees of freedom.
 
+What the model lacks in every run alike moves every piece alike, and is not in V: docs/held_back.md says how far that misleads.
+
 A run's own parameters (`u_0[run]`) are part of its piece: their priors say how runs differ, which the runs themselves show.
 """
 
@@ -25,10 +27,10 @@ from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import FLAT, Mode
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior_by_run import RunExpansion, expand_runs, split_runs
 from seatrial.estimation.prediction import outputs_of_draws
-from seatrial.estimation.run_posteriors import RunExpansion, expand_runs, split_runs
+from seatrial.estimation.prediction_scores import effective_samples
 from seatrial.estimation.trial_data import TrialData
-from seatrial.estimation.validation import effective_samples
 
 LEAST_RUNS = 3
 """Runs from which on the runs themselves are the pieces."""
@@ -38,6 +40,8 @@ LENGTHS = 3.0
 """Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each other."""
 TELLING = 1.5
 """Ratio of the two standard deviations from which both are shown."""
+ALIKE = "a term or a lag that the model lacks in every run alike moves values beyond any ± of this table"
+"""What no second standard deviation can show."""
 BAND = 0.95
 """Probability below the upper end of a 90 % interval."""
 
@@ -64,10 +68,10 @@ class RobustErrors:
         if not self.pieces:
             return f"± with model error: not judged; {self.basis}"
         if not (self.ratio > TELLING).any():
-            return f"± with model error: leaving out each of {self.basis} in turn moves no value by much more than its ± allows"
+            return f"± with model error: leaving out each of {self.basis} in turn moves no value by much more than its ± allows; {ALIKE}"
         return (
             f"± with model error: by how much the values move when each of {self.basis} is left out in turn, widened for so few of "
-            f"them (Student's t, {self.freedom} degrees of freedom); shown if it is larger by more than half"
+            f"them (Student's t, {self.freedom} degrees of freedom); shown if it is larger by more than half; {ALIKE}"
         )
 
     @property

@@ -28,7 +28,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.estimation.weak_form import RawRows, TrialRows, coefficient_names, raw_rows
-from seatrial.filters.noise import noise_from_high_pass
+from seatrial.filters.noise_from_differences import noise_from_high_pass
 from seatrial.vehicles.axis_equation import AxisEquation
 
 ROUNDS = 10

@@ -15,8 +15,8 @@ from jaxtyping import Array, Float
 from seatrial.core.argument_checks import check_choice, check_kind, check_text
 from seatrial.estimation.mounts import Mount
 
-Noise = Literal["white", "coloured", "heavy"]
-"""Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t."""
+Noise = Literal["white", "coloured", "heavy", "drifting"]
+"""Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t; the first two added."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,8 @@ class Sensor:
 
     Attributes:
         channel: what it measures: a state, or its rate.
-        noise: kind of the residuals: `sigma_u`, and `tau_u` where coloured, `dof_u` where heavy-tailed.
+        noise: kind of the residuals: `sigma_u`, and `tau_u` where coloured, `dof_u` where heavy-tailed, `drift_u` and
+            `drift_time_u` where an error that drifts lies under white noise.
         bias: whether it has a constant error, `bias_u`.
         lag: whether it answers late, with the time constant `lag_u`, s.
         over_ground: whether a velocity is measured over ground, and not through the water.
@@ -54,9 +55,13 @@ class Sensor:
     def parameters(self) -> tuple[str, ...]:
         """Names of its parameters, in the order of the report."""
         names = [noise_name(self.channel)]
-        names += {"white": [], "coloured": [correlation_name(self.channel)], "heavy": [dof_name(self.channel)]}[
-            self.noise
-        ]
+        of_kind = {
+            "white": (),
+            "coloured": (correlation_name,),
+            "heavy": (dof_name,),
+            "drifting": (drift_name, drift_time_name),
+        }
+        names += [name(self.channel) for name in of_kind[self.noise]]
         names += [bias_name(self.channel)] * self.bias + [lag_name(self.channel)] * self.lag
         return tuple(names)
 
@@ -108,6 +113,16 @@ def correlation_name(channel: str) -> str:
 def dof_name(channel: str) -> str:
     """Return the parameter name of the degrees of freedom of a channel's heavy-tailed residuals."""
     return f"dof_{channel}"
+
+
+def drift_name(channel: str) -> str:
+    """Return the parameter name of the standard deviation of the slow error under a channel's white noise."""
+    return f"drift_{channel}"
+
+
+def drift_time_name(channel: str) -> str:
+    """Return the parameter name of the correlation time of that slow error, s."""
+    return f"drift_time_{channel}"
 
 
 def bias_name(channel: str) -> str:

@@ -16,7 +16,7 @@ from seatrial.core.batching import bucket_length, filled
 from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
-from seatrial.estimation.command_delay import delay_control
+from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.simulation import CURRENT, Simulator
 
 HORIZON, PART = 10.0, 0.1

@@ -14,7 +14,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES, QUATERNION, RATES, signal_unit
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.posterior import as_key
@@ -26,7 +26,7 @@ from seatrial.estimation.record_posterior import (
     stated_sensors,
 )
 from seatrial.estimation.replicate import replicate
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name
+from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, drift_time_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel
@@ -159,7 +159,7 @@ def _checked_values(model: VehicleModel, sensors: Sequence[Sensor], values: Mapp
         )
     used = {name: given[name] for name in (*needed, DELAY, CURRENT) if name in given}
     _check_others(model, {name: value for name, value in given.items() if name not in used}, [*needed, DELAY, CURRENT])
-    scales = [*times, *(name(one.channel) for one in sensors for name in (correlation_name, dof_name))]
+    scales = [*times, *(name(one.channel) for one in sensors for name in (correlation_name, dof_name, drift_time_name))]
     for name in (*of_sensors, *pushed, DELAY):
         if name in used and not name.startswith(bias_name("")):
             above, least = (0.0, -inf) if name in scales else (-inf, 0.0)

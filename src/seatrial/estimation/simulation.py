@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.estimation.command_delay import DELAY, delay_control
+from seatrial.estimation.delayed_control import DELAY, delay_control
 from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
 from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel

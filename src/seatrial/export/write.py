@@ -14,12 +14,12 @@ from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import Plan, changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Change, Exporter, Statement
+from seatrial.export.targets.csv_table import CsvTable
 from seatrial.export.targets.fossen import Fossen
 from seatrial.export.targets.gz import Gz
 from seatrial.export.targets.holoocean import HoloOcean
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.targets.stonefish import Stonefish
-from seatrial.export.targets.table import CsvTable
 from seatrial.export.targets.uuv import Uuv
 from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names

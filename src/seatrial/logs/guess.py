@@ -1,13 +1,10 @@
-"""Which columns of a log may be which signals: guesses from types of message, names, units and ranges, each with its reason.
-
-What needs more than a factor (pulse widths of thrusters) is named, not mapped.
-"""
+"""Which columns of a log may be which signals: guesses from types of message, names, units and ranges, each with its reason."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import NamedTuple
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Role
@@ -24,87 +21,15 @@ from seatrial.core.signals import (
 from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
 from seatrial.logs.formats.protocol import MOST_ELEMENTS
+from seatrial.logs.known_messages import AUTOPILOT, ROS, autopilot_message, output_number
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
-# Types of message whose columns are known: of ROS, in east, north, up with body axes forward, left, up (REP 103), and
-# of ArduPilot.
-
-
-class Known(NamedTuple):
-    """What a column of a known type holds: channel, its unit and the factor on its numbers, and the axes of the message."""
-
-    channel: str
-    unit: str | None
-    axes: Axes
-    scale: float = 1.0
-
-
-def _ros(prefix: str, names: dict[str, str]) -> dict[str, Known]:
-    return {prefix + name: Known(channel, None, "ENU") for name, channel in names.items()}
-
-
-_TWIST = {"linear.x": "u", "linear.y": "v", "linear.z": "w", "angular.x": "p", "angular.y": "q", "angular.z": "r"}
-_WRENCH = {
-    "force.x": "tau_X",
-    "force.y": "tau_Y",
-    "force.z": "tau_Z",
-    "torque.x": "tau_K",
-    "torque.y": "tau_M",
-    "torque.z": "tau_N",
-}
-_TURN = {f"orientation.{part}": name for part, name in zip("wxyz", QUATERNION, strict=True)}
-_POSE = _TURN | {"position.x": "y", "position.y": "x", "position.z": "z"}
-_IMU = (
-    _TURN
-    | {f"angular_velocity.{axis}": rate for axis, rate in zip("xyz", "pqr", strict=True)}
-    | {f"linear_acceleration.{axis}": f"a_{axis}" for axis in "xyz"}
+COMMAND = "command"
+"""Unit of a column that a law of thrust is for."""
+_NOT_MEASURED = re.compile(
+    r"setpoint|innovation|variance|reference|desired|target|manual|joy|accel|gyro|mag", re.IGNORECASE
 )
-ROS: dict[str, dict[str, Known]] = {
-    "nav_msgs/msg/Odometry": _ros("twist.twist.", _TWIST) | _ros("pose.pose.", _POSE),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": _ros("twist.twist.", _TWIST),
-    "geometry_msgs/msg/TwistStamped": _ros("twist.", _TWIST),
-    "geometry_msgs/msg/Twist": _ros("", _TWIST),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _ros("pose.pose.", _POSE),
-    "geometry_msgs/msg/PoseStamped": _ros("pose.", _POSE),
-    "geometry_msgs/msg/Pose": _ros("", _POSE),
-    "sensor_msgs/msg/Imu": _ros("", _IMU),
-    "geometry_msgs/msg/WrenchStamped": _ros("wrench.", _WRENCH),
-    "geometry_msgs/msg/Wrench": _ros("", _WRENCH),
-}
-"""For each type of message its columns."""
-
-
-def _autopilot(columns: dict[str, str], unit: str, scale: float = 1.0) -> dict[str, Known]:
-    return {name: Known(channel, unit, "NED", scale) for name, channel in columns.items()}
-
-
-_VELOCITIES = dict(zip(("VN", "VE", "VD"), OVER_EARTH, strict=True))
-_SMALL = dict(zip(("vx", "vy", "vz"), OVER_EARTH, strict=True))
-_QUATERNION = dict(zip(("q1", "q2", "q3", "q4"), QUATERNION, strict=True))
-AUTOPILOT: dict[str, dict[str, Known]] = {
-    "ATT": _autopilot({"Roll": "phi", "Pitch": "theta", "Yaw": "psi"}, "deg"),
-    "IMU": _autopilot({"GyrX": "p", "GyrY": "q", "GyrZ": "r"}, "rad/s"),
-    "XKF1": _autopilot(_VELOCITIES, "m/s"),
-    "NKF1": _autopilot(_VELOCITIES, "m/s"),
-    "ATTITUDE": _autopilot({"roll": "phi", "pitch": "theta", "yaw": "psi"}, "rad")
-    | _autopilot({"rollspeed": "p", "pitchspeed": "q", "yawspeed": "r"}, "rad/s"),
-    "ATTITUDE_QUATERNION": _autopilot(_QUATERNION, "1")
-    | _autopilot({"rollspeed": "p", "pitchspeed": "q", "yawspeed": "r"}, "rad/s"),
-    "LOCAL_POSITION_NED": _autopilot(_SMALL, "m/s") | _autopilot({"x": "x", "y": "y", "z": "z"}, "m"),
-    "GLOBAL_POSITION_INT": _autopilot(_SMALL, "m/s", 0.01),
-}
-"""For each type of message of ArduPilot and MAVLink, whose axes are seatrial's, its columns."""
-
-REMARKS = (
-    (
-        re.compile(r"(?:RCOU|SERVO_OUTPUT_RAW|RCO2)\b"),
-        re.compile(r"C\d+|servo\d+_raw"),
-        "pulse widths of the outputs: give the maker's table of thrust over pulse width as the `curve` of a channel, or under "
-        '[vehicle.thrust_laws] for channels f_1, f_2, … in the unit "command"',
-    ),
-)
-"""Tables and columns that need more than a factor."""
-_PULSES = (900.0, 1500.0, 2100.0)
+"""In the name of a table whose positions, angles and speeds are not those of the vehicle."""
 
 
 @dataclass(frozen=True)
@@ -223,33 +148,29 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
     direct = {guess.channel for guess in found}
     for made_of, makes, needs in ((OVER_EARTH, _BODY, ANGLES), (QUATERNION, ANGLES, ())):
         wanted -= {*made_of}
-        if wanted & {*makes} and not direct & {*makes} and direct & {*made_of}:
-            wanted |= {*made_of, *needs}
+        asked, given = wanted & {*makes}, direct & {*makes}
+        if asked - given and (direct >= {*made_of} or (not given and direct & {*made_of})):
+            wanted = wanted - given | {*made_of, *needs}
+    outputs = Counter(guess.table for guess in found if guess.unit == COMMAND)
     first: dict[str, Guess] = {}
     for guess in found:
-        if guess.channel in wanted:
+        # The commands of all thrusters are in one table: that with most of them.
+        if guess.channel in wanted and (guess.unit != COMMAND or guess.table == outputs.most_common(1)[0][0]):
             first.setdefault(guess.channel, guess)
     return tuple(first.values())
 
 
-def remarks(tables: Sequence[TableSummary]) -> tuple[str, ...]:
-    """Say which tables hold what a factor cannot map."""
-    found = {
-        table.info.name: text
-        for table in tables
-        for kind, column, text in REMARKS
-        if kind.match(table.info.name) and any(column.fullmatch(each.name) for each in table.columns)
-    }
-    for table in tables:
-        if (pulses := [column.name for column in table.columns if _is_pulse(column)]) and table.info.name not in found:
-            found[table.info.name] = f"{pulses[0]} to {pulses[-1]} may be {REMARKS[0][2]}"
-    return tuple(f"{name}: {text}" for name, text in found.items())
-
-
-def _is_pulse(column: ColumnSummary) -> bool:
-    """Return whether an element of an array lies where the pulse widths of thrusters do, in microseconds, about the neutral 1500."""
-    low, middle, high = _PULSES
-    return column.name.endswith("]") and column.count > 0 and low <= column.least <= middle <= column.greatest <= high
+def remarks(found: Sequence[Guess]) -> tuple[str, ...]:
+    """Say what needs more than a factor: the commands of thrusters."""
+    commands = [guess for guess in best(found) if guess.unit == COMMAND]
+    if not commands:
+        return ()
+    first, last = commands[0], commands[-1]
+    return (
+        f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters: give the maker's table of thrust "
+        f"over them under [vehicle.thrust_laws], for channels {first.channel} to {last.channel} in the unit "
+        f'"{COMMAND}", or as the `curve` of a channel',
+    )
 
 
 def _of_table(table: TableSummary) -> Iterator[Guess]:
@@ -258,14 +179,18 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
     for column in table.columns:
         if column.name in clocks or column.name.endswith("log_time"):
             continue
-        guess = _by_type(table, column) or _by_pulse(table, column)
-        guess = guess or (None if column.trouble else _by_name(table, column))
+        guess = _by_type(table, column) or _by_output(table, column)
+        if guess is None and not column.trouble and autopilot_message(table.info.name) not in AUTOPILOT:
+            guess = _by_name(table, column)
         if guess is not None:
             found.append((guess, column))
     # Three parts of a quaternion may be constant where the vehicle only turns, all four where it is not known.
     turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in found)
-    for guess, column in found:
-        if not column.trouble or guess.unit == "command" or (turns and guess.channel in QUATERNION):
+    # A thruster may stand still; outputs that do after the last that moves are lights, cameras, or nothing.
+    moving = [at for at, (guess, column) in enumerate(found) if guess.unit == COMMAND and not column.constant]
+    for at, (guess, column) in enumerate(found):
+        is_thruster = guess.unit == COMMAND and moving and at <= moving[-1]
+        if is_thruster or (guess.unit != COMMAND and not column.trouble) or (turns and guess.channel in QUATERNION):
             yield guess
 
 
@@ -276,34 +201,38 @@ def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
         return None
     reason = f"{info.kind}: its axes are east, north, up and forward, left, up (REP 103)"
     if known is None:
-        known = AUTOPILOT.get(info.name.split("[")[0].split(" of ")[0], {}).get(column.name)
-        reason = "message of ArduPilot"
+        message = autopilot_message(info.name)
+        known = AUTOPILOT.get(message, {}).get(column.name.removeprefix("message."))
+        reason = f"message {message} of an autopilot"
     if known is None:
         return None
     unit = known.unit or _text_unit(known.channel)
-    return Guess(known.channel, info.name, column.name, unit, known.scale, known.axes, _role(known.channel), reason, 3)
+    role = _role(known.channel)
+    return Guess(known.channel, info.name, column.name, unit, known.scale, known.axes, role, reason, known.strength)
 
 
-def _by_pulse(table: TableSummary, column: ColumnSummary) -> Guess | None:
-    """Guess that the elements of an array are the commands of thrusters, in their order; one may stand still."""
-    if not _is_pulse(column):
+def _by_output(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    """Guess that outputs of an autopilot, or elements of an array of pulse widths, are the commands of thrusters, in their order."""
+    number = output_number(table.info.name, column.name, column.least, column.greatest) if column.count else None
+    if number is None or number > MOST_ELEMENTS:
         return None
-    channel = f"f_{int(column.name.rpartition('[')[2][:-1]) + 1}"
-    reason = "pulse widths by their range; [vehicle.thrust_laws] makes thrust of them: check their order"
-    return Guess(channel, table.info.name, column.name, "command", 1.0, "NED", "control", reason, 1)
+    reason = "pulse width or output; [vehicle.thrust_laws] makes thrust of it: check the order"
+    return Guess(f"f_{number}", table.info.name, column.name, COMMAND, 1.0, "NED", "control", reason, 1)
 
 
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
     """Guess by the last part of the column's name, or by the table's where the column is only `value`."""
     full = table.info.name if column.name in ("value", "data") else column.name
-    name = re.sub(r"\[\d+\]$", "", full).lower()
+    name = full.removesuffix("[0]").lower()
     name = re.sub(r"^.*/", "", name).replace(" ", "_").removeprefix("nav_")
     bare, hinted = _without_unit(name)
     for candidate in dict.fromkeys((name, bare)):
         parts = candidate.split(".")
         for text in (".".join(parts[-2:]), parts[-1]):
             for channel, strength, pattern in _PATTERNS:
-                if pattern.fullmatch(text):
+                if pattern.fullmatch(text) and (
+                    _role(channel) == "control" or not _NOT_MEASURED.search(table.info.name)
+                ):
                     unit = _unit(channel, column, hinted if candidate == bare else None)
                     if unit is None:
                         continue

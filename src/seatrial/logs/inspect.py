@@ -132,7 +132,8 @@ def inspect_log(
         progress(block.done)
     progress(1.0)
     tables = tuple(found.summary() for found in gathered.values())
-    return LogSummary(log, format_of(path).name, tables, guesses(tables), remarks(tables))
+    found = guesses(tables)
+    return LogSummary(log, format_of(path).name, tables, found, remarks(found))
 
 
 def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:

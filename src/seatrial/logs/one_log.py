@@ -43,7 +43,8 @@ def record_of_log(
     """Read a log into a record.
 
     Args:
-        path: CSV or TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash `.BIN`, MAVLink `.tlog` or MOOS `.alog`.
+        path: CSV or TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash `.BIN`, MAVLink `.tlog`, PX4 `.ulg` or
+            MOOS `.alog`.
         channels: signal to (column, unit), for example `{"u": ("speed", "m/s"), "n": ("prop", "rpm")}`.
         controls: those of the signals that drive the vehicle.
         time: column of the time stamps and their unit; by default the log's own clock.

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from decimal import Decimal, DecimalException
 
 import numpy as np
@@ -15,7 +15,7 @@ from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
-from seatrial.logs.formats.text import separator
+from seatrial.logs.formats.text_signs import signs_of
 from seatrial.logs.source import (
     Clock,
     LogSource,
@@ -173,12 +173,79 @@ def read_log(source: LogSource) -> LogTable:
         InputError: whatever is wrong with the map or the log, naming file, table, column and row.
     """
     check_source(source)
+    columns = [part for column in source.channels.values() for _, part in column.columns]
+    read = read_stamped(source, columns)
+    info, where, notes = read.info, read.where, list(read.notes)
+    mapped = {}
+    for name, column in source.channels.items():
+        values = mapped[name] = in_si(source, name, read.numbers, where)
+        if gaps := int(np.isnan(values).sum()):
+            notes.append(f"{name}: {gaps} of {values.size} cells are empty")
+        if gaps == values.size:
+            raise InputError(
+                f'{where}, column "{column.column}"',
+                found="no number in any row",
+                expected="samples",
+                remedy="map another column, or drop the channel",
+            )
+        stated = info.unit(column.column) if info and not column.parts else None
+        if stated not in (None, column.unit):
+            notes.append(f'{name}: the log states the unit "{stated}", the map says "{column.unit}"')
+    mapped = from_axes(mapped, source.axes, str(source.path))
+    channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
+    used = replace(source, table=info.name if info else None, time_column=read.clock, time_unit=read.clock_unit)
+    options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
+    return LogTable(
+        read.time, read.epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Stamped:
+    """Columns of one table as they stand in the log, and when each row was.
+
+    Attributes:
+        raw: the columns.
+        kept: rows that have a time, shape (n,).
+        time: of these, s since `epoch`, strictly increasing, shape (n,).
+        epoch: exact stamp of the first, s.
+        clock: column of the stamps.
+        clock_unit: its unit.
+        info: the table, None for a text whose columns are found while it is read.
+        where: log and table, for errors.
+        notes: what was found and mended, for the user.
+    """
+
+    raw: RawTable
+    kept: Int[np.ndarray, " n"]
+    time: Float[np.ndarray, " n"]
+    epoch: Decimal
+    clock: str
+    clock_unit: str
+    info: TableInfo | None
+    where: str
+    notes: tuple[str, ...]
+
+    def numbers(self, column: str) -> Float[np.ndarray, " n"]:
+        """Return a column of the rows, NaN for gaps.
+
+        Raises:
+            InputError: a number that is not finite.
+        """
+        return _finite(self.raw, column, self.where)[self.kept]
+
+
+def read_stamped(source: LogSource, columns: Sequence[str]) -> Stamped:
+    """Read some columns of one table with their time; the channels of the source are not looked at.
+
+    Raises:
+        InputError: as `read_log`.
+    """
     form = format_of(source.path)
     _check_layout(source, form)
     info = _table(source, form)
     where = str(source.path) if form.is_text or info is None else f'{source.path}, table "{info.name}"'
     clocks = _clocks(source, info, where)
-    columns = [part for column in source.channels.values() for _, part in column.columns]
     for name in (*clocks, *columns):
         if info is not None and not form.is_text and not info.has(name):
             raise _no_column(name, info, where)
@@ -199,27 +266,7 @@ def read_log(source: LogSource) -> LogTable:
     notes += [*raw.notes, *(info.notes if info else ())]
     if source.time_column is None:
         notes.append(f"time is the column {clock}, in {clocks[clock]}")
-
-    mapped = {}
-    for name, column in source.channels.items():
-        values = mapped[name] = in_si(source, name, lambda part: _finite(raw, part, where)[kept], where)
-        if gaps := int(np.isnan(values).sum()):
-            notes.append(f"{name}: {gaps} of {values.size} cells are empty")
-        if gaps == values.size:
-            raise InputError(
-                f'{where}, column "{column.column}"',
-                found="no number in any row",
-                expected="samples",
-                remedy="map another column, or drop the channel",
-            )
-        stated = info.unit(column.column) if info and not column.parts else None
-        if stated not in (None, column.unit):
-            notes.append(f'{name}: the log states the unit "{stated}", the map says "{column.unit}"')
-    mapped = from_axes(mapped, source.axes, str(source.path))
-    channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
-    used = replace(source, table=info.name if info else None, time_column=clock, time_unit=clocks[clock])
-    options = source_options(used) | (text_options(source) if form.is_text else {})
-    return LogTable(time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes))
+    return Stamped(raw, kept, time, epoch, clock, clocks[clock], info, where, tuple(notes))
 
 
 def in_si(
@@ -249,7 +296,7 @@ def in_si(
 def _check_layout(source: LogSource, form: LogFormat) -> None:
     """Refuse the layout of a text where the log is none."""
     if form.is_text:
-        separator(log_file(source))
+        signs_of(log_file(source))
         return
     for key, default in _LAYOUT.items():
         if getattr(source, key) != default:

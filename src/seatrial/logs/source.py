@@ -17,7 +17,7 @@ from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
 from seatrial.logs.curve import CellCurve
 from seatrial.logs.formats.protocol import LogFile, TextLayout
-from seatrial.logs.formats.text import separator
+from seatrial.logs.formats.text_signs import signs_of
 
 Clock = Literal["as_stamped", "even", "drop_repeated"]
 
@@ -56,7 +56,7 @@ class LogSource:
 
     Attributes:
         path: of the log: CSV or TSV (gzip-compressed where the name ends in `.gz`), Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 bag,
-            folder of a ROS 2 bag, MCAP, dataflash `.BIN`, MAVLink `.tlog` or MOOS `.alog`.
+            folder of a ROS 2 bag, MCAP, dataflash `.BIN`, MAVLink `.tlog`, PX4 `.ulg` or MOOS `.alog`.
         time_column: column of the time stamps, whole or decimal; by default the first clock of the table that moves, for
             example `header.stamp`, else the time of receipt.
         time_unit: their unit, for example `ns`; by default what the log states.
@@ -204,7 +204,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
 def text_options(source: LogSource) -> dict[str, Any]:
     """Return how a log of text is laid out, as JSON-able values."""
     return {
-        "delimiter": separator(log_file(source)),
+        "delimiter": signs_of(log_file(source)).separator,
         "skip_rows": source.skip_rows,
         "header_rows": 0 if source.names else source.header_rows,
         "encoding": source.encoding,

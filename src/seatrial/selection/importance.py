@@ -24,7 +24,7 @@ from seatrial.estimation.noncentred import coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import Target, evaluate
-from seatrial.selection.evidence import Evidence
+from seatrial.selection.evidence import Evidence, EvidenceSettings
 
 FREEDOM = 8.0
 WIDE_SHARE, WIDE_SCALE = 0.2, 2.0
@@ -65,7 +65,7 @@ class ImportanceSettings:
         refits: how often the proposal may be refitted.
     """
 
-    draws: int = 20480
+    draws: int = EvidenceSettings.draws
     pilot: int = 4096
     refits: int = 2
 

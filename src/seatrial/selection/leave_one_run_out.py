@@ -2,7 +2,7 @@
 
     elpd = sum_r log p(y_r | y_-r),   p(y_r | y_-r) = E[L_r(theta)] over p(theta | y_-r)
 
-L_r is the likelihood of run r whatever its own parameters are (`run_posteriors`): a run that was left out has told nothing of its start,
+L_r is the likelihood of run r whatever its own parameters are (`posterior_by_run`): a run that was left out has told nothing of its start,
 bias or deviation. All R + 1 posteriors, that of all runs and those that each lack one, are weighted from one set of draws: of a mixture
 of their normal approximations, which the derivatives of each run at the joint mode give without another fit (Owen and Zhou, JASA 95,
 2000). The tails of the weights are smoothed and judged (Vehtari et al., JMLR 25, 2024); where Pareto k is above 0.7, the mode of the
@@ -22,10 +22,11 @@ from jaxtyping import Float
 from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.progress import Progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode, follow
 from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
 from seatrial.estimation.posterior import Posterior, as_key
-from seatrial.estimation.run_posteriors import (
+from seatrial.estimation.posterior_by_run import (
     RunExpansion,
     RunPosteriors,
     expand_runs,
@@ -35,7 +36,7 @@ from seatrial.estimation.run_posteriors import (
     split_runs,
     weigh_runs,
 )
-from seatrial.estimation.validation import Score
+from seatrial.estimation.prediction_scores import Score
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
 LEAST_RUNS = 3
@@ -163,6 +164,7 @@ def leave_one_run_out(
     *,
     draws: int = DRAWS,
     max_k_hat: float = MAX_K_HAT,
+    progress: Progress = no_progress,
 ) -> LeaveOneRunOut:
     """Predict each run from the others.
 
@@ -172,6 +174,7 @@ def leave_one_run_out(
         mode: of the posterior, found here if not given.
         draws: of the shared parameters, in each round.
         max_k_hat: tail index of the weights above which the others are fitted anew; -inf always does.
+        progress: called with the steps done and all: the mode, the draws, and each run.
 
     Raises:
         InputError: fewer than three runs, or a posterior of no records.
@@ -180,9 +183,12 @@ def leave_one_run_out(
     key = as_key(key)
     runs = split_runs(posterior)
     _check_runs(runs)
-    mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
     count = len(runs.runs)
+    progress(0, count + 2)
+    mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
+    progress(1, count + 2)
     known, refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
+    progress(2, count + 2)
     found, predicted, poor = [], [], []
     for r, label in enumerate(runs.labels):
         weights, k_hat = _weights(known, _without(count, r))
@@ -199,6 +205,7 @@ def leave_one_run_out(
         scores = {channel: one.score for channel, one in predicted[-1].items()}
         found.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
+        progress(3 + r, count + 2)
     status = (
         f"a few draws carry what is said of run {', '.join(poor)}: the posterior is far from normal" if poor else ""
     )

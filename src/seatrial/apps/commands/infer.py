@@ -159,9 +159,9 @@ def criteria(
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.apps import results
-    from seatrial.campaign.inference.coefficient_tables import write_coefficients
+    from seatrial.campaign.inference.coefficient_csv import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
-    from seatrial.campaign.inference.predict import held_back_cautions, held_back_lines, predict_held_back
+    from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.workflow.steps import Workflow
 
@@ -196,7 +196,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
     from seatrial.apps import results
-    from seatrial.campaign.inference.predict import held_back_cautions
+    from seatrial.campaign.inference.judge_predictions import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
     from seatrial.campaign.workflow.steps import Workflow
 
@@ -231,7 +231,7 @@ def _judge_unseen(
         comparison_cautions,
         comparison_lines,
     )
-    from seatrial.campaign.inference.predict import held_back_alarms
+    from seatrial.campaign.inference.judge_predictions import held_back_alarms
 
     if not labels:
         return [], []

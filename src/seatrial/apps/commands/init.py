@@ -53,6 +53,9 @@ Sensor = Annotated[list[str] | None, _line('A sensor: noise of one sample, rate:
 Limit = Annotated[list[str] | None, _line('What the motion may do: "u above 0.5 m/s", "distance below 150 m".')]
 Duration = Annotated[str | None, _one("TIME", 'Of one trial; "60 s" if not given.')]
 Goal = Annotated[list[str] | None, _line('How well a coefficient has to be known: "X_uabsu 3 %".')]
+Log = Annotated[
+    Path | None, _one("FILE", "A log of the published vehicle: its columns are guessed, and the campaign imports it.")
+]
 Name = Annotated[str | None, _one("TEXT", "Of the campaign, in headings.")]
 
 
@@ -73,6 +76,7 @@ def init(
     limit: Limit = None,
     duration: Duration = None,
     goal: Goal = None,
+    log: Log = None,
     name: Name = None,
 ) -> None:
     """Write a commented campaign file to start from: by what is known of a vehicle, or from a template; in a terminal it asks."""
@@ -83,6 +87,9 @@ def init(
     }
     given = {option: value for option, value in said.items() if value}
     _check_beside(template, given)
+    if log is not None:
+        _write_of_log(folder, log, given)
+        return
     if template is None and not given and _is_terminal() and not current_answer().as_json:
         answers = _asked()
         if isinstance(answers, str):
@@ -124,6 +131,35 @@ def _write_template(folder: Path, template: str) -> None:
     for other, meaning in TEMPLATES.items():
         if other != template:
             answer.say(f"instead, --template {other}: {meaning}")
+
+
+def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
+    """Write the campaign of a published vehicle and a log of it.
+
+    Raises:
+        InputError: no vehicle, or something else beside it than what moves and a name.
+    """
+    from seatrial.campaign.config.load import check_text
+    from seatrial.campaign.config.log_campaign import log_campaign_text
+    from seatrial.campaign.config.templates import write_campaign
+    from seatrial.core.errors import InputError, located
+
+    if "vehicle" not in said or (others := sorted({*said} - {"vehicle", "moves", "name"})):
+        raise InputError(
+            "--log",
+            found="no --vehicle beside it" if "vehicle" not in said else "--" + ", --".join(others) + " beside it",
+            expected="--vehicle, and --moves or --name at most",
+            remedy="for a vehicle of your own take --template log, and the map of `seatrial inspect LOG --map`",
+        )
+    text = log_campaign_text(said["vehicle"], log, tuple(_names(said.get("moves", ""))), said.get("name", ""))
+    with located("what this log makes"):
+        check_text(folder, text)
+    path, answer = write_campaign(folder, text), current_answer()
+    answer.say(f"wrote {path}: {said['vehicle']} and its log {log.name}")
+    answer.name_file("campaign", path)
+    answer.give(template=None)
+    answer.say("look at its map and its law of thrust, then:")
+    answer.say(f"seatrial import {folder}; seatrial check {folder}; seatrial estimate {folder} --by mode")
 
 
 def _write_new(folder: Path, said: dict[str, Any]) -> None:

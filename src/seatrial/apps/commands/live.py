@@ -73,7 +73,7 @@ def _begin(
     from seatrial.apps.campaign_lock import occupying
     from seatrial.campaign.config.load import load_campaign
     from seatrial.campaign.live.kept import Kept, with_session
-    from seatrial.campaign.live.segments import make_library
+    from seatrial.campaign.live.next_segment import make_library
     from seatrial.campaign.live.session import Session
     from seatrial.campaign.live.sources import open_source
     from seatrial.core.errors import NumericalError, SeatrialError

@@ -18,7 +18,7 @@ def inspect(
         Path,
         typer.Argument(
             metavar="LOG",
-            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink or MOOS log.",
+            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink, PX4 or MOOS log.",
         ),
     ],
     table: Annotated[

@@ -128,7 +128,7 @@ def _by_mode(campaign: Any, reporter: Any) -> _Found:
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.apps import results
     from seatrial.campaign.inference.baselines import comparison_lines
-    from seatrial.campaign.inference.coefficient_tables import averaged_rows, write_averaged, write_coefficients
+    from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
     from seatrial.report.page import write_report
 
     summary = outcome.summary

@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable
-from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
+from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable, KeepTable
+from seatrial.campaign.config.settings import Imports, KeepRule, LogColumn, LogFile
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
+from seatrial.logs.keep import parse_condition
 from seatrial.logs.linear_sum import parse_sum
 from seatrial.vehicles.thrusters import ThrustLaw
 
@@ -62,7 +63,20 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
                 expected="one of " + ", ".join(runs),
                 remedy=nearest(run, runs),
             )
-    return Imports(tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim), table.schedule)
+    keep = tuple(_keep(one, keys, f"import.keep[{index}]") for index, one in enumerate(table.keep))
+    return Imports(
+        tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim), table.schedule, keep
+    )
+
+
+def _keep(one: KeepTable, keys: FileKeys, key: str) -> KeepRule:
+    unit = None if one.time is None else one.time.unit
+    if unit is not None:
+        to_si(1.0, unit, "s", keys.where(f"{key}.time.unit"))
+    condition = parse_condition(one.when, keys.where(f"{key}.when"))
+    return KeepRule(
+        one.path, one.when, condition, one.table, None if one.time is None else one.time.column, unit, one.delimiter
+    )
 
 
 def _positive(text: str | float, keys: FileKeys, key: str) -> float:

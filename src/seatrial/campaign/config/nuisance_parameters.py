@@ -13,7 +13,16 @@ from seatrial.estimation.mounts import SCALE, mount_unit
 from seatrial.estimation.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import LogUniform, Normal, Prior, Uniform
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.sensors import (
+    Sensor,
+    bias_name,
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    lag_name,
+    noise_name,
+)
 from seatrial.estimation.simulation import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
@@ -178,12 +187,14 @@ def _of_disturbance(axis: str, model: VehicleModel) -> list[Nuisance]:
 def _of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
     channel, label = sensor.channel, _label(sensor.channel)
     unit, key = signal_unit(channel), f"sensors.{channel}"
-    coloured, biased = f'the residuals of {channel} are "coloured"', f"{key}.bias says that there is one"
+    slow, biased = f'the residuals of {channel} are "{sensor.noise}"', f"{key}.bias says that there is one"
     lag, own = f"{key}.lag = true", Uniform(0.0, NOISES * noise)
     known = [
         Nuisance(noise_name(channel), unit, rf"\sigma_{{{label}}}", own),
-        Nuisance(correlation_name(channel), "s", rf"\tau_{{{label}}}", None, coloured, _TIME),
+        Nuisance(correlation_name(channel), "s", rf"\tau_{{{label}}}", None, slow, _TIME),
         Nuisance(dof_name(channel), "1", rf"\nu_{{{label}}}", DOF),
+        Nuisance(drift_name(channel), unit, rf"\sigma_{{\mathrm{{drift}},{label}}}", None, slow, _SCALE),
+        Nuisance(drift_time_name(channel), "s", rf"\tau_{{\mathrm{{drift}},{label}}}", None, slow, _TIME),
         Nuisance(bias_name(channel), unit, rf"b_{{{label}}}", None, biased, _ERROR, signed=True),
         Nuisance(lag_name(channel), "s", rf"t_{{\mathrm{{lag}},{label}}}", None, lag, _LAG),
     ]

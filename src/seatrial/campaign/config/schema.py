@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from seatrial.campaign.config.settings import DesignFilter, Residuals, Scope, Utility
+from seatrial.campaign.config.settings import DesignFilter, Residuals, Scope, SelectionSettings, Utility
 from seatrial.sampling.names import DEFAULT, SamplerName
 
 Quantity = str | float
@@ -320,6 +320,20 @@ class FileTable(Table):
     names: list[str] | None = Field(default=None, min_length=1)
 
 
+class KeepTable(Table):
+    """`[[import.keep]]`: when a run is what it is taken for, by a log of the trial: `when = "armed == 1 and voltage > 14.5"`.
+
+    Each run is cut to the longest stretch in which every condition holds, between its start and end. Comparisons of columns with numbers
+    (`==`, `!=`, `<`, `<=`, `>`, `>=`) are joined by `and`; a number holds from its stamp to the next.
+    """
+
+    path: str
+    when: str
+    table: str | None = None
+    time: TimeTable | None = None
+    delimiter: str | None = None
+
+
 class TrimTable(Table):
     """`[import.trim.RUN]`: where one run begins and ends, instead of what `[import]` says for all runs."""
 
@@ -343,6 +357,7 @@ class ImportTable(Table):
     trim: dict[str, TrimTable] = {}
     split: Quantity | None = None
     schedule: str | None = None
+    keep: list[KeepTable] = []
     files: list[FileTable] = Field(min_length=1)
 
 
@@ -358,6 +373,7 @@ class EstimationTable(Table):
     | setting | priors that it needs |
     |---|---|
     | `residuals = "coloured"` | `[prior.tau_u]`, the correlation time |
+    | `residuals = "drifting"` | `[prior.drift_u]` and `[prior.drift_time_u]`, size and correlation time of the slow part |
     | `likelihood = "filter-error"`, process noise | `[prior.process_u]`, what each state gains in one second |
     | the same, a disturbance | `[prior.disturbance_X]`, its standard deviation in the unit of X_0 |
     | | and `[prior.disturbance_time_X]`, its correlation time |
@@ -385,7 +401,7 @@ class SelectionTable(Table):
 
     particles: int | None = Field(default=None, ge=64, le=1_000_000)
     repeats: int = Field(default=4, ge=2, le=1000)
-    draws: int = Field(default=20480, ge=1024, le=10_000_000)
+    draws: int = Field(default=SelectionSettings.draws, ge=1024, le=10_000_000)
 
 
 class SlurmTable(Table):

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from seatrial.estimation.mounts import Mount
+from seatrial.logs.keep import Comparison
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.names import DEFAULT, SamplerName
@@ -16,7 +17,7 @@ from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import structure_rules
 from seatrial.vehicles.thrusters import ThrustLaw
 
-Residuals = Literal["white", "coloured", "heavy"]
+Residuals = Literal["white", "coloured", "heavy", "drifting"]
 Scope = Literal["none", "shared", "own"]
 """Whether something is unknown, and if so whether all trials share it or every one has its own."""
 Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
@@ -239,6 +240,29 @@ class LogFile:
 
 
 @dataclass(frozen=True)
+class KeepRule:
+    """When a run is what it is taken for.
+
+    Attributes:
+        path: of a log, with `{run}` in place of the run's label.
+        when: the condition as written.
+        condition: its comparisons.
+        table: topic or type of message, where the log has several.
+        time: column that holds time; None for the clock of the format.
+        time_unit: its unit; None where the log states it.
+        delimiter: between columns of text; None to find it out.
+    """
+
+    path: str
+    when: str
+    condition: tuple[Comparison, ...]
+    table: str | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    delimiter: str | None = None
+
+
+@dataclass(frozen=True)
 class Imports:
     """Runs, and how their logs become records.
 
@@ -251,6 +275,7 @@ class Imports:
         ends: of each run, where it starts and ends, s from where its logs overlap, as far as anything is said.
         own_ends: runs whose ends are stated for themselves.
         schedule: table that was commanded, with `{run}` in place of the run's label; None where that is not known.
+        keep: conditions to whose longest common stretch every run is cut.
     """
 
     fit: tuple[str, ...]
@@ -261,6 +286,7 @@ class Imports:
     ends: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     own_ends: tuple[str, ...] = ()
     schedule: str | None = None
+    keep: tuple[KeepRule, ...] = ()
 
     @property
     def runs(self) -> tuple[str, ...]:

@@ -10,11 +10,22 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.command_delay import DELAY
+from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.mounts import mount_names
-from seatrial.estimation.sensors import bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.sensors import (
+    bias_name,
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    lag_name,
+    noise_name,
+)
 from seatrial.estimation.simulation import CURRENT
 from seatrial.vehicles.model import VehicleModel
+
+KINDS = (correlation_name, dof_name, drift_name)
+"""What tells the kind of a sensor's noise by its name; without any it is white."""
 
 
 def actuator_lag(control: str) -> str:
@@ -24,7 +35,7 @@ def actuator_lag(control: str) -> str:
 
 def beyond_structures(campaign: Campaign) -> set[str]:
     """Names that `[truth]` may hold beside coefficients."""
-    of_channel = (noise_name, correlation_name, dof_name, bias_name, lag_name)
+    of_channel = (noise_name, *KINDS, drift_time_name, bias_name, lag_name)
     return (
         {actuator_lag(control) for control in campaign.model(campaign.full).controls}
         | {CURRENT, DELAY}
@@ -70,14 +81,24 @@ def check_truth(campaign: Campaign) -> None:
                 remedy=f"add a value, SI; {term} = 0.0 says that the true vehicle has none",
             )
     for channel in campaign.channels:
-        if {correlation_name(channel), dof_name(channel)} <= set(truth):
+        there = [name(channel) for name in KINDS if name(channel) in truth]
+        if len(there) > 1:
             raise InputError(
-                campaign.where(f"truth.{dof_name(channel)}"),
-                found=f"{correlation_name(channel)} as well",
-                expected="noise of one kind: correlated, or of heavy tails",
+                campaign.where(f"truth.{there[1]}"),
+                found=f"{there[0]} as well",
+                expected="noise of one kind: correlated, of heavy tails, or drifting under white noise",
                 remedy="leave out one of the two",
             )
-    spreads = {name(channel) for channel in campaign.channels for name in (noise_name, correlation_name, dof_name)}
+        both = (drift_name(channel), drift_time_name(channel))
+        if len(set(both) & set(truth)) == 1:
+            lone, other = both if both[0] in truth else both[::-1]
+            raise InputError(
+                campaign.where(f"truth.{lone}"),
+                found=f"no {other}",
+                expected=f"the size of the slow error, {both[0]}, and its correlation time, {both[1]}",
+                remedy="add the other, or leave out both",
+            )
+    spreads = {name(channel) for channel in campaign.channels for name in (noise_name, *KINDS, drift_time_name)}
     model = campaign.model(campaign.full)
     lags = {lag_name(name) for name in (*model.controls, *campaign.channels)}
     late = {lag_name(name) for name in model.controls if name + ACTUAL in model.states}

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +24,11 @@ from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.curve import CellCurve, Curve, read_curve
+from seatrial.logs.cut_record import cut
 from seatrial.logs.followed import follow
 from seatrial.logs.formats.registry import format_of, hash_of_log
+from seatrial.logs.keep import longest, spans_of
 from seatrial.logs.read import read_log
-from seatrial.logs.segments import cut
 from seatrial.logs.source import ColumnMap, LogSource, LogTable
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
@@ -139,6 +141,8 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
 def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], ends: Mapping[str, float]) -> Record:
     """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
     tables = _tables(campaign, imports, paths)
+    if imports.keep:
+        ends = _kept(campaign, imports, run, align(tables, step=imports.step, **ends, label=run))
     if imports.schedule is None:
         return align(tables, step=imports.step, **ends, label=run)
     path, whole = _commanded(campaign, imports, run), align(tables, step=imports.step, label=run)
@@ -150,6 +154,39 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], 
     cautions = [*options["cautions"], *followed.cautions]
     told = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
     return replace(record, provenance=replace(record.provenance, options=told))
+
+
+def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict[str, float]:
+    """Return where the longest stretch of a record begins and ends in which every condition holds, s from where its files overlap.
+
+    Raises:
+        InputError: a log or column that cannot be read, or no such stretch.
+    """
+    told = whole.provenance.options
+    begin = Decimal(told["begins_at"])
+    spans = []
+    for index, (rule, path) in enumerate(zip(imports.keep, _keep_paths(campaign, imports, run), strict=True)):
+        with located(campaign.where(f"import.keep[{index}]")):
+            source = LogSource(path, rule.time, rule.time_unit, {}, delimiter=rule.delimiter, table=rule.table)
+            spans.append(spans_of(source, rule.condition))
+    stretch = longest(spans, (begin, begin + Decimal(f"{whole.time[-1]:.9f}")))
+    if stretch is None:
+        conditions = " and ".join(rule.when for rule in imports.keep)
+        raise InputError(
+            campaign.where("import.keep[0].when"),
+            found=f'run "{run}", in which {conditions} never holds',
+            expected="a stretch in which every condition holds",
+            remedy="correct the condition, `start` and `end`; `seatrial inspect` shows the range of each column",
+        )
+    first, last = (float(instant - begin) + told["start"] for instant in stretch)
+    return {"start": first, "end": last}
+
+
+def _keep_paths(campaign: Campaign, imports: Imports, run: str) -> list[Path]:
+    return [
+        find(campaign.folder, rule.path, campaign.where(f"import.keep[{index}].path"), run)
+        for index, rule in enumerate(imports.keep)
+    ]
 
 
 def _commanded(campaign: Campaign, imports: Imports, run: str) -> Path:
@@ -206,7 +243,9 @@ def _key(campaign: Campaign, imports: Imports, run: str, paths: list[Path], hash
     sent = (
         () if imports.schedule is None else (hash_of(_commanded(campaign, imports, run)), campaign.family.sample_time)
     )
-    return key_of("record", run, hashes, imports.step, imports.files, imports.ends.get(run, {}), *sent)
+    keep = [hash_of(path) for path in _keep_paths(campaign, imports, run)]
+    kept = (keep, imports.keep) if keep else ()
+    return key_of("record", run, hashes, imports.step, imports.files, imports.ends.get(run, {}), *sent, *kept)
 
 
 def _curve(campaign: Campaign, index: int, name: str, written: str) -> Path:

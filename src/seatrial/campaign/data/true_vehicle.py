@@ -18,9 +18,9 @@ from seatrial.campaign.config.truth import actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.command_delay import DELAY
-from seatrial.estimation.replicate import draw_unit_noise
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, lag_name, noise_name
+from seatrial.estimation.delayed_control import DELAY
+from seatrial.estimation.replicate import draw_noise
+from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, drift_name, lag_name, noise_name
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
 from seatrial.estimation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
@@ -72,10 +72,7 @@ class TrueVehicle:
         there = np.where(measured, 0.0, np.nan)
         channels = tuple(channel_data(schedule.time, column) for column in there.T)
         sensors = self.simulator.sensors
-        noise = [
-            self.values[noise_name(sensor.channel)] * np.asarray(unit)
-            for sensor, unit in zip(sensors, _unit_noise(sensors, self.values, channels, tuple(keys)), strict=True)
-        ]
+        noise = [np.asarray(one) for one in _noise(sensors, self.values, channels, tuple(keys))]
         start, step = self._start(columns), np.full(schedule.time.size, schedule.time[1])
         if relay is None:
             shown, end = _follow(self.simulator, self.values, start, tuple(columns.values()), step)
@@ -121,7 +118,7 @@ def true_vehicle(campaign: Campaign) -> TrueVehicle:
 def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
     """A sensor as it truly is, which an estimate may know otherwise."""
     channel = sensor.channel
-    kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy"}
+    kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy", drift_name(channel): "drifting"}
     noise = next((kind for name, kind in kinds.items() if name in truth), "white")
     return Sensor(
         channel,
@@ -144,12 +141,11 @@ def _check_controls(given: tuple[str, ...], known: tuple[str, ...]) -> None:
 
 
 @program(static_argnums=0)
-def _unit_noise(
+def _noise(
     sensors: tuple[Sensor, ...], values: Mapping[str, Any], channels: tuple[ChannelData, ...], keys: tuple[Array, ...]
 ) -> tuple[Array, ...]:
     return tuple(
-        draw_unit_noise(sensor, values, channel, key)
-        for sensor, channel, key in zip(sensors, channels, keys, strict=True)
+        draw_noise(sensor, values, channel, key) for sensor, channel, key in zip(sensors, channels, keys, strict=True)
     )
 
 

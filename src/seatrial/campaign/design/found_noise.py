@@ -14,8 +14,8 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.core.display_units import shown_unit
-from seatrial.estimation.prediction import noise_sd
-from seatrial.estimation.sensors import correlation_name, noise_name
+from seatrial.estimation.prediction import noise_sd, slow_noise
+from seatrial.estimation.sensors import noise_name
 
 TOLD = 1.3
 """Ratio of the two standard deviations from which on a reader is told."""
@@ -38,12 +38,11 @@ def found_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
             continue
         values = {one: estimate.draws([one])[:, 0] for one in estimate.names if one.endswith(f"_{name}")}
         sd = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
-        tau = correlation_name(name)
         blur = 1.0
-        if tau in values:
-            time = float(np.median(values[tau]))
-            memory = np.exp(-max(campaign.family.sample_time, 1.0 / settings.rate) / time)
-            blur = max(1.0, (1 + memory) / (1 - memory) / (1 + (2 * np.pi * time / slowest) ** 2))
+        if slow := slow_noise(sensor, values):
+            memory = np.exp(-max(campaign.family.sample_time, 1.0 / settings.rate) / slow.time)
+            by_slow = (1 + memory) / (1 - memory) / (1 + (2 * np.pi * slow.time / slowest) ** 2)
+            blur = 1 - slow.share + slow.share * max(1.0, by_slow)
         found[name] = sd * float(np.sqrt(blur))
     return found
 

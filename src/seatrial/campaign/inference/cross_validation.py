@@ -27,7 +27,7 @@ from seatrial.campaign.store.cross_validation import (
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.estimation.mode import find_mode
 from seatrial.selection.leave_one_run_out import LEAST_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
 from seatrial.selection.structures import Structure
@@ -120,17 +120,13 @@ def _compute(
     """Compute what is missing, and keep all that is there after each."""
     there = {(one.structure, one.error_model) for one in found}
     missing = [(structure, error) for structure, error in work if (structure.label, error.name) not in there]
-    progress = reporter.progress(f"leave one run out, {missing[0][1].name}") if missing else None
-    for done, (structure, error) in enumerate(missing):
-        if progress is not None:
-            progress(done, len(missing))
-        found.append(_candidate(study, structure, error))
+    for place, (structure, error) in enumerate(missing, 1):
+        title = f"leave one run out, {error.name}, structure {place} of {len(missing)}: {structure.label}"
+        found.append(_candidate(study, structure, error, reporter.progress(title)))
         keep(found)
-        if progress is not None:
-            progress(done + 1, len(missing))
 
 
-def _candidate(study: Study, structure: Structure, error: ErrorModel) -> Candidate:
+def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: Progress) -> Candidate:
     campaign = study.campaign
     named = Candidate(
         structure.label, structure.terms, error.name, error.words, tuple(error.lines()) if error.estimation else ()
@@ -138,7 +134,8 @@ def _candidate(study: Study, structure: Structure, error: ErrorModel) -> Candida
     try:
         posterior = study.posterior(structure)
         mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
-        left = leave_one_run_out(posterior, random_key(campaign.seed, f"leave out {structure.terms}"), mode)
+        leave_key = random_key(campaign.seed, f"leave out {structure.terms}")
+        left = leave_one_run_out(posterior, leave_key, mode, progress=progress)
     except NumericalError as failure:
         return replace(named, refused=str(failure))
     except InputError as failure:

@@ -18,7 +18,7 @@ from seatrial.core.signals import RATES, signal_unit
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.output_error import spread_name
-from seatrial.estimation.sensors import correlation_name
+from seatrial.estimation.sensors import correlation_name, drift_name, drift_time_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel, outside_force
 
@@ -26,6 +26,8 @@ SMALLEST = 1e-4
 """Least process noise or force that a prior allows, over the size of the motion."""
 SHARE = 0.5
 """Size by which a coefficient may vary from run to run, over its value."""
+LONGEST = 3.0
+"""Longest memory of an error that drifts, over the length of a run: of a longer one a run sees an offset."""
 MOST_VARYING = 3
 """Coefficients that all vary: each run's own are integrated out for every draw, which for four takes a quarter of an hour."""
 
@@ -141,6 +143,19 @@ def _coloured(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMod
     return _residuals(campaign, "coloured", "errors with a memory", dict.fromkeys(names, table))
 
 
+def _drifting(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
+    """White noise over an error that may be as slow as a run is long."""
+    tables = {}
+    for channel in campaign.channels:
+        tables[drift_name(channel)] = _log_uniform(scale.sizes[channel])
+        tables[drift_time_name(channel)] = {
+            "distribution": "log-uniform",
+            "lower": _round(scale.interval),
+            "upper": _round(LONGEST * scale.duration),
+        }
+    return _residuals(campaign, "drifting", "white noise over an error that drifts", tables)
+
+
 def _heavy(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
     """Errors of Student's t."""
     return _residuals(campaign, "heavy", "independent errors with outliers", {})
@@ -190,6 +205,7 @@ def _all_varying(campaign: Campaign, model: VehicleModel, scale: Scale) -> Error
 ERROR_MODELS: tuple[Callable[[Campaign, VehicleModel, Scale], ErrorModel | None], ...] = (
     _white,
     _coloured,
+    _drifting,
     _heavy,
     _process,
     _disturbed,
@@ -253,8 +269,10 @@ def _force(model: VehicleModel, axis: str, sizes: Mapping[str, float], values: M
 def _unit(name: str, units: Mapping[str, str], model: VehicleModel) -> str:
     if name.startswith(spread_name("")):
         return units[name.removeprefix(spread_name(""))]
-    if name.startswith((disturbance_time_name(""), correlation_name(""))):
+    if name.startswith((disturbance_time_name(""), correlation_name(""), drift_time_name(""))):
         return "s"
+    if name.startswith(drift_name("")):
+        return signal_unit(name.removeprefix(drift_name("")))
     if name.startswith(disturbance_name("")):
         return model.unit_of(CoefficientName.parse(f"{name.removeprefix(disturbance_name(''))}_0"))
     return signal_unit(name.removeprefix(process_name("")))

@@ -21,13 +21,13 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.core.random_keys import fold_in
-from seatrial.estimation.draw_posterior import spread_starts
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.priors import prior_curve
 from seatrial.estimation.robust_errors import RobustErrors, robust_errors
+from seatrial.estimation.sample_posterior import spread_starts
 from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,

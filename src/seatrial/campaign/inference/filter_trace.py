@@ -17,7 +17,7 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.design.prior_belief import STATE_SD
-from seatrial.estimation.command_delay import delay_control
+from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.priors import Prior
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter

@@ -13,7 +13,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit
-from seatrial.filters.noise import NoiseEstimate, noise_from_high_pass
+from seatrial.filters.noise_from_differences import NoiseEstimate, noise_from_high_pass
 from seatrial.filters.tuning import TuningReport, check_tuning
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate

@@ -18,12 +18,12 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.programs import program
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.command_delay import DELAY, delay_control
+from seatrial.estimation.delayed_control import DELAY, delay_control
 from seatrial.estimation.omitted_effects import Omitted, score_effects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prediction_scores import effective_samples, whiteness
 from seatrial.estimation.sensors import noise_name
-from seatrial.estimation.validation import effective_samples, whiteness
 from seatrial.selection.structures import Structure
 
 FORCES = ("X_0", "X_u", "X_uabsu", "X_u3")

@@ -14,8 +14,8 @@ import numpy as np
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
 from seatrial.campaign.inference.posterior import is_whole, random_key
-from seatrial.campaign.inference.predict import N_DRAWS, HeldBack, held_back_lines, predict_held_back
 from seatrial.campaign.store.estimates import with_model_error
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side

@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
+from seatrial.campaign.live.next_segment import Choice, Library
 from seatrial.campaign.live.recursion import Recursion, within_bounds
-from seatrial.campaign.live.segments import Choice, Library
 from seatrial.core.gaussian import Gaussian
 
 WINDOW = 20.0

@@ -16,7 +16,7 @@ from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, signal_unit
 from seatrial.logs.axes import from_axes
 from seatrial.logs.curve import Curve
 from seatrial.logs.formats.protocol import LOG_TIME, ColumnInfo, clocks_among
-from seatrial.logs.formats.text import WHITESPACE, separator
+from seatrial.logs.formats.text_signs import WHITESPACE, signs_of
 from seatrial.logs.read import in_si
 from seatrial.logs.source import ColumnMap, LogSource, check_source, log_file, time_scale
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
@@ -263,8 +263,10 @@ class _Text:
     def _cells(self, line: str) -> list[str]:
         sources = self.channels.sources
         stated = sources[0].delimiter if sources else None
-        if stated is None and sources and Path(self.channels.campaign.imports.files[0].path).suffix in (".csv", ".tsv"):  # pyright: ignore[reportOptionalMemberAccess]
-            stated = separator(log_file(replace(sources[0], path=Path(self.channels.campaign.imports.files[0].path))))  # pyright: ignore[reportOptionalMemberAccess]
+        imports = self.channels.campaign.imports
+        path = Path(imports.files[0].path) if imports else Path()
+        if stated is None and sources and path.suffix in (".csv", ".tsv"):
+            stated = signs_of(log_file(replace(sources[0], path=path))).separator
         mark = stated or ","
         return [cell.strip().strip('"') for cell in (line.split() if mark == WHITESPACE else line.split(mark))]
 

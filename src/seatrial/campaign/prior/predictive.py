@@ -27,7 +27,7 @@ from seatrial.core.files import is_there
 from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record
-from seatrial.estimation.command_delay import delay_control
+from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
 from seatrial.estimation.sensors import bias_name, noise_name

@@ -27,7 +27,8 @@ from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.sensors import correlation_name, noise_name
+from seatrial.estimation.prediction import noise_sd, slow_noise
+from seatrial.estimation.sensors import Sensor
 from seatrial.estimation.simulation import Simulator
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure
@@ -130,9 +131,9 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
     return rest
 
 
-def noise_of(estimate: Estimate, channel: str) -> float:
+def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
     """Standard deviation of a sensor's noise, SI: its posterior mean."""
-    return float(estimate.draws([noise_name(channel)]).mean())
+    return float(noise_sd(*_noise_draws(campaign, estimate, channel)).mean())
 
 
 def _speeds(
@@ -195,9 +196,10 @@ def _nats(
     simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
     step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
     samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
-    noise = np.array([noise_of(best, channel) for channel in campaign.channels])
+    noise = np.array([noise_of(campaign, best, channel) for channel in campaign.channels])
     memory = [
-        _memory(best, channel, step * (at[1] - at[0])) for channel, at in zip(campaign.channels, samples, strict=True)
+        _memory(campaign, best, channel, step * (at[1] - at[0]))
+        for channel, at in zip(campaign.channels, samples, strict=True)
     ]
     start = np.array(campaign.state_trim(campaign.model(best.structure)))
     every = campaign.model(campaign.full).controls
@@ -270,10 +272,16 @@ def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, np.nda
     return {name: np.asarray(value) for name, value in shared.items()}
 
 
-def _memory(estimate: Estimate, channel: str, gap: float) -> float:
+def _memory(campaign: Campaign, estimate: Estimate, channel: str, gap: float) -> float:
     """Correlation of one sample's noise with the next one's."""
-    name = correlation_name(channel)
-    return float(np.exp(-gap / estimate.draws([name]).mean())) if name in estimate.names else 0.0
+    slow = slow_noise(*_noise_draws(campaign, estimate, channel))
+    return slow.share * float(np.exp(-gap / slow.time)) if slow else 0.0
+
+
+def _noise_draws(campaign: Campaign, estimate: Estimate, channel: str) -> tuple[Sensor, dict[str, np.ndarray]]:
+    """Return a sensor, and the draws of what is unknown about it."""
+    sensor = next(one for one in campaign.sensor_models if one.channel == channel)
+    return sensor, {name: estimate.draws([name])[:, 0] for name in sensor.parameters}
 
 
 NEXT = "the next trial"
@@ -363,7 +371,9 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "best": best.structure.label,
             "runner_up": runner.structure.label,
             "change": change_words(best.structure.terms, runner.structure.terms),
-            "noise": noise_of(best, campaign.leading) if campaign.leading in campaign.channels else float("nan"),
+            "noise": noise_of(campaign, best, campaign.leading)
+            if campaign.leading in campaign.channels
+            else float("nan"),
             "control": control,
             "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },

@@ -17,8 +17,8 @@ from seatrial.core.notebook import result_html
 from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.pooled_coverage import Pooled
+from seatrial.estimation.prediction_scores import Score
 from seatrial.estimation.remedies import measured, percent
-from seatrial.estimation.validation import Score
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_alarms, comparison_cautions
 from seatrial.campaign.inference.cross_validation import current_cross_validation
 from seatrial.campaign.inference.filter_trace import filter_complaints
-from seatrial.campaign.inference.predict import (
+from seatrial.campaign.inference.judge_predictions import (
     fit_complaints,
     held_back_alarms,
     held_back_cautions,

@@ -15,7 +15,7 @@ from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
-from seatrial.campaign.inference.predict import held_back_alarms
+from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import Contenders
 from seatrial.campaign.workflow.outcome import Outcome

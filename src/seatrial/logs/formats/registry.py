@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import depend_on, sha256_of, sha256_of_json
 from seatrial.core.processes import Elsewhere, apart
-from seatrial.logs.formats import dataflash, matlab, moos, netcdf, npz, parquet, ros, telemetry, text
+from seatrial.logs.formats import dataflash, matlab, moos, netcdf, npz, parquet, ros, telemetry, text, ulog
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 
 Answer = TypeVar("Answer")
@@ -26,6 +26,7 @@ FORMATS: tuple[LogFormat, ...] = (
     ros.SQLITE,
     dataflash.FORMAT,
     telemetry.FORMAT,
+    ulog.FORMAT,
     moos.FORMAT,
     text.FORMAT,
 )

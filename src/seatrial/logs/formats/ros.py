@@ -38,6 +38,31 @@ _MCAP = b"\x89MCAP0\r\n"
 _ROS_1 = b"#ROSBAG V"
 _MEMORY = 2 << 30
 """A chunk that unpacks to more ends the process that reads it."""
+_HEADER = "std_msgs/Header header\n"
+_MAVROS = {
+    f"mavros_msgs/msg/{name}": _HEADER + "\n".join(fields)
+    for name, fields in {
+        "RCOut": ("uint16[] channels",),
+        "RCIn": ("uint8 rssi", "uint16[] channels"),
+        "State": (
+            *(f"bool {word}" for word in ("connected", "armed", "guided", "manual_input")),
+            "string mode",
+            "uint8 system_status",
+        ),
+        "VfrHud": (
+            "float32 airspeed",
+            "float32 groundspeed",
+            "int16 heading",
+            "float32 throttle",
+            "float32 altitude",
+            "float32 climb",
+        ),
+        "Altitude": tuple(
+            f"float32 {word}" for word in ("monotonic", "amsl", "local", "relative", "terrain", "bottom_clearance")
+        ),
+    }.items()
+}
+"""Messages of MAVROS by their fields."""
 _LOOKED_AT = 20
 """Messages of a topic by which the length of its sequences is told."""
 
@@ -129,7 +154,12 @@ def _steps(kind: str, definition: Any, is_cdr: bool, log: LogFile) -> tuple[tupl
     try:
         return steps_of(kind, _definitions(kind, definition, log), is_cdr), ""
     except Undefined as cause:
-        return (), str(cause)
+        added = (
+            ""
+            if definition.data
+            else ": a bag of ROS 2 Humble or older; record it with MCAP storage, or convert it where the messages are installed"
+        )
+        return (), f"{cause}{added}"
     except InputError:
         raise
     except Exception as cause:
@@ -148,8 +178,9 @@ def _definitions(kind: str, definition: Any, log: LogFile) -> Definitions:
         )
         texts = [part.split("\n", 1)[1] if part.startswith("IDL: ") else part for part in parts if part]
         return {name: fields for text in texts for name, fields in typesys.get_types_from_idl(text).items()}
-    # Bags from before ROS 2 Iron hold no definitions: those of the standard messages are known.
-    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs
+    # Bags from before ROS 2 Iron hold no definitions: those of the standard messages are known, and of what an autopilot's bridge sends.
+    added = typesys.get_types_from_msg(_MAVROS[kind], kind) if kind in _MAVROS else {}
+    return {**typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs, **added}
 
 
 def _lengths(topic: _Topic, reader: Any) -> dict[str, int]:

@@ -9,7 +9,7 @@ import csv
 import gzip
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -34,10 +34,9 @@ from seatrial.logs.formats.protocol import (
     clocks_among,
     unreadable,
 )
+from seatrial.logs.formats.text_signs import WHITESPACE, is_date, nanoseconds, signs_of, split_stamps
 
 TABLE = "rows"
-WHITESPACE = "whitespace"
-_BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
 _ENOUGH = 10_000
 """Rows that tell which columns hold numbers."""
 _ROWS = 1 << 16
@@ -88,33 +87,6 @@ class _Rounded(Exception):
     """Stamps that must be parsed as text, since floats may not hold them."""
 
 
-def separator(log: LogFile) -> str:
-    """Return what separates the cells: one ASCII character, or `whitespace`.
-
-    Raises:
-        InputError: nothing said where the suffix does not tell, or not a single ASCII character.
-    """
-    suffix = Path(log.path.name.lower().removesuffix(".gz")).suffix
-    found = log.layout.delimiter if log.layout.delimiter is not None else _BY_SUFFIX.get(suffix)
-    where = f"{log.path}, delimiter"
-    if found is None:
-        raise InputError(
-            where,
-            found=f'suffix "{suffix}" and no delimiter',
-            expected=".csv, .tsv, or the delimiter",
-            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
-        )
-    is_mark = len(found) == 1 and found.isascii() and (found.isprintable() or found == "\t")
-    if found != WHITESPACE and (not is_mark or found.isalnum() or found in '".+-'):
-        raise InputError(
-            where,
-            found=repr(found),
-            expected=f'one character that no number contains, or "{WHITESPACE}"',
-            remedy='use ",", ";", "\\t" or "whitespace"',
-        )
-    return found
-
-
 def _recognises(path: Path, head: bytes) -> bool:
     """Recognise nothing for certain: any text may be a table."""
     return False
@@ -128,9 +100,24 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     layout = _Layout(names, first[0] - 1, 1 + len(others), first[0], 0)
     single = [at for at, name in enumerate(names) if names.count(name) == 1]
     cells = next(_frames(log, layout, single))[0] if single else {}
+    signs, dates = signs_of(log), [names[at] for at in single if _are_dates(cells[at])]
     numeric = {names[at]: values for at in single if np.isfinite(values := _floats(cells[at])).any()}
-    clocks, columns = clocks_among([ColumnInfo(name, _unit_of_stamps(name, numeric[name])) for name in numeric])
-    return (TableInfo(TABLE, columns, clocks),)
+    stated = dict(zip(names, signs.units, strict=False))
+    clocks, columns = clocks_among(
+        [ColumnInfo(name, stated.get(name) or _unit_of_stamps(name, numeric[name])) for name in numeric]
+    )
+    whole = [*dates, *split_stamps(names)]
+    notes = ()
+    if not signs.has_header:
+        notes = (f"no header: the first row holds numbers, and the columns are named {names[0]} to {names[-1]}",)
+        clocks = tuple(name for name in names if name in numeric and (np.diff(numeric[name]) > 0).all())[:1]
+        columns = tuple(ColumnInfo(name, "s" if name in clocks else unit) for name, unit in columns)
+    columns = (*(ColumnInfo(name, "ns") for name in whole), *columns)
+    return (TableInfo(TABLE, columns, (*whole, *clocks), notes=notes),)
+
+
+def _are_dates(cells: np.ndarray) -> bool:
+    return cells.dtype.kind not in "iuf" and cells.size > 0 and is_date(str(cells[0]))
 
 
 def _unit_of_stamps(name: str, values: np.ndarray) -> str | None:
@@ -141,20 +128,38 @@ def _unit_of_stamps(name: str, values: np.ndarray) -> str | None:
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     """Stream columns; cells that are not numbers come as NaN."""
     layout = _survey(log)
-    at = {name: _find(name, layout.names, log) for name in wanted.get(TABLE, ())}
+    pairs = split_stamps(layout.names)
+    names = wanted.get(TABLE, ())
+    at = {name: _find(name, layout.names, log) for name in _parts(names, pairs)}
     for cells, done in _frames(log, layout, sorted(set(at.values()))) if at else ():
-        yield Block(TABLE, {name: _plain(cells[place]) for name, place in at.items()}, done)
+        plain = {name: _plain(cells[place]) for name, place in at.items()}
+        yield Block(TABLE, {name: _whole(name, plain, pairs) for name in names}, done)
+
+
+def _parts(names: Sequence[str], pairs: Mapping[str, tuple[str, str]]) -> list[str]:
+    """Return the columns of which some are made: a stamp of its seconds and nanoseconds."""
+    return list(dict.fromkeys(part for name in names for part in pairs.get(name, (name,))))
+
+
+def _whole(name: str, columns: Mapping[str, np.ndarray], pairs: Mapping[str, tuple[str, str]]) -> np.ndarray:
+    if name not in pairs:
+        return columns[name]
+    seconds, nanos = (columns[part] for part in pairs[name])
+    return seconds * 10**9 + nanos
 
 
 def _read(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str]) -> RawTable:
     """Read columns, refusing cells that are not numbers; stamps stay whole numbers, or decimal ones as text."""
     layout = _survey(log)
-    at = {name: _find(name, layout.names, log) for name in columns}
+    pairs = split_stamps(layout.names)
+    at = {name: _find(name, layout.names, log) for name in _parts(columns, pairs)}
+    stamps = _parts(stamps, pairs)
     try:
         values, decimals = _columns(log, layout, at, stamps, {})
     except _Rounded:
         values, decimals = _columns(log, layout, at, stamps, {at[name]: f"S{_LONGEST_STAMP + 1}" for name in stamps})
     notes = (f"{layout.empty} rows at the end have no cell filled and were left out",) if layout.empty else ()
+    values = {name: _whole(name, values, pairs) for name in columns}
     return RawTable(values, lambda row: _row(log, row)[0], notes, decimals)
 
 
@@ -208,6 +213,8 @@ def _floats(cells: np.ndarray) -> Float[np.ndarray, " n"]:
 
 
 def _plain(cells: np.ndarray) -> np.ndarray:
+    if _are_dates(cells) and (stamps := nanoseconds([str(cell) for cell in cells])) is not None:
+        return stamps
     return cells if cells.dtype in (np.int64, np.float64) else _floats(cells)
 
 
@@ -220,6 +227,8 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
     if cells.dtype.kind in "iu":
         return _scaled(cells, 0, 0) or (cells, 0)
     texts: Any = np.strings.strip(np.asarray(cells, "S"))
+    if signs_of(log).decimal == ",":
+        texts = np.strings.replace(texts, b",", b".")
     length, point = np.strings.str_len(texts), np.strings.find(texts, b".")
     for bad, expected in (
         (length == 0, "a time stamp in every row"),
@@ -227,6 +236,10 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
     ):
         if bad.any():
             raise _bad_cell(log, first + int(bad.argmax()), place, name, expected)
+    if is_date(texts[0].decode("utf-8", "replace")):
+        dates = nanoseconds([text.decode("utf-8", "replace") for text in texts])
+        if dates is not None:
+            return dates, 0
     decimals = np.where(point < 0, 0, length - 1 - point)
     with suppress(ValueError, OverflowError):
         whole = np.strings.replace(texts, b".", b"", 1).astype(np.int64)
@@ -274,8 +287,8 @@ def _find(name: str, names: Sequence[str], log: LogFile) -> int:
     other = next((mark for mark in (";", "\t", "|", ",") if mark in names[0]), None) if len(names) == 1 else None
     if other:
         remedy = f"set the delimiter to {other!r}"
-    elif np.isfinite(_floats(np.array(names, object))).all():
-        remedy = "the first row holds numbers: if the file has no header, give the column names with `names`"
+    elif not signs_of(log).has_header:
+        remedy = f"the file has no header: its columns are {names[0]}, …; or give their names with `names`"
     else:
         remedy = nearest(name, names)
     raise InputError(
@@ -296,7 +309,8 @@ def _frames(
         try:
             frames = pd.read_csv(
                 stream,
-                sep=r"\s+" if separator(log) == WHITESPACE else separator(log),
+                sep=r"\s+" if signs_of(log).separator == WHITESPACE else signs_of(log).separator,
+                decimal=signs_of(log).decimal,
                 header=None,
                 names=list(range(len(layout.names))),
                 usecols=places,
@@ -417,18 +431,20 @@ def _header(log: LogFile, rows: Iterator[_Row]) -> tuple[tuple[str, ...], Iterat
     """Return the names of the columns, and the rows below them."""
     if log.layout.names:
         return log.layout.names, rows
-    header = list(islice(rows, log.layout.header_rows))
+    signs = signs_of(log)
+    header = list(islice(rows, log.layout.header_rows + bool(signs.units))) if signs.has_header else []
     first = next(rows, None)
     if first is None:
         raise _no_rows(log, is_empty=not (header or log.layout.skip_rows))
-    return tuple(_cells(log, header[0][2])), chain((first,), rows)
+    names = _cells(log, header[0][2]) if header else [f"column_{k + 1}" for k in range(first[1])]
+    return tuple(names), chain((first,), rows)
 
 
 def _rows(log: LogFile, stream: TextIOWrapper) -> Iterator[_Row]:
     """Yield the rows below the first lines that are skipped; blank lines are left out, and a quoted cell may span lines."""
     mark, skip, number = _mark(log), log.layout.skip_rows, 0
     lines: Iterator[str] = iter(partial(stream.readline, _LONGEST_LINE), "")
-    if separator(log) == WHITESPACE:
+    if signs_of(log).separator == WHITESPACE:
         lines = (_SPACES.sub(" ", line.strip(" \t\n")) + "\n" for line in lines)
     for line in lines:
         number += 1
@@ -451,7 +467,7 @@ def _rows(log: LogFile, stream: TextIOWrapper) -> Iterator[_Row]:
 
 
 def _mark(log: LogFile) -> str:
-    return " " if separator(log) == WHITESPACE else separator(log)
+    return " " if signs_of(log).separator == WHITESPACE else signs_of(log).separator
 
 
 def _cells(log: LogFile, cells: str | list[str]) -> list[str]:
@@ -463,7 +479,7 @@ def _no_cells(log: LogFile, line: int, found: str) -> InputError:
     return InputError(
         f"{log.path}, row {line}",
         found=f"a row that is not cells ({found})",
-        expected=f"cells separated by {separator(log)!r}",
+        expected=f"cells separated by {signs_of(log).separator!r}",
         remedy="correct or delete the row; look for a stray quotation mark",
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from seatrial.campaign.inference.baselines import comparison_alarms
-from seatrial.campaign.inference.predict import held_back_alarms
+from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share

@@ -35,7 +35,17 @@ def init_campaign(folder: Path | str, template: str | NewCampaign) -> Path:
     Raises:
         InputError: no such template, something that cannot be written, or a folder that holds a campaign already.
     """
-    text = campaign_text(template) if isinstance(template, NewCampaign) else template_text(template)
+    return write_campaign(
+        folder, campaign_text(template) if isinstance(template, NewCampaign) else template_text(template)
+    )
+
+
+def write_campaign(folder: Path | str, text: str) -> Path:
+    """Write a campaign file into a folder, which is made if missing, and return its path.
+
+    Raises:
+        InputError: something that cannot be written, or a folder that holds a campaign already.
+    """
     path = check_path(folder, "campaign, folder") / FILE_NAME
     if path.exists():
         raise InputError(

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from seatrial.estimation.fit_verdict import FitVerdict, judge_fit, worst
-from seatrial.estimation.validation import score_channel
+from seatrial.estimation.prediction_scores import SlowNoise, score_channel
 
 TIME = np.arange(1200) * 0.05
 MOTION = np.sin(0.4 * TIME)
@@ -97,8 +97,11 @@ def test_slow_residuals():
     assert found.about == "correlated residuals"
     assert "by a factor of about 3." in found.reason
     assert 'set estimation.residuals = "coloured"' in found.reason
-    assert verdict(scored(errors, correlation_time=0.25), coloured=True).level == "pass"
-    wrong = verdict(scored(errors, correlation_time=0.01), coloured=True)
+    assert verdict(scored(errors, slow=SlowNoise(0.25, 1.0)), coloured=True).level == "pass"
+    both = np.sqrt(0.5) * (errors + white())
+    assert verdict(scored(both, slow=SlowNoise(0.25, 0.5)), coloured=True).level == "pass"
+    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), coloured=True).about == "correlated beyond the model"
+    wrong = verdict(scored(errors, slow=SlowNoise(0.01, 1.0)), coloured=True)
     assert wrong.about == "correlated beyond the model"
     assert "too large" in verdict(scored(white() - np.roll(white(), 1), noise=1.4 * NOISE)).reason
 
@@ -122,7 +125,7 @@ def test_little_motion_explained():
 def test_the_coefficients_are_blamed_only_where_their_uncertainty_covers_the_errors():
     """Half the motion is missed and the band is wide: by the coefficients, by slow noise of the fit, or by pushes of process noise."""
     missed, wide = 0.1 * MOTION, np.full(TIME.size, 0.8)
-    noise = scored(white(), mean=missed, noise=0.6, correlation_time=1.2)
+    noise = scored(white(), mean=missed, noise=0.6, slow=SlowNoise(1.2, 1.0))
     said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, coloured=True).reason
     assert "because of the residuals of the fit, 0.6 m/s with a memory of 1.2 s" in said
     assert "not because the coefficients are uncertain" in said

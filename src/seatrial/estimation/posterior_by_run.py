@@ -30,9 +30,8 @@ from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.posterior import Parameter, Posterior, check_posterior
-from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen
-from seatrial.estimation.sensors import correlation_name
-from seatrial.estimation.validation import Score, score_channel
+from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen, slow_noise
+from seatrial.estimation.prediction_scores import Score, score_channel
 from seatrial.sampling.target import AT_ONCE, LANES
 
 LEAST = 1e-2
@@ -223,13 +222,12 @@ def predict_run(
     found = {}
     for i, (sensor, channel) in enumerate(zip(output.simulator.sensors, one.data.channels, strict=True)):
         at = np.asarray(channel.present)[0] > 0
-        tau = correlation_name(sensor.channel)
         motion = shown[:, at, i]
         columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
         noise = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
-        memory = float(np.median(values[tau])) if tau in values else None
+        slow = slow_noise(sensor, values)
         found[sensor.channel] = PredictedChannel(
-            score_channel(*columns, noise_sd=noise, correlation_time=memory), run_residuals(*columns, noise_sd=noise)
+            score_channel(*columns, noise_sd=noise, slow=slow), run_residuals(*columns, noise_sd=noise)
         )
     return found
 

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.residuals import Coloured, Heavy, White
+from seatrial.estimation.noise_models import Coloured, Drifting, Heavy, White
 from seatrial.estimation.trial_data import FOREVER, channel_data
 
 
 @pytest.mark.parametrize("complete", [True, False])
-def test_coloured_residuals_are_jointly_normal(complete):
-    """Against the dense covariance sd^2 exp(-|t - s| / tau) of the samples that are there."""
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_slow_residuals_are_jointly_normal(complete, noise):
+    """Against the dense covariance sd^2 exp(-|t - s| / tau), white noise added where it drifts, of the samples that are there."""
     random = np.random.default_rng(2)
     present = np.ones(30) if complete else (random.uniform(size=30) < 0.6).astype(float)
     present[0] = 1.0
@@ -21,11 +22,12 @@ def test_coloured_residuals_are_jointly_normal(complete):
     memory = np.exp(-distinct / tau)
     kind = np.zeros(30, int)
     kind[at] = kinds
-    shape = Coloured(sd, np.bincount(kinds), memory, 1 / (1 - memory**2))
+    shape = Drifting(noise, sd, memory) if noise else Coloured(sd, np.bincount(kinds), memory, 1 / (1 - memory**2))
     carry = shape.empty()
     for k in range(30):
         carry = shape.absorb(carry, e[k], present[k], kind[k])
     cov = sd**2 * np.exp(-np.abs(np.subtract.outer(time[at], time[at])) / tau)
+    cov += noise**2 * np.eye(at.size)
     exact = stats.multivariate_normal(np.zeros(at.size), cov).logpdf(e[at])
     assert float(shape.log_likelihood(carry)) == pytest.approx(exact, abs=1e-9)
 

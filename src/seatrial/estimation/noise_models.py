@@ -84,3 +84,40 @@ class Coloured(NamedTuple):
         """Return the log density of all residuals."""
         spread = jnp.log(self.sd) + 0.5 * LOG_2PI - 0.5 * jnp.log(self.weight)
         return -jnp.sum(self.counts * spread) - 0.5 * carry[1] / (self.sd * self.sd)
+
+
+class Drifting(NamedTuple):
+    """White residuals on top of an Ornstein-Uhlenbeck process, which a Kalman filter of one state follows.
+
+    Carries the mean and variance of the process at the last measured sample, and the log density so far.
+
+    Attributes:
+        sd: standard deviation of the white part.
+        drift: standard deviation of the process.
+        memory: correlation of the process across each distinct gap.
+    """
+
+    sd: Any
+    drift: Any
+    memory: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        """Return what is known before the first sample."""
+        return (jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
+
+    def absorb(self, carry: Any, e: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
+        mean, variance, total = carry
+        memory = self.memory[kind]
+        expected = memory * mean
+        before = memory * memory * variance + self.drift * self.drift * (1.0 - memory * memory)
+        spread = before + self.sd * self.sd
+        innovation = e - expected
+        gain = before / spread
+        density = -0.5 * (jnp.log(spread) + LOG_2PI + innovation * innovation / spread)
+        after = (expected + gain * innovation, before * (1.0 - gain))
+        return mean + present * (after[0] - mean), variance + present * (after[1] - variance), total + present * density
+
+    def log_likelihood(self, carry: Any) -> Any:
+        """Return the log density of all residuals."""
+        return carry[2]

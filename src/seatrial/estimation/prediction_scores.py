@@ -22,6 +22,8 @@ from jaxtyping import Float, Int
 
 BINS = 10
 """Bins of the histogram of the probability integral transform."""
+LONGEST_GAP = 1000
+"""Intervals that a gap in a run counts as at most: no correlation is looked for across a longer one."""
 DIVERGES = "the prediction diverges"
 LOG_2PI = float(np.log(2 * np.pi))
 
@@ -47,6 +49,18 @@ class Whiteness(NamedTuple):
     def neighbours(self) -> float:
         """Autocorrelation one interval apart; 0 where no two samples are neighbours."""
         return float(self.correlation[0]) if self.lag.size and self.lag[0] == 1 else 0.0
+
+
+class SlowNoise(NamedTuple):
+    """What is slow in the noise of a sensor: an Ornstein-Uhlenbeck process, white noise making up the rest.
+
+    Attributes:
+        time: correlation time, s.
+        share: of the variance of the noise.
+    """
+
+    time: float
+    share: float
 
 
 @dataclass(frozen=True)
@@ -178,13 +192,36 @@ def effective_samples(time: Float[np.ndarray, " n"], residual: Float[np.ndarray,
     return n / (1 + 2 * total)
 
 
+class LaggedProducts(NamedTuple):
+    """Sums of products of residuals that are 0, 1, 2 ... intervals apart, and how many pairs each sums, shape (k,) both."""
+
+    products: Float[np.ndarray, " k"]
+    pairs: Float[np.ndarray, " k"]
+
+
+def lagged_products(time: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"]) -> LaggedProducts:
+    """Return the lagged products of residuals about zero; a gap counts as `LONGEST_GAP` intervals at most.
+
+    Args:
+        time: s, strictly increasing.
+        residual: one for each time, all present.
+    """
+    if not time.size:
+        return LaggedProducts(np.zeros(0), np.zeros(0))
+    at = np.cumsum(np.minimum(np.diff(_grid(time), prepend=0), LONGEST_GAP)) if time.size > 1 else np.zeros(1, int)
+    there, values = np.zeros(at[-1] + 1), np.zeros(at[-1] + 1)
+    there[at], values[at] = 1.0, residual
+    products, pairs = (scipy.signal.correlate(x, x, method="fft")[at[-1] :] for x in (values, there))
+    return LaggedProducts(products, pairs.round())
+
+
 def score_channel(
     time: Float[np.ndarray, " n"],
     measured: Float[np.ndarray, " n"],
     mean: Float[np.ndarray, " n"],
     motion_sd: Float[np.ndarray, " n"],
     noise_sd: float,
-    correlation_time: float | None = None,
+    slow: SlowNoise | None = None,
     coefficient_sd: Float[np.ndarray, " n"] | None = None,
     shared: float | None = None,
 ) -> Score:
@@ -196,7 +233,7 @@ def score_channel(
         mean: predicted.
         motion_sd: standard deviation of the prediction without noise.
         noise_sd: standard deviation of the noise.
-        correlation_time: of the noise, s, where it is modelled as coloured; what should be white is then what is new in it.
+        slow: what is slow in the noise as it is modelled; what should be white is then what is new in the residuals.
         coefficient_sd: part of `motion_sd` that comes from the coefficients being uncertain; all of it by default.
         shared: mean squared correlation of two samples that comes from the motion being uncertain; by default that is one error of
             the whole trial.
@@ -211,7 +248,7 @@ def score_channel(
     sd = np.hypot(motion_sd, noise_sd)
     z, explained = (measured - mean) / sd, explained_share(measured, mean)
     independent = effective_samples(time, z)
-    test = whiteness(time, z if correlation_time is None else _innovations(time, z, correlation_time))
+    test = whiteness(time, z if slow is None else _innovations(time, z, slow))
     still = bool(np.isnan(explained))
     if shared is None:
         shared = float(np.mean((motion_sd / sd) ** 2)) ** 2
@@ -233,7 +270,7 @@ def score_channel(
         white=test.p_value,
         noise_share=0.0 if still else float(min(1.0, noise_sd**2 / measured.var())),
         noise_sd=noise_sd,
-        correlation_time=correlation_time or 0.0,
+        correlation_time=slow.time if slow else 0.0,
         coefficient_share=float(np.mean((coefficient_sd / sd) ** 2)),
         missing="the measurement never changes" if still else "",
     )
@@ -264,7 +301,14 @@ def _moves(values: np.ndarray) -> bool:
     return bool(np.ptp(values) > 1e-12 * np.abs(values).max()) if values.size else False
 
 
-def _innovations(time: np.ndarray, z: np.ndarray, correlation_time: float) -> np.ndarray:
-    """Return what is new in each residual of an Ornstein-Uhlenbeck process given the one before, of unit variance."""
-    memory = np.exp(-np.diff(time) / correlation_time)
-    return np.concatenate([z[:1], (z[1:] - memory * z[:-1]) / np.sqrt(1 - memory**2)])
+def _innovations(time: np.ndarray, z: np.ndarray, slow: SlowNoise) -> np.ndarray:
+    """Return what is new in each residual, of unit variance: a Kalman filter of one state follows what is slow."""
+    memory = np.concatenate([[0.0], np.exp(-np.diff(time) / slow.time)])
+    found, mean, variance = np.empty(z.size), 0.0, 0.0
+    for k, (rho, value) in enumerate(zip(memory, z, strict=True)):
+        mean, variance = rho * mean, rho**2 * variance + slow.share * (1 - rho**2)
+        spread = variance + 1 - slow.share
+        found[k] = (value - mean) / np.sqrt(spread)
+        gain = variance / spread
+        mean, variance = mean + gain * (value - mean), variance * (1 - gain)
+    return found

@@ -29,12 +29,12 @@ from seatrial.estimation.pooled_coverage import (
     shared_motion,
     unjudged,
 )
-from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws
+from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise
+from seatrial.estimation.prediction_scores import DIVERGES, Score, score_channel
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.sensors import correlation_name
+from seatrial.estimation.remedies import listed
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
-from seatrial.estimation.validation import DIVERGES, Score, score_channel
 
 N_DRAWS = 200
 MOST_NAMED = 6
@@ -241,6 +241,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]
         "motion_sd": motion,
         "sd": sd,
         "noise": noise,
+        "slow": [slow_noise(sensor, values) for sensor in campaign.sensor_models],
         "coefficient_sd": free.std(axis=0),
         "products": motion_products(outputs, sd, measured),
         "output": likelihood if isinstance(likelihood, OutputError) else likelihood.output,
@@ -269,13 +270,15 @@ def _fits(
     """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
     held_back = fitted is not None
     outside = () if fitted is None else outside_fitted(fitted, record)
-    scores = {channel: _score(drawn, piece, column, channel) for column, channel in enumerate(campaign.channels)}
+    scores = {channel: _score(piece, column) for column, channel in enumerate(campaign.channels)}
     lost = [channel for channel, score in scores.items() if _is_lost(score)] if held_back else []
     ahead = _ahead(piece, record) if lost else {}
     found = []
     for channel, score in scores.items():
         near = ahead.get(channel) if channel in lost else None
-        words = "" if near is None else near.words(channel, _remedies(campaign, near.horizon))
+        words = _unseen(piece, record) if channel in lost else ""
+        if near is not None:
+            words = near.words(channel, _remedies(campaign, near.horizon))
         if near is not None and near.leaves:
             verdict = FitVerdict("caution", LEAVES, words)
         else:
@@ -287,13 +290,12 @@ def _fits(
     return found
 
 
-def _score(drawn: Drawn, piece: Mapping[str, Any], column: int, channel: str) -> Score:
-    tau = correlation_name(channel)
+def _score(piece: Mapping[str, Any], column: int) -> Score:
     return score_channel(
         piece["time"],
         *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
         noise_sd=float(piece["noise"][column]),
-        correlation_time=float(np.median(drawn.draws([tau]))) if tau in drawn.names else None,
+        slow=piece["slow"][column],
         coefficient_sd=piece["coefficient_sd"][:, column],
         shared=shared_motion([piece["products"][column]]),
     )
@@ -312,19 +314,19 @@ def _ahead(piece: Mapping[str, Any], record: Record) -> dict[str, ShortHorizon]:
     return short_horizons(output.simulator, values, record, output.starts_over_ground) or {}
 
 
+def _unseen(piece: Mapping[str, Any], record: Record) -> str:
+    """Say which states would have to be measured for scores over short horizons; empty where all are."""
+    unseen = [name for name in piece["output"].simulator.model.states if name not in record.measured]
+    words = "it has no scores over short horizons, which begin at measured states; not measured:"
+    return f"{words} {listed(unseen)}" if unseen else ""
+
+
 def _lacks(campaign: Campaign, channel: str) -> tuple[str, ...]:
     """What the model may lack, but for what the campaign has already."""
     noise = {sensor.channel: sensor.noise for sensor in campaign.sensor_models}[channel]
-    filtered, coloured = campaign.estimation.likelihood == "filter-error", noise == "coloured"
-    error = (
-        ()
-        if filtered
-        else (
-            'a model of the error (likelihood = "filter-error")'
-            if coloured
-            else 'a model of the error (residuals = "coloured")',
-        )
-    )
+    filtered, slow = campaign.estimation.likelihood == "filter-error", noise in ("coloured", "drifting")
+    change = 'likelihood = "filter-error"' if slow else 'residuals = "drifting"'
+    error = () if filtered else (f"a model of the error ({change})",)
     return ("a term", *(() if campaign.has_delay else ("a delay",)), *error)
 
 

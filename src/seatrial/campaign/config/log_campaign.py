@@ -1,0 +1,180 @@
+"""The campaign file of a published vehicle and a log of it: what the log holds is mapped, and what is believed stands beside it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from seatrial.core.errors import InputError
+from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, QUATERNION, RATES, thruster_controls
+from seatrial.logs.guess import COMMAND, best
+from seatrial.logs.inspect import LogSummary, inspect_log
+from seatrial.vehicles.catalogue import PublishedVehicle, load_vehicle, surge_names
+
+_NOISE = {
+    **dict.fromkeys("uvw", "0.02 m/s"),
+    **dict.fromkeys("pqr", "0.5 deg/s"),
+    **dict.fromkeys((*ANGLES, "attitude"), "1 deg"),
+    **dict.fromkeys("xy", "0.05 m"),
+    "z": "0.02 m",
+}
+"""What is believed of a sensor before anything is known of it; up to five times as much is found by the fit."""
+_AMPLITUDES = {"f": ("5 N", "20 N"), "n": ("50 rpm", "200 rpm"), "d": ("2 deg", "10 deg"), "t": ("5 N", "20 N")}
+"""Of a next trial, by the first letter of the control."""
+_FINEST, _COARSEST = 0.02, 0.2
+"""Steps of a record, s."""
+_LAW = """# Thrust of a command in N, by powers of the pulse width less neutral: a guess, about a common thruster of small ROVs at 16 V.
+# Put the maker's table in its place: curve = "thrust.csv", two columns with a header, the command and the thrust in N.
+# A reversed propeller has a falling curve: give it a law of its own.
+[vehicle.thrust_laws.all]
+polynomial = [0.0, 0.081, 0.0, 2.9e-7]
+neutral = 1500
+dead_zone = [1475, 1525]
+reverse = 0.8
+lag = "0.1 s\""""
+_BELIEVED = """[prior.gain_f]                  # of all thrusters: the thrust that there is, over that of the law
+distribution = "log-normal"
+median = 1.0
+factor = 1.3
+
+[prior.lag_f]
+distribution = "log-normal"
+median = 0.1
+factor = 2.0"""
+_TRIM = {
+    "w": """[prior.net_weight]              # weight less buoyancy, N
+distribution = "normal"
+mean = 0.0
+sd = 5.0""",
+    "pq": """[prior.z_b]                     # height of the centre of buoyancy: -z_b is the metacentric height, m
+distribution = "normal"
+mean = -0.01
+sd = 0.01""",
+}
+
+
+def log_campaign_text(vehicle: str, log: Path, moves: tuple[str, ...] = (), name: str = "") -> str:
+    """Return the campaign file of a published vehicle with a log of it, commented.
+
+    Args:
+        vehicle: name in the catalogue.
+        log: of a trial.
+        moves: velocities that are modelled; none for all that are published.
+        name: of the campaign; empty for one that is made up.
+
+    Raises:
+        InputError: a vehicle of surge alone, a log that cannot be read, or one in which no control or nothing that it does can be told.
+    """
+    if vehicle in surge_names():
+        raise InputError(
+            f"--vehicle {vehicle}",
+            found="a vehicle of surge alone",
+            expected="a whole vehicle, whose axes are those that the log shows",
+            remedy="take the template log and the map of `seatrial inspect LOG --map`",
+        )
+    body, summary = load_vehicle(vehicle), inspect_log(log)
+    axes = moves or body.moves
+    controls = _controls(body, summary)
+    sensors = _sensors(summary, axes)
+    if missing := [what for what, found in (("control", controls), ("sensor", sensors)) if not found]:
+        raise InputError(
+            str(log),
+            found="no column that may be a " + " nor a ".join(missing),
+            expected=f"one of {', '.join(body.controls)}, and a speed, rate, angle or position",
+            remedy="`seatrial inspect` lists what the log holds; map its columns in a campaign file by hand",
+        )
+    positions = [axis for axis in POSITIONS if axis in sensors]
+    parts = [
+        _head(name or f"{vehicle}, {log.stem}", log),
+        _vehicle(vehicle, moves, positions),
+        *([_LAW] if any(guess.unit == COMMAND for guess in best(summary.guesses, controls)) else []),
+        "[structure]\nalways = " + json.dumps(list(body.terms(axes))),
+        *([_BELIEVED] if _is_commanded(summary, controls) else []),
+        *(text for axis, text in _TRIM.items() if body.thrusters and set(axis) & {*axes}),
+        _measured(sensors),
+        '# A log says itself where it begins.\n[estimation]\ninitial = "estimated"',
+        _next_trial(controls[0]),
+        f'[import]\nfit = ["1"]\nstep = "{_step(summary, controls)} s"',
+        summary.as_toml([*controls, *_mapped(sensors, summary)]).rstrip("\n"),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _head(name: str, log: Path) -> str:
+    return (
+        f"# A campaign from the log {log.name}: check the map at the end, the thrust, and what the sensors are believed to be.\n"
+        "# seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` shows all that the log holds."
+        f"\n\n[campaign]\nname = {json.dumps(name, ensure_ascii=False)}\nseed = 1"
+    )
+
+
+def _vehicle(vehicle: str, moves: tuple[str, ...], positions: list[str]) -> str:
+    lines = [
+        "# Coefficients are believed to be within a share of the published ones (one sd); `seatrial vehicle NAME` shows them.",
+        "[vehicle]",
+        f'catalogue = "{vehicle}"',
+        *([f"moves = {json.dumps(list(moves))}"] if moves else []),
+        *([f"positions = {json.dumps(positions)}"] if positions else []),
+        'published_to = "60 %"',
+    ]
+    return "\n".join(lines)
+
+
+def _controls(body: PublishedVehicle, summary: LogSummary) -> list[str]:
+    """Return the controls of the vehicle that the log shows: all thrusters, or none of them."""
+    guessed = {guess.channel for guess in summary.guesses}
+    if body.thrusters:
+        thrusters = thruster_controls(len(body.thrusters), commanded_force=True)
+        return list(thrusters) if {*thrusters} <= guessed else []
+    return [name for name in body.controls if name in guessed]
+
+
+def _is_commanded(summary: LogSummary, controls: list[str]) -> bool:
+    return any(guess.unit == COMMAND for guess in best(summary.guesses, controls))
+
+
+def _sensors(summary: LogSummary, axes: tuple[str, ...]) -> list[str]:
+    """Return what is measured of what moves: speeds, rates, the attitude, depth, and the place where there is no speed."""
+    guessed = {guess.channel for guess in summary.guesses}
+    speeds = [axis for axis in RATES if axis in axes and axis in guessed]
+    if {*OVER_EARTH} <= guessed:
+        speeds = [axis for axis in RATES if axis in axes and (axis in guessed or axis in "uvw")]
+    angles = [angle for angle, rate in zip(ANGLES, "pqr", strict=True) if rate in axes and angle in guessed]
+    if set("pqr") <= {*axes} and ({*QUATERNION} <= guessed or len(angles) == len(ANGLES)):
+        angles = ["attitude"]
+    places = [axis for axis in "xy" if axis in guessed and not set("uv") & {*speeds}]
+    return [*speeds, *(["z"] if "z" in guessed and "w" in axes else []), *places, *angles]
+
+
+def _mapped(sensors: list[str], summary: LogSummary) -> list[str]:
+    """Return the channels of the log of which the sensors are made."""
+    channels = [name for name in sensors if name != "attitude"]
+    return channels + (list(ANGLES) if "attitude" in sensors else [])
+
+
+def _measured(sensors: list[str]) -> str:
+    lines = ["# Noise of one sample, as believed; up to five times as much is found by the fit."]
+    return "\n".join([*lines, "[sensors]", *(f'{name} = {{ noise = "{_NOISE[name]}" }}' for name in sensors)])
+
+
+def _next_trial(control: str) -> str:
+    low, high = _AMPLITUDES[control[0]]
+    return "\n".join(
+        (
+            "# A trial that `seatrial next` may propose.",
+            "[design]",
+            f'control = "{control}"',
+            'duration = "60 s"',
+            'active = "40 s"',
+            'sample_time = "0.1 s"',
+            f'amplitude = {{ from = "{low}", to = "{high}", points = 3 }}',
+            'period = { from = "4 s", to = "12 s", points = 3 }',
+        )
+    )
+
+
+def _step(summary: LogSummary, controls: list[str]) -> str:
+    """Return the step of the record, s: the usual one of the controls, of one digit and between bounds."""
+    tables = {guess.table for guess in best(summary.guesses, controls)}
+    rates = [table.clock.rate for table in summary.tables if table.info.name in tables and table.clock]
+    return f"{float(np.clip(1 / max(rates), _FINEST, _COARSEST)):.1g}"

@@ -1,0 +1,147 @@
+"""How a table of text is laid out where nothing is said of it, by its first lines: separator, decimal comma, header, units, dates."""
+
+import gzip
+import re
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from seatrial.core.errors import InputError
+from seatrial.logs.formats.protocol import LogFile, TextLayout
+
+WHITESPACE = "whitespace"
+_BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
+_MARKS = (";", "\t", "|", ",")
+_LOOKED_AT = 1 << 16
+"""Bytes of the file."""
+_LINES = 20
+_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
+_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?(?P<zone>Z|[+-]\d\d:?\d\d)?")
+_SECONDS = {"nanosec": "sec", "nsec": "sec", "nsecs": "secs", "nanosecs": "secs"}
+"""Endings of a stamp in two columns, as ROS splits it."""
+
+
+@dataclass(frozen=True)
+class TextSigns:
+    """What the first lines say.
+
+    Attributes:
+        separator: of cells, one character or `whitespace`.
+        decimal: point or comma.
+        has_header: whether the first line names the columns.
+        units: of the line below it, for each column, empty where there is none such.
+    """
+
+    separator: str
+    decimal: str = "."
+    has_header: bool = True
+    units: tuple[str, ...] = ()
+
+
+def signs_of(log: LogFile) -> TextSigns:
+    """Return how a table of text is laid out: as it is said, else as its first lines show.
+
+    Raises:
+        InputError: a separator that is none, or one that nothing tells.
+    """
+    stat = log.path.stat() if log.path.is_file() else None
+    return _signs(log.path, log.layout, *((stat.st_size, stat.st_mtime_ns) if stat else (0, 0)))
+
+
+@lru_cache(maxsize=16)
+def _signs(path: Path, layout: TextLayout, size: int, changed: int) -> TextSigns:
+    lines = _first_lines(path, layout) if size else []
+    mark = _separator(path, layout, lines)
+    rows = [_cells(line, mark) for line in lines]
+    below = [cell for row in rows[1:] for cell in row]
+    has_comma = mark != "," and any(map(_COMMA.fullmatch, below)) and not any(map(_POINT.fullmatch, below))
+    if layout.names or layout.header_rows != 1 or not rows:
+        return TextSigns(mark, "," if has_comma else ".")
+    has_header = not all(map(_is_value, rows[0]))
+    units = rows[1] if len(rows) > 2 and _are_units(rows) else []
+    return TextSigns(mark, "," if has_comma else ".", has_header, tuple(unit.strip("[](){} ") for unit in units))
+
+
+def _first_lines(path: Path, layout: TextLayout) -> list[str]:
+    try:
+        with path.open("rb") as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as unpacked:
+            text = unpacked.read(_LOOKED_AT).decode(layout.encoding, "replace").removeprefix("\ufeff")
+    except (OSError, EOFError, LookupError, zlib.error):
+        return []  # whoever reads the whole file says what is wrong with it
+    lines = [line for line in text.splitlines()[layout.skip_rows :] if line.strip()]
+    return lines[: min(_LINES, max(len(lines) - 1, 2))]
+
+
+def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
+    suffix = Path(path.name.lower().removesuffix(".gz")).suffix
+    found, where = layout.delimiter, f"{path}, delimiter"
+    if found is None:
+        found = _BY_SUFFIX.get(suffix)
+        if len(lines) > 1 and (found is None or found not in lines[0]):
+            head, first = lines[0], lines[1]
+            alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
+            spaced = 1 < len(head.split()) == len(first.split())
+            found = alike[0] if alike else WHITESPACE if spaced else found
+    if found is None:
+        raise InputError(
+            where,
+            found=f'suffix "{suffix}" and no delimiter',
+            expected=".csv, .tsv, or the delimiter",
+            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
+        )
+    is_mark = len(found) == 1 and found.isascii() and (found.isprintable() or found == "\t")
+    if found != WHITESPACE and (not is_mark or found.isalnum() or found in '".+-'):
+        raise InputError(
+            where,
+            found=repr(found),
+            expected=f'one character that no number contains, or "{WHITESPACE}"',
+            remedy='use ",", ";", "\\t" or "whitespace"',
+        )
+    return found
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    return line.split() if mark == WHITESPACE else [cell.strip(' \t"') for cell in line.split(mark)]
+
+
+def _is_value(cell: str) -> bool:
+    return _NUMBER.fullmatch(cell) is not None or is_date(cell)
+
+
+def _are_units(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether the second line holds words, and the third numbers."""
+    below = rows[1]
+    is_words = any(below) and not any(map(_is_value, below)) and len(below) == len(rows[0])
+    return is_words and any(map(_is_value, rows[2]))
+
+
+def is_date(cell: str) -> bool:
+    """Return whether a cell is a date and time as ISO 8601 has them."""
+    return _DATE.fullmatch(cell.strip()) is not None
+
+
+def nanoseconds(cells: Sequence[str]) -> Int[np.ndarray, " n"] | None:
+    """Return dates and times as nanoseconds since 1970; None where one is none, or their zones differ."""
+    found = [_DATE.fullmatch(cell.strip()) for cell in cells]
+    if not all(found) or len({match["zone"] for match in found if match}) > 1:
+        return None
+    texts = [match[0].removesuffix(match["zone"] or "").replace(",", ".") for match in found if match]
+    return np.array(texts, "datetime64[ns]").astype(np.int64)
+
+
+def split_stamps(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return the stamps that lie in two columns, seconds and nanoseconds: by their common name."""
+    found = {}
+    for name in names:
+        base, dot, last = name.rpartition(".")
+        base, last = (base, last) if dot else ("", name)
+        if last in _SECONDS and (other := f"{base}{dot}{_SECONDS[last]}") in names:
+            found[base or "stamp"] = (other, name)
+    return {base: pair for base, pair in found.items() if base not in names}

@@ -1,0 +1,142 @@
+"""Types of message whose columns are known: of ROS, in east, north, up with body axes forward, left, up (REP 103), of ArduPilot and
+MAVLink, and of PX4; and which columns are commands of thrusters.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, QUATERNION, SPECIFIC_FORCE
+from seatrial.logs.axes import Axes
+
+
+class Known(NamedTuple):
+    """What a column of a known type holds: channel, unit, axes of the message, factor on its numbers, and how good a guess it is."""
+
+    channel: str
+    unit: str | None
+    axes: Axes
+    scale: float = 1.0
+    strength: int = 3
+
+
+def _ros(prefix: str, names: dict[str, str]) -> dict[str, Known]:
+    return {prefix + name: Known(channel, None, "ENU") for name, channel in names.items()}
+
+
+_TWIST = {"linear.x": "u", "linear.y": "v", "linear.z": "w", "angular.x": "p", "angular.y": "q", "angular.z": "r"}
+_WRENCH = {
+    "force.x": "tau_X",
+    "force.y": "tau_Y",
+    "force.z": "tau_Z",
+    "torque.x": "tau_K",
+    "torque.y": "tau_M",
+    "torque.z": "tau_N",
+}
+_TURN = {f"orientation.{part}": name for part, name in zip("wxyz", QUATERNION, strict=True)}
+_POSE = _TURN | {"position.x": "y", "position.y": "x", "position.z": "z"}
+_IMU = (
+    _TURN
+    | {f"angular_velocity.{axis}": rate for axis, rate in zip("xyz", "pqr", strict=True)}
+    | {f"linear_acceleration.{axis}": f"a_{axis}" for axis in "xyz"}
+)
+ROS: dict[str, dict[str, Known]] = {
+    "nav_msgs/msg/Odometry": _ros("twist.twist.", _TWIST) | _ros("pose.pose.", _POSE),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": _ros("twist.twist.", _TWIST),
+    "geometry_msgs/msg/TwistStamped": _ros("twist.", _TWIST),
+    "geometry_msgs/msg/Twist": _ros("", _TWIST),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _ros("pose.pose.", _POSE),
+    "geometry_msgs/msg/PoseStamped": _ros("pose.", _POSE),
+    "geometry_msgs/msg/Pose": _ros("", _POSE),
+    "sensor_msgs/msg/Imu": _ros("", _IMU),
+    "geometry_msgs/msg/WrenchStamped": _ros("wrench.", _WRENCH),
+    "geometry_msgs/msg/Wrench": _ros("", _WRENCH),
+}
+"""For each type of message its columns."""
+
+
+def _autopilot(columns: Mapping[str, str], unit: str, scale: float = 1.0, strength: int = 3) -> dict[str, Known]:
+    return {name: Known(channel, unit, "NED", scale, strength) for name, channel in columns.items()}
+
+
+def _paired(columns: str, channels: tuple[str, ...], unit: str, scale: float = 1.0) -> dict[str, Known]:
+    return _autopilot(dict(zip(columns.split(), channels, strict=True)), unit, scale)
+
+
+_RATES = ("p", "q", "r")
+_KALMAN = _paired("VN VE VD", OVER_EARTH, "m/s") | _paired("PN PE PD", POSITIONS, "m")
+_SPEEDS = _paired("rollspeed pitchspeed yawspeed", _RATES, "rad/s")
+_SCALED = _paired("xgyro ygyro zgyro", _RATES, "rad/s", 1e-3) | _paired(
+    "xacc yacc zacc", SPECIFIC_FORCE, "m/s^2", 9.80665e-3
+)
+AUTOPILOT: dict[str, dict[str, Known]] = {
+    "ATT": _paired("Roll Pitch Yaw", ANGLES, "deg"),
+    "IMU": _paired("GyrX GyrY GyrZ", _RATES, "rad/s") | _paired("AccX AccY AccZ", SPECIFIC_FORCE, "m/s^2"),
+    "XKF1": _KALMAN,
+    "NKF1": _KALMAN,
+    "ATTITUDE": _paired("roll pitch yaw", ANGLES, "rad") | _SPEEDS,
+    "ATTITUDE_QUATERNION": _paired("q1 q2 q3 q4", QUATERNION, "1") | _SPEEDS,
+    "SCALED_IMU": _SCALED,
+    "SCALED_IMU2": _SCALED,
+    "SCALED_IMU3": _SCALED,
+    "LOCAL_POSITION_NED": _paired("vx vy vz", OVER_EARTH, "m/s") | _paired("x y z", POSITIONS, "m"),
+    "GLOBAL_POSITION_INT": _paired("vx vy vz", OVER_EARTH, "m/s", 0.01),
+    "VFR_HUD": _autopilot({"alt": "z"}, "m", -1.0, 2),
+    "vehicle_attitude": _paired("q[0] q[1] q[2] q[3]", QUATERNION, "1"),
+    "vehicle_angular_velocity": _paired("xyz[0] xyz[1] xyz[2]", _RATES, "rad/s"),
+    "vehicle_acceleration": _paired("xyz[0] xyz[1] xyz[2]", SPECIFIC_FORCE, "m/s^2"),
+    "sensor_combined": _paired("gyro_rad[0] gyro_rad[1] gyro_rad[2]", _RATES, "rad/s")
+    | _paired("accelerometer_m_s2[0] accelerometer_m_s2[1] accelerometer_m_s2[2]", SPECIFIC_FORCE, "m/s^2"),
+    "vehicle_local_position": _paired("vx vy vz", OVER_EARTH, "m/s")
+    | _paired("x y z", POSITIONS, "m")
+    | _autopilot({"heading": "psi"}, "rad", strength=2),
+}
+"""For each type of message of ArduPilot, MAVLink and PX4, whose axes are seatrial's, its columns."""
+
+
+def autopilot_message(table: str) -> str:
+    """Return the type of an autopilot's message by the name of its table: `IMU` of `IMU[0]`, `ATTITUDE` of `mavlink/1/1/ATTITUDE`."""
+    return table.split("[")[0].split(" of ")[0].rpartition("/")[2]
+
+
+_OUTPUTS = (
+    ("RCOU", re.compile(r"C(\d+)")),
+    ("RCO2", re.compile(r"C(\d+)")),
+    ("SERVO_OUTPUT_RAW", re.compile(r"(?:.*\.)?servo(\d+)_raw")),
+)
+_NORMALISED = "actuator_motors"
+"""Topic of PX4 whose outputs lie between -1 and 1."""
+_PULSES = (900.0, 1500.0, 2100.0)
+_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+_NUMBERED = re.compile(
+    r"(?:.*[./])?(?:pwm|servo|thruster|motor|esc|output)_?(?:pwm_?)?(\d+)(?:_?(?:pwm|us|raw))?", re.IGNORECASE
+)
+"""Names of columns that count outputs from 1."""
+
+
+def output_number(table: str, column: str, least: float, greatest: float) -> int | None:
+    """Return which output of an autopilot a column may be, counted from 1; None for none.
+
+    Args:
+        table: its name.
+        column: its name.
+        least: number in it.
+        greatest: number in it.
+    """
+    message = autopilot_message(table)
+    for kind, pattern in _OUTPUTS:
+        if kind == message:
+            match = pattern.fullmatch(column)
+            return int(match[1]) if match and _is_pulse(least, greatest) else None
+    if (match := _NUMBERED.fullmatch(column)) and _is_pulse(least, greatest):
+        return int(match[1]) or None
+    match = _ELEMENT.fullmatch(column)
+    if match is None or not (_is_pulse(least, greatest) or (message == _NORMALISED and match[1] == "control")):
+        return None
+    return int(match[2]) + 1
+
+
+def _is_pulse(least: float, greatest: float) -> bool:
+    """Return whether numbers lie where the pulse widths of thrusters do, in microseconds, about the neutral 1500."""
+    low, middle, high = _PULSES
+    return low <= least <= middle <= greatest <= high

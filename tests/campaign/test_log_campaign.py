@@ -1,0 +1,77 @@
+"""A campaign file from a log: what the log holds is mapped, the file can be used, and a run is cut to where it was the vehicle's own."""
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.config.load import check_text, load_campaign
+from seatrial.campaign.config.log_campaign import log_campaign_text
+from seatrial.campaign.data.import_logs import import_trials
+from seatrial.core.errors import InputError
+
+COLUMNS = {
+    "u": "mps",
+    "v": "mps",
+    "w": "mps",
+    "p": "dps",
+    "q": "dps",
+    "r": "dps",
+    "roll": "deg",
+    "pitch": "deg",
+    "yaw": "deg",
+}
+ROWS = 40
+
+
+def log_of(folder):
+    """A table of ten outputs, of which the last two stand still, armed from 1 s on and at a voltage that falls."""
+    rng = np.random.default_rng(2)
+    outputs = np.column_stack([rng.integers(1400, 1600, (ROWS, 8)), np.full((ROWS, 2), 1500)])
+    names = [
+        "t",
+        *(f"{name}_{unit}" for name, unit in COLUMNS.items()),
+        *(f"pwm[{k}]" for k in range(10)),
+        "armed",
+        "volts",
+    ]
+    time = 0.1 * np.arange(ROWS)
+    rows = np.column_stack([time, rng.normal(size=(ROWS, len(COLUMNS))), outputs, time > 0.95, 16 - time])
+    path = folder / "dive.csv"
+    path.write_text("\n".join([",".join(names), *(",".join(f"{value:.6g}" for value in row) for row in rows)]))
+    return path
+
+
+def test_a_log_makes_a_campaign(tmp_path):
+    path = log_of(tmp_path)
+    campaign = check_text(tmp_path, log_campaign_text("bluerov2_heavy", path))
+    (file,) = campaign.imports.files
+    assert set(file.channels) == {*"uvwpqr", "phi", "theta", "psi", *(f"f_{k}" for k in range(1, 9))}
+    assert (file.channels["f_8"].column, file.channels["r"].unit, campaign.imports.step) == ("pwm[7]", "deg/s", 0.1)
+    assert {"X_u", "gain_f", "lag_f", "net_weight", "z_b"} <= set(campaign.priors)
+    level = check_text(tmp_path, log_campaign_text("bluerov2_heavy", path, ("u", "v", "r")))
+    assert {"psi", "u", "v", "r"} == {name for name in level.channels if not name.startswith("f_")}
+
+
+def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):
+    path = log_of(tmp_path)
+    with pytest.raises(InputError, match="no column that may be a control"):
+        log_campaign_text("remus100_prestero", path)
+    with pytest.raises(InputError, match="surge alone"):
+        log_campaign_text("remus100_surge", path)
+
+
+def test_a_run_is_kept_while_its_conditions_hold(tmp_path):
+    """Armed from 1.0 s to the end, above 14.05 V until 1.9 s, the last stamp at which it is still held being that of the next row."""
+    text = log_campaign_text("bluerov2_heavy", log_of(tmp_path), ("u", "v", "r"))
+    when = '[[import.keep]]\npath = "dive.csv"\nwhen = "armed == 1 and volts > 14.05"\n\n[[import.files]]'
+    campaign_file = tmp_path / "campaign.toml"
+    campaign_file.write_text(text.replace("[[import.files]]", when, 1))
+    campaign = load_campaign(tmp_path)
+    (record,) = import_trials(campaign).fit
+    assert record.provenance.options["start"] == pytest.approx(1.0)
+    assert record.time[-1] == pytest.approx(1.0)
+    campaign_file.write_text(campaign_file.read_text().replace("14.05", "17"))
+    with pytest.raises(InputError, match=r"armed == 1 and volts > 17 never holds"):
+        import_trials(load_campaign(tmp_path))
+    campaign_file.write_text(campaign_file.read_text().replace("armed == 1 and", "armed or"))
+    with pytest.raises(InputError, match="comparisons of a column with a number"):
+        load_campaign(tmp_path)
