@@ -83,11 +83,11 @@ def test_from_a_limit_to_an_export(tmp_path, page):
         # A run is stopped and resumed; then the dashboard is killed, which the run does not notice.
         page.get_by_role("link", name="Run", exact=True).click()
         page.get_by_role("button", name="Start or resume").click()
-        page.locator(".run-bar progress").wait_for()
+        page.locator(".bars progress").first.wait_for()
         page.get_by_role("button", name="Stop").click()
         page.get_by_text("interrupted; run the same command again").wait_for()
         page.get_by_role("button", name="Start or resume").click()
-        page.locator("progress").first.wait_for()
+        page.locator(".bars progress").first.wait_for()
         there = occupant_of(folder)
         assert there is not None
         assert there.alive

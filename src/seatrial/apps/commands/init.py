@@ -141,6 +141,7 @@ def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
     """
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.config.log_campaign import log_campaign_text
+    from seatrial.campaign.config.new_campaign import listed_names
     from seatrial.campaign.config.templates import write_campaign
     from seatrial.core.errors import InputError, located
 
@@ -151,7 +152,7 @@ def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
             expected="--vehicle, and --moves or --name at most",
             remedy="for a vehicle of your own take --template log, and the map of `seatrial inspect LOG --map`",
         )
-    text = log_campaign_text(said["vehicle"], log, tuple(_names(said.get("moves", ""))), said.get("name", ""))
+    text = log_campaign_text(said["vehicle"], log, tuple(listed_names(said.get("moves", ""))), said.get("name", ""))
     with located("what this log makes"):
         check_text(folder, text)
     path, answer = write_campaign(folder, text), current_answer()
@@ -239,12 +240,13 @@ def _asked() -> dict[str, Any] | str:
 
 def _say_published(name: str, moves: str) -> None:
     """Print what is published of a vehicle in some motions."""
+    from seatrial.campaign.config.new_campaign import listed_names
     from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
 
     if name in surge_names():
         known: Iterable[str] = load_surge(name).coefficients
     else:
-        known = load_vehicle(name).terms(tuple(one.strip() for one in moves.split(",")))
+        known = load_vehicle(name).terms(tuple(listed_names(moves)))
     typer.echo("  published: " + " ".join(known))
 
 

@@ -169,7 +169,7 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         vehicle=said.get("vehicle", ""),
         mass=said.get("mass", ""),
         inertia=three_quantities(said.get("inertia", "")),
-        moves=tuple(_names(said.get("moves", ""))),
+        moves=tuple(listed_names(said.get("moves", ""))),
         known=each("known", read_known),
         thrust_deduction=f"{quantity(deduction, '1', '--thrust-deduction'):g}" if deduction else "",
         speed=said.get("speed", ""),
@@ -296,12 +296,13 @@ def read_goal(text: str, place: str) -> tuple[str, str]:
 
 def three_quantities(text: str) -> tuple[str, ...]:
     """Return three quantities parted by commas; a unit at the end alone is that of all."""
-    parts = _names(text)
+    parts = listed_names(text)
     unit = parts[-1].partition(" ")[2] if parts else ""
     return tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
 
 
-def _names(text: str) -> list[str]:
+def listed_names(text: str) -> list[str]:
+    """Return names parted by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
