@@ -2,15 +2,15 @@
 
 import tempfile
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, envelopes, rows_of
-from seatrial.apps.dashboard.view_models import Plot, Recorded, Swept
+from seatrial.apps.dashboard.downsample import Envelope, envelopes, rows_of
+from seatrial.apps.dashboard.view_models import Plot, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
@@ -23,17 +23,14 @@ from seatrial.report.figures.style import (
     BAND,
     BLUE,
     DOTS,
-    INK,
     MUTED,
     NARROW,
     ORANGE,
     WIDE,
     draw_dots,
     label_axes,
-    limit_ticks,
     new_figure,
     own_settings,
-    thin_steps,
     unit_label,
 )
 from seatrial.report.figures.surface import design_surface
@@ -104,53 +101,6 @@ def surface(path: Path, family: int, measure: str) -> Plot:
         if measure == "worth" and len(figure.axes) > 1:
             figure.axes[1].set_ylabel("utility")
         return as_plot(figure, "surface", f"What each design would teach: {found.families[family].replace('-', ' ')}")
-
-
-def record(path: Path, most: int = 8) -> Recorded:
-    """Draw a stored record as it is: one panel for each of its first channels.
-
-    Raises:
-        OSError: no such file, or none of ours.
-    """
-    try:
-        drawn = draw_record(path)
-    except (KeyError, ValueError) as cause:
-        raise OSError(0, f"no record that can be read ({cause})", str(path)) from cause
-    return as_recorded(drawn, most)
-
-
-def as_recorded(drawn: Drawn, most: int = 8) -> Recorded:
-    """Draw a record, over seconds from the beginning of its files' overlap."""
-    names = sorted(drawn.curves, key=lambda name: drawn.about[name][1] == "control")[:most]
-    options = drawn.options
-    start, time = float(options.get("start") or 0.0), next(iter(drawn.curves.values())).time
-    end = float(options.get("end", start + time[-1]))
-    curves = [
-        (signal_axis(name), _moved(drawn.curves[name], shown_unit(name)[0], start), drawn.about[name][1])
-        for name in names
-    ]
-    notes = [*options.get("notes", []), *options.get("cautions", [])]
-    available = float(options.get("available", end))
-    return Recorded(
-        panels(curves, f"{drawn.samples} samples"), drawn.samples, start, end, available, drawn.source, tuple(notes)
-    )
-
-
-def panels(curves: Sequence[tuple[str, Envelope, str]], title: str) -> Plot:
-    """Draw envelopes one above another: measurements as marks, controls as lines."""
-    with own_settings():
-        figure, axes = new_figure(WIDE, [96.0 if role != "control" else 56.0 for _, _, role in curves])
-        for panel, (label, curve, role) in zip(axes, curves, strict=True):
-            if role == "control":
-                _stairs(panel, curve)
-            else:
-                _marks(panel, curve, DOTS)
-            panel.margins(y=0.1)
-            label_axes(panel, y=label)
-        times = [curve.time for _, curve, _ in curves]
-        axes[-1].set_xlim(min(float(t[0]) for t in times), max(float(t[-1]) for t in times))
-        label_axes(axes[-1], "time [s]")
-        return as_plot(figure, "record", f"The record as it is, {title}")
 
 
 def predicted(path: Path) -> Predictions:
@@ -288,25 +238,12 @@ def _marks(axes: "Axes", curve: Envelope, colour: str) -> None:
         _strokes(axes, curve, colour, 0.8)
 
 
-def _stairs(axes: "Axes", curve: Envelope) -> None:
-    if np.array_equal(curve.least, curve.greatest):
-        keep = thin_steps(curve.least)
-        axes.plot(curve.time[keep], curve.least[keep], color=INK, linewidth=1.0)
-    else:
-        _strokes(axes, curve, INK, 1.0)
-    limit_ticks(axes.yaxis, 2)
-
-
 def _strokes(axes: "Axes", curve: Envelope, colour: str, width: float) -> None:
     """Least and greatest of one column after the other as one line, up and down."""
     time = np.repeat(curve.time, 2)
     down = np.column_stack([curve.least, curve.greatest])
     down[1::2] = down[1::2, ::-1]
     axes.plot(time, down.ravel(), color=colour, linewidth=width)
-
-
-def _moved(curve: Envelope, factor: float, later: float) -> Envelope:
-    return Envelope(curve.time + later, curve.least * factor, curve.greatest * factor)
 
 
 def as_plot(figure: "Figure", name: str, title: str) -> Plot:

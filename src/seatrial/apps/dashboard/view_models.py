@@ -33,10 +33,12 @@ class Plot(NamedTuple):
     y: tuple[float, float]
 
 
-class Recorded(NamedTuple):
-    """A record: its picture over seconds from the beginning of its files' overlap, which part of it that is, and what it comes from."""
+class RecordAbout(NamedTuple):
+    """What a record holds: channels with unit and role, samples, its ends in seconds from where its files overlap, and its origin."""
 
-    plot: Plot
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    roles: tuple[str, ...]
     samples: int
     start: float
     end: float
