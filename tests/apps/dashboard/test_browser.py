@@ -175,7 +175,7 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         assert float(begin.input_value()) == 0.0
         page.get_by_role("button", name="Zoom in").press("Enter")
         page.get_by_role("button", name="Show the whole time").press("Enter")
-        page.get_by_role("button", name="Then drag over the chart").press("Enter")
+        page.get_by_role("button", name="Select a range: then drag over the chart").press("Enter")
         box = chart.bounding_box()
         page.mouse.move(box["x"] + 200, box["y"] + 90)
         page.mouse.down()
