@@ -25,7 +25,7 @@ from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import read_designs
-from seatrial.campaign.inference.predict import predict_held_back
+from seatrial.campaign.inference.judge_predictions import predict_held_back
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import read_estimate
 from seatrial.campaign.store.stored_result import Store
