@@ -169,7 +169,7 @@ def look(address: str, samples: int) -> None:
 
 
 DRAWN = {
-    "import": "#record-title",
+    "import": ".chart svg",
     "design": "#control-title",
     "results": "#residuals-title",
     "compare": "table",

@@ -72,6 +72,12 @@ class LogSummary:
             lines.append("# No column could be guessed; `seatrial inspect` without --map lists them.")
         return "\n".join([*lines, *(f"# {remark}" for remark in self.remarks)]) + "\n"
 
+    def head_toml(self, table: TableSummary) -> str:
+        """Return how a table with a clock is named in a campaign file: its `[[import.files]]` without channels."""
+        clock, mine = table.clock, [guess for guess in best(self.guesses) if guess.table == table.info.name]
+        lines = [] if clock is None else self._block(table, clock, mine)
+        return "\n".join(line for line in lines if not line.startswith(("channels.", "#"))) + "\n"
+
     def _block(self, table: TableSummary, clock: ClockSummary, mine: Sequence[Guess]) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"

@@ -86,12 +86,6 @@ def inlined(text: str, name: str, title: str, description: str = "") -> Markup:
     )
 
 
-def axes_box(figure: "Figure") -> tuple[float, float, float, float]:
-    """Left, top, right and bottom of all axes of a figure, as shares of its width and height from the upper left corner."""
-    places = [axes.get_position() for axes in figure.axes]
-    return places[0].x0, 1 - places[0].y1, places[0].x1, 1 - min(place.y0 for place in places)
-
-
 def draw_svg(figure: "Figure", salt: str = "seatrial") -> str:
     """Draw a figure as a whole SVG file, in the light palette, without date or other accidents, coordinates to 0.01 point."""
     import matplotlib

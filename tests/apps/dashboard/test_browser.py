@@ -151,6 +151,16 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.goto(f"{page.url}import?campaign=.")
         page.locator("input[type=file]").set_input_files(log)
         page.get_by_text("Kept as logs/dive 1.csv").wait_for()
+
+        # By form: what is wrong is said in the row, what was typed stays, and nothing is written before it is checked.
+        before = (folder / "campaign.toml").read_text()
+        unit = page.get_by_label("u: unit")
+        unit.fill("kg")
+        page.get_by_role("button", name="Check and save this map").click()
+        assert "channels.u.unit" in page.locator(".channel").nth(1).get_by_role("alert").inner_text()
+        assert unit.input_value() == "kg"
+        assert (folder / "campaign.toml").read_text() == before
+        unit.fill("m/s")
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Now import the records above").wait_for()
         assert "# [truth]" in (folder / "campaign.toml").read_text()
@@ -158,22 +168,22 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.get_by_role("button", name="Check the records").click()
         page.get_by_text(re.compile("record dive_1: (pass|caution|fail)")).first.wait_for()
         page.reload()
-        handle = page.locator(".trim .q-slider__thumb").first
-        handle.wait_for()
-        begin = page.get_by_label("Begin [s]")
+        chart = page.locator(".chart")
+        chart.locator("svg").wait_for()
+        begin, end = page.get_by_label("Begin [s]"), page.get_by_label("End [s]")
         assert float(begin.input_value()) == 0.0
-        handle.focus()
-        for _ in range(5):
-            page.keyboard.press("ArrowRight")
-        page.wait_for_function("parseFloat(document.querySelector('input[aria-label=\"Begin [s]\"]').value) > 0.05")
-        box = handle.bounding_box()
-        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.get_by_role("button", name="Zoom in").press("Enter")
+        page.get_by_role("button", name="Show the whole time").press("Enter")
+        page.get_by_role("button", name="Select a range: then drag over the chart").press("Enter")
+        box = chart.bounding_box()
+        page.mouse.move(box["x"] + 200, box["y"] + 90)
         page.mouse.down()
-        page.mouse.move(box["x"] + box["width"] / 2 + 60, box["y"] + box["height"] / 2, steps=5)
+        page.mouse.move(box["x"] + 500, box["y"] + 90, steps=6)
         page.mouse.up()
         page.wait_for_function("parseFloat(document.querySelector('input[aria-label=\"Begin [s]\"]').value) > 2")
+        assert float(end.input_value()) < 29.9
         page.get_by_role("button", name="Check and save", exact=True).click()
-        page.get_by_text("Import anew to cut the record").wait_for()
+        page.get_by_text("Re-import to cut the record").wait_for()
         assert "start = " in (folder / "campaign.toml").read_text()
     assert page.said == []
 
@@ -215,7 +225,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         page.get_by_role("link", name="Records").click()
         page.get_by_text("No record yet: run the designed trial").wait_for()
         page.locator("input[type=file]").set_input_files(log)
-        page.get_by_text("1200 to 1499").wait_for()
+        page.get_by_text("1200 to 1499").first.wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Now import the records above").wait_for()
         assert 'path = "logs/dive.csv"' in (root / "boat" / "campaign.toml").read_text()

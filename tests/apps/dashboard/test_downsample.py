@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.apps.dashboard import downsample as thinning
-from seatrial.apps.dashboard.downsample import draw_record, edges_of, envelopes
-from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.core.record_file import write_record
+from seatrial.apps.dashboard.downsample import edges_of, envelopes
 
 
 def naive(time, values, columns):
@@ -57,16 +55,3 @@ def test_columns_without_a_sample_are_left_out():
     assert edges[0] == 0
     assert edges[-1] == 2000
     assert np.all(np.diff(edges) > 0)
-
-
-def test_a_stored_record_is_read_with_units_and_roles(tmp_path):
-    time = np.arange(4000) * 0.1
-    columns = {"u": np.sin(time), "n": np.where(time > 100, 120.0, 100.0)}
-    channels = (Channel("u", "m/s", "measurement"), Channel("n", "rad/s", "control"))
-    record = make_record(time, columns, channels, Provenance("a log", "0", {"start": 2.0}), "1")
-    write_record(record, tmp_path / "1.nc")
-    drawn = draw_record(tmp_path / "1.nc", columns=10)
-    assert drawn.about == {"u": ("m/s", "measurement"), "n": ("rad/s", "control")}
-    assert (drawn.samples, drawn.options, drawn.source) == (4000, {"start": 2.0}, "a log")
-    assert drawn.curves["n"].greatest.max() == 120.0
-    assert drawn.curves["u"].time.size == 10

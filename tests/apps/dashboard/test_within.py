@@ -53,7 +53,7 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
     async def shown():
         worker_pool = WorkerPool()
         try:
-            await worker_pool.think("whole_log", str(folder), "a")
+            await worker_pool.think("whole_log", str(folder), "a", ())
         finally:
             worker_pool.close()
 

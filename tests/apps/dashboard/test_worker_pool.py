@@ -35,8 +35,8 @@ def hold():
 
 async def in_a_pool():
     here = WorkerPool()
-    await here._ask("downsample", "text_of", (1,), ())
-    here.pools["downsample"].submit(hold)
+    await here._ask("record_views", "text_of", (1,), ())
+    here.pools["record_views"].submit(hold)
     await asyncio.sleep(60)
 
 if __name__ == "__main__":
@@ -59,19 +59,19 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
         worker_pool, file = Counting(), tmp_path / "x"
         file.write_text("1")
         try:
-            many = [worker_pool._ask("downsample", "text_of", (b"y",), [file]) for _ in range(20)]
+            many = [worker_pool._ask("record_views", "text_of", (b"y",), [file]) for _ in range(20)]
             assert await asyncio.gather(*many) == ["y"] * 20
             assert len(asked) == 1
             file.write_text("22")
-            await worker_pool._ask("downsample", "text_of", (b"y",), [file])
+            await worker_pool._ask("record_views", "text_of", (b"y",), [file])
             assert len(asked) == 2
             with pytest.raises(PlainError, match="no such file"):
-                await worker_pool._ask("downsample", "draw_record", (tmp_path / "none.nc",), ())
-            process = next(iter(worker_pool.pools["downsample"]._processes))
+                await worker_pool._ask("record_views", "about_record", (tmp_path / "none.nc",), ())
+            process = next(iter(worker_pool.pools["record_views"]._processes))
             os.kill(process, 9)
             with pytest.raises(NumericalError, match="ended without a word"):
-                await worker_pool._ask("downsample", "text_of", (b"z",), ())
-            assert await worker_pool._ask("downsample", "text_of", (b"z",), ()) == "z"
+                await worker_pool._ask("record_views", "text_of", (b"z",), ())
+            assert await worker_pool._ask("record_views", "text_of", (b"z",), ()) == "z"
         finally:
             worker_pool.close()
 
@@ -84,7 +84,7 @@ def test_errors_pass_between_processes_as_words(tmp_path):
     assert "no such file" in words
     answer, words = answered("request_guard", "token_for", "0.0.0.0", "short")
     assert "16 plain characters" in words
-    assert answered("downsample", "text_of", b"a") == ("a", None)
+    assert answered("record_views", "text_of", b"a") == ("a", None)
 
 
 @pytest.mark.parametrize("kind", ["pool", "isolated", "plain"])

@@ -177,7 +177,7 @@ class TimeChart:
                 self._tool(words, meaning, lambda low=low, high=high: self._move(low, high))
             self._tool("whole", "Show the whole time", self._whole)
             if self.on_select is not None:
-                self._tool("select a range", "Then drag over the chart", self._start_selecting)
+                self._tool("select a range", "Select a range: then drag over the chart", self._start_selecting)
         self.element = chart(self._options(curves), self.title, height)
         self.element.on("chart:datazoom", self._zoomed, js_handler=_ZOOMED, throttle=THROTTLE)
         if self.on_select is not None:

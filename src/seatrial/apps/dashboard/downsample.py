@@ -1,15 +1,11 @@
 """Long curves as a screen can show them: the least and greatest value of each column of pixels, read block by block."""
 
-import json
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import h5py
 import numpy as np
 from jaxtyping import Float, Int
-
-from seatrial.core.dataset_file import stored, text_of
 
 COLUMNS = 720
 """Columns of pixels that a figure has at most."""
@@ -60,39 +56,6 @@ def envelopes(time: Float[np.ndarray, " n"], load: Load, columns: int = COLUMNS)
             greatest.setdefault(name, []).append(np.fmax.reduceat(values, starts))
         first = last
     return {name: Envelope(middle, np.concatenate(least[name]), np.concatenate(greatest[name])) for name in least}
-
-
-class Drawn(NamedTuple):
-    """A stored record as it is drawn.
-
-    Attributes:
-        curves: envelope of each channel.
-        about: unit and role of each.
-        samples: how many there are.
-        options: how it came about.
-        source: what it comes from.
-    """
-
-    curves: dict[str, Envelope]
-    about: dict[str, tuple[str, str]]
-    samples: int
-    options: dict[str, Any]
-    source: str
-
-
-def draw_record(path: Path, columns: int = COLUMNS) -> Drawn:
-    """Read a stored record by columns of pixels.
-
-    Raises:
-        InputError: no NetCDF-4 file, a damaged one, or no record.
-    """
-    with stored(path) as file:
-        names = [name for name in file if name != "time" and "role" in file[name].attrs]
-        time = np.asarray(file["time"], float)
-        about = {name: (text_of(file[name].attrs["units"]), text_of(file[name].attrs["role"])) for name in names}
-        curves = envelopes(time, lambda a, b: {name: rows_of(file, name, a, b) for name in names}, columns)
-        options = json.loads(text_of(file.attrs["options"]))
-        return Drawn(curves, about, time.size, options, text_of(file.attrs["source"]))
 
 
 def rows_of(file: h5py.File, name: str, first: int, last: int) -> np.ndarray:

@@ -1,16 +1,19 @@
 """Logs inside a campaign's folder: what they hold, asked in a process of its own, and what an upload may be called."""
 
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from seatrial.apps.dashboard.campaign_paths import upload_name
 from seatrial.apps.dashboard.view_models import PlainError, words_of
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
-from seatrial.logs.formats.registry import FORMATS
-from seatrial.logs.inspect import inspect_log
+from seatrial.logs.formats.registry import FORMATS, stream
+from seatrial.logs.guess import best
+from seatrial.logs.inspect import LogSummary, inspect_log
 from seatrial.logs.summary import TableSummary
 
 # A look at a file that somebody sent, in a process of its own: what takes too much memory or time ends there and
@@ -105,26 +108,46 @@ SUFFIXES = tuple(sorted({suffix for form in FORMATS for suffix in form.suffixes 
 """Suffixes that a log may have."""
 
 
+POINTS = 60
+"""Stretches of a column of which its small picture shows the least and greatest."""
+MOST_COLUMNS = 400
+
+
 class Column(NamedTuple):
-    """A column of a table, in words."""
+    """A column of a table, in words; `picture` is the path of an SVG of 100 by 24."""
 
     table: str
     name: str
     unit: str
     spread: str
     trouble: str
+    picture: str = ""
+
+
+class Guessed(NamedTuple):
+    """A channel that a column may be: the unit of its cells times `scale`, and why."""
+
+    channel: str
+    table: str
+    column: str
+    unit: str
+    scale: float
+    reason: str
 
 
 class Looked(NamedTuple):
-    """A log: its kind, what it holds, the guessed channel map as TOML, and what needs more than a map."""
+    """A log: its kind, what it holds, which column may be which channel, and what needs more than a map.
+
+    Attributes:
+        heads: of each table with a clock, its `[[import.files]]` without channels.
+    """
 
     kind: str
     tables: tuple[str, ...]
     columns: tuple[Column, ...]
-    guesses: tuple[tuple[str, str, str], ...]
-    map: str
+    guesses: tuple[Guessed, ...]
+    heads: dict[str, str]
     remarks: tuple[str, ...]
-    lines: tuple[str, ...]
 
 
 def look_into(path: str, relative: str, only: tuple[str, ...]) -> Looked:
@@ -133,7 +156,7 @@ def look_into(path: str, relative: str, only: tuple[str, ...]) -> Looked:
     Args:
         path: of the log.
         relative: the same from the campaign's folder, for the map.
-        only: channels of the campaign, which the map is limited to; all that were guessed where none are named.
+        only: channels of the campaign, which guesses are limited to; all where none are named.
     """
     return isolated(relative, _look, path, relative, only)
 
@@ -141,11 +164,53 @@ def look_into(path: str, relative: str, only: tuple[str, ...]) -> Looked:
 def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:
     found = inspect_log(Path(path))
     written = f'path = "{Path(path).resolve().as_posix()}"'
-    text = found.as_toml(only).replace(written, f'path = "{relative}"')
-    guesses = tuple((one.channel, f"{one.column} [{one.unit}]", one.reason) for one in found.guesses)
+    heads = {
+        one.info.name: found.head_toml(one).replace(written, f'path = "{relative}"')
+        for one in found.tables
+        if one.clock
+    }
+    guesses = tuple(
+        Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason)
+        for one in best(found.guesses, only)
+    )
     tables = tuple(_table_words(table) for table in found.tables)
-    columns = tuple(column for table in found.tables for column in _columns(table))
-    return Looked(found.kind, tables, columns[:400], guesses, text, tuple(found.remarks), tuple(found.lines()))
+    columns = tuple(column for table in found.tables for column in _columns(table))[:MOST_COLUMNS]
+    drawn = _pictures(found, columns)
+    columns = tuple(one._replace(picture=drawn.get((one.table, one.name), "")) for one in columns)
+    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks))
+
+
+def _pictures(found: LogSummary, columns: Sequence[Column]) -> dict[tuple[str, str], str]:
+    """Paths of small pictures: the least and greatest of each stretch of rows, one stroke after another."""
+    rows = {table.info.name: table.rows for table in found.tables if table.clock}
+    wanted: dict[str, list[str]] = {}
+    for one in columns:
+        if one.table in rows and one.spread:
+            wanted.setdefault(one.table, []).append(one.name)
+    ends = {(table, name): np.full((POINTS, 2), np.nan) for table, names in wanted.items() for name in names}
+    begun = dict.fromkeys(wanted, 0)
+    for block in stream(found.log, wanted) if wanted else ():
+        count = max((values.size for values in block.columns.values()), default=0)
+        place = (begun[block.table] + np.arange(count)) * POINTS // rows[block.table]
+        begun[block.table] += count
+        starts = np.flatnonzero(np.diff(place, prepend=-1))
+        for name, values in block.columns.items():
+            if (block.table, name) in ends and values.dtype.kind in "if":
+                kept, at = ends[block.table, name], np.minimum(place[starts], POINTS - 1)
+                kept[at, 0] = np.fmin(kept[at, 0], np.fmin.reduceat(values.astype(float), starts))
+                kept[at, 1] = np.fmax(kept[at, 1], np.fmax.reduceat(values.astype(float), starts))
+    return {name: _path(both) for name, both in ends.items()}
+
+
+def _path(ends: np.ndarray) -> str:
+    """Path of an SVG of 100 by 24 through the ends of each stretch."""
+    there = np.isfinite(ends).all(axis=1)
+    if not there.any():
+        return ""
+    low, high = ends[there].min(), ends[there].max()
+    x = np.repeat((np.flatnonzero(there) + 0.5) * 100 / POINTS, 2)
+    y = 22 - 20 * (ends[there].ravel() - low) / ((high - low) or 1.0)
+    return "M" + "L".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
 def _table_words(table: TableSummary) -> str:

@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from seatrial.apps.dashboard import result_plots as drawings
-from seatrial.apps.dashboard.downsample import Drawn, envelopes
-from seatrial.apps.dashboard.result_plots import as_recorded
+from seatrial.apps.dashboard.downsample import Envelope, Load
+from seatrial.apps.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.apps.dashboard.view_models import (
     Clicked,
     ExportTarget,
@@ -18,7 +19,7 @@ from seatrial.apps.dashboard.view_models import (
     Limit,
     Margin,
     PublishedTerms,
-    Recorded,
+    RecordAbout,
     Stage,
 )
 from seatrial.apps.toml_edit import set_key
@@ -29,18 +30,21 @@ from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
-from seatrial.campaign.data.import_logs import read_untrimmed
+from seatrial.campaign.data.import_logs import Trials, read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import read_designs
+from seatrial.campaign.inference.judge_predictions import predict_held_back
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import read_estimate
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.core.record_file import read_record
 from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
 from seatrial.design.integrals import motion_signals
@@ -54,7 +58,11 @@ from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.write import EXPORTERS, make_exporter
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.report.figures.fit import Z90
 from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names, vehicle_names
+
+MOST_PREDICTED = 100_000
+"""Samples of a record that are predicted while somebody waits, at most: 200 draws are simulated over each."""
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -63,7 +71,7 @@ def steps(folder: str) -> tuple[Stage, ...]:
 
 
 def ready() -> bool:
-    """Nothing, but everything is imported, fonts are found, units known, and JAX has found its device then."""
+    """Return True once everything is imported, units are known, and JAX has found its device."""
     quantity("1 rpm", "rad/s", "nothing")
     return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
 
@@ -209,13 +217,65 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     return Clicked(words, np.asarray(planned.time), values * shown_unit(manoeuvre.control)[0], margins, schedule)
 
 
-def whole_log(folder: str, run: str) -> Recorded:
-    """Draw all that the files of a run hold, before any trimming."""
+def whole_log(folder: str, run: str, files: tuple) -> RecordAbout:
+    """Say what the files of a run hold, before any trimming; read again when the files change, of which `files` tells."""
+    found, _ = _untrimmed(folder, run, files)
+    roles = {channel.name: str(channel.role) for channel in found.channels}
+    provenance = found.provenance
+    return about(roles, found.time.size, float(found.time[-1]), provenance.options, provenance.source)
+
+
+def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float, columns: int) -> dict[str, Envelope]:
+    """Curves of `whole_log` between two times, in the units in which they are shown."""
+    found, index = _untrimmed(folder, run, files)
+    curves = view_of(index, _rows(found), start, end, columns)
+    return {name: _in_shown(name, curve) for name, curve in curves.items()}
+
+
+def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
+    """Predict one record by one structure, as `seatrial predict` does by the chosen one.
+
+    Returns:
+        `time` in s, and of each channel its mean and the ends of its 90 % band in the unit in which it is shown, each of shape (n,).
+
+    Raises:
+        InputError: a structure without a posterior, or a record too long.
+    """
+    campaign, store = load_campaign(folder), Store(Path(folder))
+    record = read_record(store.record(run))
+    if record.time.size > MOST_PREDICTED:
+        raise InputError(
+            f"run {run}",
+            found=f"{record.time.size} samples",
+            expected=f"at most {MOST_PREDICTED} to predict from the page",
+            remedy="cut the record, or give [import] a step",
+        )
+    estimate = read_estimate(store.posterior(label))
+    (curves,) = predict_held_back(campaign, estimate, Trials((record,), (record,), "")).curves
+    found = {"time": curves["time"] + origin_of(record.provenance.options, record.provenance.source)}
+    for at, name in enumerate(campaign.channels):
+        mean, sd, factor = curves["mean"][:, at], curves["sd"][:, at], shown_unit(name)[0]
+        for part, values in ((name, mean), (f"{name} lower", mean - Z90 * sd), (f"{name} upper", mean + Z90 * sd)):
+            found[part] = values * factor
+    return found
+
+
+@lru_cache(maxsize=1)
+def _untrimmed(folder: str, run: str, files: tuple) -> tuple[Record, Index]:
+    """The files of a run as one record, and its index."""
+    del files  # part of the key only
     found = read_untrimmed(load_campaign(folder), run)
-    columns = {name: found.channel(name) for name in (*found.measured, *found.controls)}
-    curves = envelopes(found.time, lambda a, b: {name: values[a:b] for name, values in columns.items()})
-    about = {channel.name: (channel.unit, channel.role) for channel in found.channels}
-    return as_recorded(Drawn(curves, about, found.time.size, dict(found.provenance.options), found.provenance.source))
+    return found, index_of(found.time.size, _rows(found))
+
+
+def _rows(record: Record) -> Load:
+    columns = {"time": record.time, **{name: record.channel(name) for name in (*record.measured, *record.controls)}}
+    return lambda a, b: {name: values[a:b] for name, values in columns.items()}
+
+
+def _in_shown(name: str, curve: Envelope) -> Envelope:
+    factor = shown_unit(name)[0]
+    return Envelope(curve.time, curve.least * factor, curve.greatest * factor)
 
 
 def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:

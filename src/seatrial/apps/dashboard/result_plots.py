@@ -1,39 +1,23 @@
-"""Figures of stored results as inline SVG, from the files alone: nothing here knows a vehicle, so nothing heavy is imported."""
+"""Curves of stored results for charts, from the files alone: nothing here knows a vehicle, so nothing heavy is imported."""
 
 import tempfile
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, envelopes, rows_of
-from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Plot, Recorded, Swept
+from seatrial.apps.dashboard.downsample import Envelope, envelopes, rows_of
+from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
-from seatrial.report.drawing import axes_box, inline_svg, signal_axis
 from seatrial.report.figures.fit import Z90, autocorrelation
 from seatrial.report.figures.posterior import normal_density
-from seatrial.report.figures.style import (
-    DOTS,
-    INK,
-    WIDE,
-    draw_dots,
-    label_axes,
-    limit_ticks,
-    new_figure,
-    own_settings,
-    power_of_ten,
-    thin_steps,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from seatrial.report.figures.style import power_of_ten
 
 CORRELATED = 10_000
 """Samples of which the autocorrelation is drawn, at most."""
@@ -43,15 +27,11 @@ BINS, POINTS = 60, 161
 
 
 def ready() -> bool:
-    """Nothing, but everything is imported, also what reading a file imports, and the fonts are found then."""
+    """Return True once everything is imported, also what reading a file imports."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "nothing.nc"
         write_dataset(path, xr.Dataset({"nothing": ("name", np.zeros(1))}, {"name": ["nothing"]}))
         open_dataset(path)
-    with own_settings():
-        figure, axes = new_figure(WIDE, [96.0])
-        label_axes(axes[0], signal_axis("u"), "time [s]")
-        as_plot(figure, "nothing", "nothing")
     return True
 
 
@@ -83,53 +63,6 @@ def swept(path: Path) -> Swept:
         stored.safety,
         stored.prediction,
     )
-
-
-def record(path: Path, most: int = 8) -> Recorded:
-    """Draw a stored record as it is: one panel for each of its first channels.
-
-    Raises:
-        OSError: no such file, or none of ours.
-    """
-    try:
-        drawn = draw_record(path)
-    except (KeyError, ValueError) as cause:
-        raise OSError(0, f"no record that can be read ({cause})", str(path)) from cause
-    return as_recorded(drawn, most)
-
-
-def as_recorded(drawn: Drawn, most: int = 8) -> Recorded:
-    """Draw a record, over seconds from the beginning of its files' overlap."""
-    names = sorted(drawn.curves, key=lambda name: drawn.about[name][1] == "control")[:most]
-    options = drawn.options
-    start, time = float(options.get("start") or 0.0), next(iter(drawn.curves.values())).time
-    end = float(options.get("end", start + time[-1]))
-    curves = [
-        (signal_axis(name), _moved(drawn.curves[name], shown_unit(name)[0], start), drawn.about[name][1])
-        for name in names
-    ]
-    notes = [*options.get("notes", []), *options.get("cautions", [])]
-    available = float(options.get("available", end))
-    return Recorded(
-        panels(curves, f"{drawn.samples} samples"), drawn.samples, start, end, available, drawn.source, tuple(notes)
-    )
-
-
-def panels(curves: Sequence[tuple[str, Envelope, str]], title: str) -> Plot:
-    """Draw envelopes one above another: measurements as marks, controls as lines."""
-    with own_settings():
-        figure, axes = new_figure(WIDE, [96.0 if role != "control" else 56.0 for _, _, role in curves])
-        for panel, (label, curve, role) in zip(axes, curves, strict=True):
-            if role == "control":
-                _stairs(panel, curve)
-            else:
-                _marks(panel, curve, DOTS)
-            panel.margins(y=0.1)
-            label_axes(panel, y=label)
-        times = [curve.time for _, curve, _ in curves]
-        axes[-1].set_xlim(min(float(t[0]) for t in times), max(float(t[-1]) for t in times))
-        label_axes(axes[-1], "time [s]")
-        return as_plot(figure, "record", f"The record as it is, {title}")
 
 
 def predicted(path: Path) -> Predictions:
@@ -244,39 +177,3 @@ def _fit_rows(file: Any, channel: int, factor: float) -> Callable[[int, int], Ma
         }
 
     return load
-
-
-def _marks(axes: "Axes", curve: Envelope, colour: str) -> None:
-    """Dots where each column holds one sample, else a stroke from the least to the greatest."""
-    there = np.isfinite(curve.least)
-    if np.array_equal(curve.least[there], curve.greatest[there]):
-        draw_dots(axes, curve.time, curve.least, color=colour)
-    else:
-        _strokes(axes, curve, colour, 0.8)
-
-
-def _stairs(axes: "Axes", curve: Envelope) -> None:
-    if np.array_equal(curve.least, curve.greatest):
-        keep = thin_steps(curve.least)
-        axes.plot(curve.time[keep], curve.least[keep], color=INK, linewidth=1.0)
-    else:
-        _strokes(axes, curve, INK, 1.0)
-    limit_ticks(axes.yaxis, 2)
-
-
-def _strokes(axes: "Axes", curve: Envelope, colour: str, width: float) -> None:
-    """Least and greatest of one column after the other as one line, up and down."""
-    time = np.repeat(curve.time, 2)
-    down = np.column_stack([curve.least, curve.greatest])
-    down[1::2] = down[1::2, ::-1]
-    axes.plot(time, down.ravel(), color=colour, linewidth=width)
-
-
-def _moved(curve: Envelope, factor: float, later: float) -> Envelope:
-    return Envelope(curve.time + later, curve.least * factor, curve.greatest * factor)
-
-
-def as_plot(figure: "Figure", name: str, title: str) -> Plot:
-    """Draw a figure, and say where its axes are."""
-    (x0, x1), (y0, y1) = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
-    return Plot(str(inline_svg(figure, name, title)), axes_box(figure), (x0, x1), (y0, y1))

@@ -24,19 +24,12 @@ class Stage(NamedTuple):
     command: str
 
 
-class Plot(NamedTuple):
-    """A drawing, and where its axes are: left, top, right, bottom as shares of it; the values at the ends of both axes."""
+class RecordAbout(NamedTuple):
+    """What a record holds: channels with unit and role, samples, its ends in seconds from where its files overlap, and its origin."""
 
-    svg: str
-    box: tuple[float, float, float, float]
-    x: tuple[float, float]
-    y: tuple[float, float]
-
-
-class Recorded(NamedTuple):
-    """A record: its picture over seconds from the beginning of its files' overlap, which part of it that is, and what it comes from."""
-
-    plot: Plot
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    roles: tuple[str, ...]
     samples: int
     start: float
     end: float

@@ -1,4 +1,4 @@
-"""Work that the server itself does not do: figures in one process, the vehicle (with JAX) in another, each question once.
+"""Work that the server itself does not do: figures in one process, records in another, the vehicle (with JAX) in a third.
 
 The server only passes answers on, so that it always has time for its viewers; answers are kept until the files change that they
 were made from.
@@ -24,7 +24,7 @@ KEPT = 400
 
 
 class WorkerPool:
-    """Two processes that answer questions, and the answers so far."""
+    """Three processes that answer questions, and the answers so far."""
 
     def __init__(self):
         self.pools: dict[str, ProcessPoolExecutor] = {}
@@ -38,13 +38,17 @@ class WorkerPool:
         """Ask a function of `model_queries`; kept likewise."""
         return await self._ask("model_queries", question, about, files)
 
+    async def view(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
+        """Ask a function of `record_views`; the answer is kept likewise."""
+        return await self._ask("record_views", question, about, files)
+
     def warm(self) -> None:
-        """Start both processes, so that the first viewer does not wait for what they import."""
-        for pool in ("result_plots", "model_queries"):
+        """Start all processes, so that the first viewer does not wait for what they import."""
+        for pool in ("result_plots", "record_views", "model_queries"):
             self._submit(pool, "ready", ())
 
     def close(self) -> None:
-        """End both processes."""
+        """End all processes."""
         for pool in self.pools.values():
             for process in list(pool._processes.values()):
                 process.terminate()

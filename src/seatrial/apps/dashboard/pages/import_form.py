@@ -1,0 +1,272 @@
+"""A new log: send it, look at what it holds, and say which column is which channel, with its unit, sign and offset."""
+
+import asyncio
+import re
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.apps.campaign_text import read_file, write_file
+from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.campaign_paths import logs_of
+from seatrial.apps.dashboard.edits import Mapped, channel_map_of, channels_of, with_channel, with_map
+from seatrial.apps.dashboard.page_layout import button, table
+from seatrial.apps.dashboard.view_models import FormData
+from seatrial.core.errors import SeatrialError
+
+NONE, KEPT = "", "as in campaign.toml"
+"""Choices of a row: no column, and what stands in the campaign file."""
+LOOK = "outlined options-dense hide-bottom-space"
+_SEND = """async (e) => {
+  const file = e.target.files[0];
+  if (!file) return;
+  emit(["sending", file.name]);
+  try {
+    const answer = await fetch("/upload/?" + %s + "&name=" + encodeURIComponent(file.name), { method: "POST", body: file });
+    emit([answer.ok ? "kept" : "refused", await answer.text()]);
+  } catch (error) { emit(["refused", "the connection ended: the file is too large, or the dashboard has stopped"]); }
+  e.target.value = "";
+}"""
+
+
+class ImportForm:
+    """Logs of the folder, and the map of their columns to channels; nothing is written before the whole file was checked.
+
+    Args:
+        context: what is served.
+        campaign: its name below the root.
+        folder: of the campaign.
+    """
+
+    def __init__(self, context: AppContext, campaign: str, folder: Path):
+        self.context, self.campaign, self.folder = context, campaign, folder
+        self.seen, self.map, self.logs = "", "", {}
+        self.rows: dict[str, Row] = {}
+
+    def build(self) -> None:
+        """Build the choice of a log."""
+        with ui.element("div").classes("line"):
+            self.form = ui.select(self._logs(), label="A log in the campaign's folder").props(LOOK).classes("wide")
+            button("Preview log", self._look, main=True)
+        with ui.element("label").classes("upload"):
+            markup("or send one from this machine")
+            query = '"' + urlencode({"campaign": self.campaign}) + '"'
+            ui.element("input").props("type=file").on("change", self._sent, js_handler=_SEND % query)
+        self.state = markup("").props('aria-live="polite"')
+        self.holder = ui.element("div")
+
+    def _logs(self) -> list[str]:
+        from seatrial.apps.dashboard.logs import SUFFIXES
+
+        return logs_of(self.folder, SUFFIXES)
+
+    async def _sent(self, event: Any) -> None:
+        kind, words = (str(part) for part in event.args)
+        if kind == "kept":
+            self.form.set_options(self._logs(), value=words)
+            self.state.set_content(Markup('<p class="done">Kept as {}</p>').format(words))
+            await self._look()
+        elif kind == "sending":
+            self.state.set_content(Markup('<p class="waiting">sending {} …</p>').format(words))
+        else:
+            self.state.set_content(Markup('<div class="error" role="alert"><pre>{}</pre></div>').format(words))
+
+    async def _look(self) -> None:
+        self.holder.clear()
+        if not self.form.value:
+            with self.holder:
+                say("Choose a log first.")
+            return
+        name = str(self.form.value)
+        await fill(self.holder, self._looked(name), lambda found: self._show(name, *found), "looking through it …")
+
+    async def _looked(self, name: str) -> Any:
+        from seatrial.apps.dashboard.logs import look_into
+
+        path = self.context.campaign_paths.inside(self.folder, name)
+        found = await self.context.form_data(self.folder)
+        return await asyncio.to_thread(look_into, str(path), name, found.channels), found
+
+    def _show(self, name: str, log: Any, found: FormData) -> None:
+        """Show what a log holds, and the form; logs that were previewed before stay in the choices of columns."""
+        if not self.logs:
+            self.seen = read_file(self.folder)
+            self.map = channel_map_of(self.folder, self.seen)
+        self.logs[name] = log
+        there = channels_of(self.map)
+        for one in log.guesses:
+            if one.channel not in there:
+                self.map = with_channel(
+                    self.map,
+                    one.channel,
+                    Mapped(one.channel, log.heads[one.table], one.column, one.unit, one.scale, 0.0),
+                )
+        markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
+        lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
+        markup(Markup('<ul class="findings">{}</ul>').format(lines))
+        markup(columns_of(log))
+        self._rows(found)
+        self._ends(name, found)
+
+    def _rows(self, found: FormData) -> None:
+        mapped = channels_of(self.map)
+        choices = {
+            f"{log}|{one.table}|{one.name}": (log, one)
+            for log, looked in self.logs.items()
+            for one in looked.columns
+            if one.table in looked.heads and one.spread
+        }
+        markup("<h3>Which column is which channel</h3>")
+        channels = dict.fromkeys((*found.channels, *mapped))
+        self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
+
+    def _ends(self, name: str, found: FormData) -> None:
+        run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
+        label = ui.input("Name of the run", value=found.fit[0] if found.fit else run).props(LOOK)
+        with ui.element("details"):
+            with ui.element("summary"):
+                markup("The same as TOML: further keys, such as sums of columns, are kept")
+            self.text = ui.textarea("Channel map, as it will stand in campaign.toml", value=self.map)
+            self.text.props("outlined autogrow").classes("mono wide").style("width: 100%")
+            self.text.on("blur", lambda: setattr(self, "map", str(self.text.value)))
+        said = ui.element("div")
+        if found.simulated:
+            words = "This campaign simulates its vehicle; with a log it no longer does: its [truth] becomes a comment."
+            markup(Markup('<p class="note">{}</p>').format(words))
+        button("Check and save this map", lambda: self._save(said, str(label.value)), main=True)
+
+    def set_channel(self, name: str, mapped: Mapped | None) -> None:
+        """Change one channel of the map, and the text that shows it."""
+        try:
+            self.map = with_channel(str(self.text.value), name, mapped)
+        except SeatrialError as error:
+            self.rows[name].complain(str(error))
+            return
+        self.text.value = self.map
+
+    async def _save(self, said: ui.element, run: str) -> None:
+        said.clear()
+        for row in self.rows.values():
+            row.complain("")
+        with said:
+            try:
+                text = with_map(self.folder, self.seen, run, str(self.text.value))
+                await self.context.worker_pool.think("check", str(self.folder), text)
+                write_file(self.folder, text, self.seen)
+            except (SeatrialError, OSError) as error:
+                words = str(error)
+                at = re.search(r"channels\.([A-Za-z0-9_]+)", words)
+                if at is not None and at[1] in self.rows:
+                    self.rows[at[1]].complain(words)
+                else:
+                    say(error)
+            else:
+                self.seen = text
+                markup('<p class="done" role="status">Saved in campaign.toml. Now import the records above.</p>')
+
+
+class Row:
+    """One channel: its column with a small picture, unit, sign and offset.
+
+    Args:
+        form: that the row belongs to.
+        channel: its name.
+        choices: columns by key, with the log of each.
+        there: what the map says of the channel; None if nothing.
+    """
+
+    def __init__(self, form: ImportForm, channel: str, choices: dict[str, Any], there: dict[str, Any] | None):
+        self.form, self.channel, self.choices = form, channel, choices
+        options = {NONE: "not in a log", **{key: f"{one.name} · {one.table}" for key, (_, one) in choices.items()}}
+        if len(form.logs) > 1:
+            options |= {key: f"{one.name} · {log}" for key, (log, one) in choices.items()}
+        value = NONE if there is None else self._key(there)
+        if value == KEPT:
+            options[KEPT] = KEPT
+        scale = 1.0 if there is None else float(there.get("scale", 1.0))
+        with ui.element("div").classes("line channel"):
+            self.column = ui.select(options, value=value, label=f"{channel}: column", on_change=self._chosen).props(
+                LOOK
+            )
+            self.picture = markup("")
+            unit = "" if there is None else str(there.get("unit", ""))
+            self.unit = ui.input("unit", value=unit, on_change=self._changed).props(
+                f'{LOOK} aria-label="{channel}: unit"'
+            )
+            self.factor = ui.number("factor", value=abs(scale), on_change=self._changed).props(LOOK)
+            self.sign = ui.select({1: "+", -1: "− reversed"}, value=-1 if scale < 0 else 1, label="sign")
+            self.sign.props(LOOK).on_value_change(self._changed)
+            offset = 0.0 if there is None else float(there.get("offset", 0.0))
+            self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
+        self.said = ui.element("div")
+        self._draw()
+
+    def complain(self, words: str) -> None:
+        """Say beside the row what is wrong with it; nothing if empty."""
+        self.said.clear()
+        if words:
+            with self.said:
+                say(words)
+
+    def _key(self, there: dict[str, Any]) -> str:
+        for key in self.choices:
+            log, name, column = key.split("|", 2)
+            if (there.get("path"), there.get("column")) == (log, column) and there.get("table") in (None, name):
+                return key
+        return KEPT
+
+    def _draw(self) -> None:
+        one = self.choices.get(str(self.column.value))
+        self.picture.set_content(Markup("") if one is None else picture_of(one[1]))
+
+    def _chosen(self) -> None:
+        self._draw()
+        one = self.choices.get(str(self.column.value))
+        if one is not None and one[1].unit:
+            self.unit.value = one[1].unit
+        self._changed()
+
+    def _changed(self) -> None:
+        key = str(self.column.value or "")
+        if key == NONE:
+            self.form.set_channel(self.channel, None)
+            return
+        factor, offset = self.factor.value, self.offset.value
+        if not factor or offset is None:
+            self.complain("factor: a number other than 0; offset: a number")
+            return
+        self.complain("")
+        scale = float(factor) * float(self.sign.value)
+        if key == KEPT:
+            head, column = self._kept_head(), ""
+        else:
+            log, name, column = key.split("|", 2)
+            head = self.form.logs[log].heads[name]
+        self.form.set_channel(
+            self.channel, Mapped(self.channel, head, column, str(self.unit.value), scale, float(offset))
+        )
+
+    def _kept_head(self) -> str:
+        there = channels_of(self.form.map)[self.channel]
+        named = {key: there[key] for key in ("path", "table") if there[key] is not None}
+        return "\n".join(["[[import.files]]", *(f"{key} = '''{value}'''" for key, value in named.items())])
+
+
+def picture_of(column: Any) -> Markup:
+    """Small picture of a column over its rows, with its least and greatest."""
+    if not column.picture:
+        return Markup("")
+    return Markup(
+        '<span class="small-picture"><svg viewBox="0 0 100 24" preserveAspectRatio="none" role="img" aria-label="{}">'
+        '<path d="{}"/></svg><small>{}</small></span>'
+    ).format(f"{column.name} over the log", column.picture, column.spread)
+
+
+def columns_of(log: Any) -> Markup:
+    """Table of the columns of a log, each with its picture, folded."""
+    rows = [[one.name, one.table, one.unit, picture_of(one), one.trouble] for one in log.columns]
+    made = table(["column", "table", "unit in the log", "least to greatest", "trouble"], rows, "Columns", left=2)
+    return Markup("<details><summary>{} columns</summary>{}</details>").format(len(rows), made)
