@@ -17,8 +17,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.special import betainc, betaincinv, chdtrc, ndtri
 
 from seatrial.estimation.fit_verdict import (
     BROKEN,
@@ -244,14 +244,14 @@ def shared_motion(runs: Sequence[MotionProducts]) -> float:
 def share_range(share: float, n: float) -> tuple[float, float]:
     """Return the 95 % range of a probability of which this share was found among n samples; n need not be whole."""
     k = share * n
-    lower = float(scipy.special.betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
-    upper = float(scipy.special.betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
+    lower = float(betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
+    upper = float(betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
     return lower, upper
 
 
 def probability_of_so_few(share: float, n: float) -> float:
     """Return the probability that n samples, each inside a 90 % band with probability 0.9, are inside by this share or less."""
-    return float(scipy.special.betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
+    return float(betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
 
 
 def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, float]:
@@ -263,7 +263,7 @@ def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, flo
         z: normalised residuals of all runs.
         n: independent samples that they are worth.
     """
-    found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / scipy.stats.norm.ppf(0.5 + 0.5 * BAND)
+    found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / ndtri(0.5 + 0.5 * BAND)
     factor, lower, upper = map(float, found)
     return factor, lower, upper
 
@@ -288,7 +288,7 @@ def _judge(pooled: Pooled, excused: bool, mend: str) -> FitVerdict:
             "too little to judge",
             f"{inside}: too few to say whether the bands hold ({FEWEST:.0f} are needed); hold back more or longer runs",
         )
-    large = pooled.variance > BURST and scipy.stats.chi2.sf(n * pooled.variance, n) < RARE
+    large = pooled.variance > BURST and chdtrc(n, n * pooled.variance) < RARE
     short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
     if short or large or pooled.variance >= ONE_SAMPLE:
         return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled, mend)}")

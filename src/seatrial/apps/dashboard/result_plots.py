@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from seatrial.apps.dashboard.downsample import Drawn, Envelope, draw_record, envelopes, rows_of
 from seatrial.apps.dashboard.view_models import Plot, Recorded, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.report.drawing import axes_box, inline_svg, signal_axis, signal_symbol
@@ -52,7 +52,7 @@ def ready() -> bool:
     """Nothing, but everything is imported, also what reading a file imports, and the fonts are found then."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "nothing.nc"
-        write_dataset(path, xr.Dataset({"nothing": ("name", np.zeros(1))}, {"name": ["nothing"]}))
+        write_dataset(path, Dataset({"nothing": ("name", np.zeros(1))}, {"name": ["nothing"]}))
         open_dataset(path)
     with own_settings():
         figure, axes = new_figure(WIDE, [96.0])
