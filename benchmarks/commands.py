@@ -1,19 +1,27 @@
 """How long a user waits: processor seconds, memory and programs of whole commands, with empty caches and with full ones.
 
 `python benchmarks/commands.py` runs the loop on the template campaign twice, each time in a new folder: first with caches that are empty,
-then with those that the first left. Growth with the number of structures and of samples follows. Nothing else should run meanwhile.
+then with those that the first left. Growth with the number of structures and of samples follows, the study of the paper, quick and full,
+and a click on "Run the design" in the dashboard: its session's answer, without the browser (`dashboard.py --clicks` has one).
+`--only loop growth click paper-quick paper` measures some of it. Nothing else should run meanwhile. Modules are compiled before,
+as an installer does, whatever PYTHONDONTWRITEBYTECODE says.
 """
 
+import argparse
+import compileall
 import os
 import re
 import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+ROOT = Path(__file__).parents[1]
 GOALS: dict[str, tuple[float, float]] = {
     "--help": (0.35, 0.35),
     "--version": (0.35, 0.35),
@@ -31,6 +39,11 @@ GOALS: dict[str, tuple[float, float]] = {
     "estimate, nothing left": (1.2, 1.2),
 }
 """Processor seconds that a command may take, with caches full and empty; those of `next` and `run` are what is left of the whole loop's."""
+PAPER_GOALS = {"paper-quick": (30, 60), "paper": (210, 270)}
+CLICK_GOALS = (3, 8)
+"""Seconds until the study is there, and from a click to the design, with caches full and empty."""
+THINKING = 60.0
+"""Seconds for which a page is looked at before the click that is called warm."""
 LOOP_PROGRAMS = 40
 """Programs of the whole loop, whatever the number of structures."""
 MORE_TERMS = ("X_u3", "X_du2", "T_n", "X_u2")
@@ -48,11 +61,15 @@ class Cost(NamedTuple):
 
 
 def main() -> None:
-    """Measure everything and print it."""
+    """Measure and print what was asked for, all of it where nothing was."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    chosen = parser.parse_args().only
+    for package in ("src", "studies"):
+        compileall.compile_dir(ROOT / package, quiet=1)
     with tempfile.TemporaryDirectory() as place:
-        base = Path(place)
-        _loop(base)
-        _growth(base)
+        for name in chosen:
+            PARTS[name](Path(place))
 
 
 def _loop(base: Path) -> None:
@@ -133,18 +150,71 @@ def _forget(folder: Path, command: str) -> None:
             path.rename(folder / f"before-{command}-{name}")
 
 
+def _click(base: Path) -> None:
+    """Have a session of the dashboard make the design of a new campaign: as it was opened, and when it had been looked at."""
+    from seatrial.apps.session import Session
+
+    for kind, goal in (("empty caches", CLICK_GOALS[1]), ("full caches", CLICK_GOALS[0])):
+        folder = base / f"click-{kind[:5].strip()}"
+        _run(["init", str(folder)], base / "click-cache")
+        os.environ |= _environment(base / "click-cache")
+        session = Session(folder, outlives=True)
+        if kind == "full caches":
+            session.get_ready()
+            time.sleep(THINKING)
+        began = time.monotonic()
+        session.start(["design", str(folder)])
+        code = session.code(None)
+        wall = time.monotonic() - began
+        session.close()
+        session.process.wait()
+        if code:
+            raise SystemExit(f"seatrial design {folder} in a session ended with {code}")
+        print(f"click to design, {kind}: {wall:.2f} s, goal {goal}{'' if wall <= goal else '  over'}")
+
+
+def _paper(name: str, base: Path) -> None:
+    """Reproduce the paper, with empty caches and with those that were left."""
+    warm, cold = PAPER_GOALS[name]
+    for kind, goal in (("empty caches", cold), ("full caches", warm)):
+        options = ["--quick"] if name == "paper-quick" else []
+        words = ["-m", "studies.remus100", str(base / f"{name}-{kind[:5].strip()}"), *options]
+        cost = _measure(words, base / f"{name}-cache")
+        verdict = "" if cost.wall <= goal else "  over"
+        print(f"{name}, {kind}: {cost.wall:.1f} s, goal {goal}; CPU {cost.cpu:.1f} s{verdict}")
+
+
+PARTS: dict[str, Callable[[Path], None]] = {
+    "loop": _loop,
+    "growth": _growth,
+    "click": _click,
+    "paper-quick": partial(_paper, "paper-quick"),
+    "paper": partial(_paper, "paper"),
+}
+"""What can be measured, each below a folder; growth takes the caches that the loop left."""
+
+
+def _environment(cache: Path) -> dict[str, str]:
+    return {"XDG_CACHE_HOME": str(cache), "PYTHONDONTWRITEBYTECODE": ""}
+
+
 def _run(words: Sequence[str], cache: Path) -> Cost:
     """Run a command in a process of its own."""
-    environment = os.environ | {"XDG_CACHE_HOME": str(cache), "JAX_LOG_COMPILES": "1"}
+    return _measure(["-c", _MEASURED, *words], cache)
+
+
+def _measure(words: Sequence[str], cache: Path) -> Cost:
+    """Run Python in a process of its own."""
+    environment = os.environ | _environment(cache) | {"JAX_LOG_COMPILES": "1"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     start = os.times().elapsed
     done = subprocess.run(
-        [sys.executable, "-c", _MEASURED, *words], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, *words], env=environment, capture_output=True, text=True, check=False, cwd=ROOT
     )
     wall = os.times().elapsed - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode not in (0, 3):
-        raise SystemExit(f"seatrial {' '.join(words)} ended with {done.returncode}:\n{done.stderr[-2000:]}")
+        raise SystemExit(f"{' '.join(words[-4:])} ended with {done.returncode}:\n{done.stderr[-2000:]}")
     peak = re.search(r"peak memory (\d+) kB", done.stderr)
     return Cost(
         after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,

@@ -105,7 +105,7 @@ def lengthen(folder: Path, samples: int) -> None:
     store = Store(folder)
     path = sorted((store.results / "records").glob("*.nc"))[0]
     for file in (path, store.predictions):
-        data = open_dataset(file)
+        data = open_dataset(file).to_xarray()
         over = "time" if file == path else "sample"
         index = np.arange(samples) % data.sizes[over]
         longer = data.isel({over: index})

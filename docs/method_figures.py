@@ -22,7 +22,7 @@ def main() -> None:
     """Write all pictures."""
     plt.rcParams.update({"svg.hashsalt": "seatrial", "svg.fonttype": "none", "font.size": 9, "axes.spines.top": False})
     demo = Path(sys.argv[1])
-    posterior = open_dataset(demo / "results" / "posterior" / "M-2.nc")
+    posterior = open_dataset(demo / "results" / "posterior" / "M-2.nc").to_xarray()
     ridge(posterior)
     chains(posterior)
     errors()

@@ -32,7 +32,7 @@ def main() -> None:
         write_text(folder / "campaign.toml", text)
         campaign = load_campaign(folder)
         design_first(campaign)
-        found = open_dataset(folder / "results" / "design.nc")
+        found = open_dataset(folder / "results" / "design.nc").to_xarray()
         parts += [f"## {axis.capitalize()}: shapes of {control}", "", *shapes(found), ""]
         if axis == "surge":
             parts += ["## Surge: how far from trim", "", *amplitudes(found), ""]

@@ -105,7 +105,7 @@ class Study:
                 path, key = self.folder / "results" / f"{name}.nc", self.key(name)
                 if not is_current(path, key):
                     write_dataset(path, self.parts[name](self), key)
-                self._held[name] = open_dataset(path)
+                self._held[name] = open_dataset(path).to_xarray()
             return self._held[name]
 
     def key(self, name: str) -> str:

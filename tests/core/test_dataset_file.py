@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import SEAL, open_dataset, write_dataset
 from seatrial.core.errors import InputError
 
@@ -16,7 +17,7 @@ CONTENT = xr.Dataset(
 
 def test_round_trip_keeps_everything(tmp_path):
     write_dataset(tmp_path / "a.nc", CONTENT)
-    xr.testing.assert_identical(open_dataset(tmp_path / "a.nc").drop_attrs(), CONTENT.drop_attrs())
+    xr.testing.assert_identical(open_dataset(tmp_path / "a.nc").to_xarray().drop_attrs(), CONTENT.drop_attrs())
     assert open_dataset(tmp_path / "a.nc").attrs["acceptance"] == 0.25
 
 
@@ -57,13 +58,40 @@ def test_what_was_written_here_is_read_as_xarray_reads_it(tmp_path):
     theirs = xr.load_dataset(tmp_path / "a.nc", engine="h5netcdf", decode_times=False)
     del theirs.attrs[SEAL]
     ours = open_dataset(tmp_path / "a.nc")
-    xr.testing.assert_identical(ours, theirs)
-    assert {name: (one.dtype, one.dims) for name, one in ours.variables.items()} == {
+    xr.testing.assert_identical(ours.to_xarray(), theirs)
+    assert {name: (one.values.dtype, one.dims) for name, one in ours.variables.items()} == {
         name: (one.dtype, one.dims) for name, one in theirs.variables.items()
     }
     assert {name: type(value) for name, value in ours.attrs.items()} == {
         name: type(value) for name, value in theirs.attrs.items()
     }
+
+
+def test_it_is_written_as_xarray_writes_it(tmp_path):
+    write_dataset(tmp_path / "a.nc", KINDS)
+    KINDS.to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
+    ours, theirs = (xr.load_dataset(tmp_path / f"{x}.nc", engine="h5netcdf", decode_times=False) for x in "ab")
+    del ours.attrs[SEAL]
+    xr.testing.assert_identical(ours, theirs)
+
+
+@pytest.mark.parametrize(
+    "chosen", [{"b": "X_uabsu"}, {"b": ["X_uabsu", "X_u"]}, {"a": 0.2, "b": "X_u"}, {"a": [0.3, 0.1]}]
+)
+def test_labels_choose_what_they_choose_in_xarray(chosen):
+    ours = Dataset.of(KINDS)
+    for name in ("real", "yes", "single"):
+        here = {dim: label for dim, label in chosen.items() if dim in ours[name].dims}
+        np.testing.assert_array_equal(ours[name].sel(**here).values, KINDS[name].sel(here).values)
+    np.testing.assert_array_equal(ours.sel(**chosen)["real"].values, KINDS.sel(chosen)["real"].values)
+    assert ours.isel(a=slice(2)).sizes == dict(KINDS.isel(a=slice(2)).sizes)
+
+
+def test_a_label_or_a_length_that_is_not_there_is_refused():
+    with pytest.raises(KeyError, match="no X_v along b, which has X_u, X_uabsu"):
+        Dataset.of(KINDS).sel(b="X_v")
+    with pytest.raises(ValueError, match="has the shape"):
+        Dataset({"x": ("a", np.zeros(2)), "y": ("a", np.zeros(3))})
 
 
 def test_what_was_written_here_is_read_without_xarrays_readers(tmp_path, monkeypatch):

@@ -269,18 +269,6 @@ class TestThreads:
         assert done() == (0, 1)
         assert toy.traced.count("slow") == 1
 
-    def test_what_is_prepared_is_waited_for(self, toy, done):
-        for size in range(1, 7):
-            toy.slow.prepare(jax.ShapeDtypeStruct((size,), float))
-        assert [float(toy.slow(np.ones(size)).sum()) for size in range(1, 7)] == [2.0 * size for size in range(1, 7)]
-        assert done() == (0, 6)
-        assert toy.traced.count("slow") == 6
-
-    def test_what_cannot_be_prepared_fails_where_it_is_called(self, toy):
-        toy.volume.prepare(jax.ShapeDtypeStruct((2, 3, 4), float))
-        with pytest.raises((TypeError, ValueError)):
-            toy.volume(np.ones((2, 3, 4)))
-
 
 def truncated(path):
     path.write_bytes(path.read_bytes()[:-20])

@@ -7,16 +7,18 @@ a few wrong bits can have it walk in circles for ever. The attribute `sha256_of_
 import hashlib
 import json
 import struct
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import h5netcdf
 import h5py
 import numpy as np
 
+from seatrial.core.dataset import Dataset, Variable
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, depend_on
 
@@ -35,32 +37,18 @@ _OF_NETCDF = frozenset(
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 
-def write_dataset(path: Path, dataset: "xr.Dataset") -> None:
+def write_dataset(path: Path, dataset: "Dataset | xr.Dataset") -> None:
     """Write a NetCDF file atomically, with the hash of its content as the attribute `sha256_of_content`, and of its bytes behind them.
 
     HDF5 writes to memory: where a disk is full it would break the interpreter at its end.
     """
-    with _without("distributed"):  # where Dask is installed, xarray loads it to ask whether it is in use: half a second
-        content = dataset.assign_attrs({SEAL: _hash(dataset)}).to_netcdf(engine="h5netcdf")
+    content = _encoded(Dataset.of(dataset))
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         stream.write(content)
         stream.write(_MARK + hashlib.sha256(content).hexdigest().encode() + b"\n")
 
 
-@contextmanager
-def _without(module: str) -> Iterator[None]:
-    """Have a module that nobody has loaded be taken for one that is not installed."""
-    is_loaded = module in sys.modules
-    if not is_loaded:
-        sys.modules[module] = None  # pyright: ignore[reportArgumentType]
-    try:
-        yield
-    finally:
-        if not is_loaded:
-            sys.modules.pop(module, None)
-
-
-def open_dataset(path: Path) -> "xr.Dataset":
+def open_dataset(path: Path) -> Dataset:
     """Load a whole NetCDF file into memory and close it.
 
     Raises:
@@ -69,10 +57,8 @@ def open_dataset(path: Path) -> "xr.Dataset":
     with stored(path) as file:
         file.visititems(lambda _, item: dict(item.attrs) and None)  # what is broken fails here, not in a destructor
         own = _decoded(file) if is_sealed(path) else None
-    import xarray as xr  # with pandas half a second, which whoever reads no more than a stamp need not wait for
-
     with _sound(path):
-        dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False) if own is None else xr.Dataset(**own)
+        dataset = _foreign(path) if own is None else Dataset(**own)
         seal = dataset.attrs.pop(SEAL, None)
         damaged = seal is not None and seal != _hash(dataset)
     if damaged:
@@ -176,6 +162,46 @@ def _is_changed(path: Path, size: int, at: int) -> bool:
     return tail != _MARK + digest.hexdigest().encode() + b"\n"
 
 
+def _foreign(path: Path) -> Dataset:
+    """Read a file that another tool wrote, as xarray does."""
+    import xarray  # with pandas half a second, which files of our own need not wait for
+
+    return Dataset.of(xarray.load_dataset(path, engine="h5netcdf", decode_times=False))
+
+
+def _encoded(dataset: Dataset) -> bytes:
+    """Return a NetCDF-4 file as xarray would write it: missing numbers are NaN, booleans whole numbers, coordinates named by attributes."""
+    stream, axes = BytesIO(), set(dataset.sizes)
+    beside = sorted(dataset.coordinates - axes)
+    with h5netcdf.File(stream, "w") as file:
+        file.dimensions = dataset.sizes
+        named = set()
+        for name, one in dataset.variables.items():
+            near = (
+                []
+                if name in dataset.coordinates
+                else [x for x in beside if {*dataset.variables[x].dims} <= {*one.dims}]
+            )
+            named |= {*near}
+            _write_variable(file, name, one, {"coordinates": " ".join(near)} if near else {})
+        alone = [name for name in beside if name not in named]
+        others = {"coordinates": " ".join(alone)} if alone else {}
+        file.attrs.update({**dataset.attrs, **others, SEAL: _hash(dataset)})
+    return stream.getvalue()
+
+
+def _write_variable(file: Any, name: str, one: Variable, attrs: dict[str, str]) -> None:
+    values, kind = one.values, one.values.dtype.kind
+    if kind == "b":
+        values, attrs = values.astype("i1"), {**attrs, "dtype": "bool"}
+    elif kind not in "fiu":
+        values = values.astype(object)
+    stored = h5py.string_dtype() if values.dtype.kind == "O" else values.dtype
+    fill = values.dtype.type("nan") if kind == "f" else None
+    made = file.create_variable(name, one.dims, stored, data=values, fillvalue=fill)
+    made.attrs.update({**one.attrs, **attrs})
+
+
 def _decoded(file: h5py.File) -> dict[str, Any]:
     """Return the parts of a dataset as `write_dataset` has encoded it, in an eighth of the time that xarray takes for any NetCDF file.
 
@@ -220,7 +246,7 @@ def text_of(value: object) -> str:
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def _hash(dataset: "xr.Dataset") -> str:
+def _hash(dataset: Dataset) -> str:
     """Hash of variables and attributes, the same before and after a round trip through a file."""
     digest = hashlib.sha256(_text(dataset.attrs))
     for name in sorted(map(str, dataset.variables)):

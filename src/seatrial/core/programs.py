@@ -11,9 +11,8 @@ import re
 import threading
 import time
 import zlib
-from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cached_property, partial, update_wrapper
 from pathlib import Path
 from types import MethodType
@@ -114,18 +113,6 @@ class Program:
     def __reduce__(self) -> str:
         """Return the name under which another process finds it."""
         return self.__qualname__
-
-    def prepare(self, *args: Any, **kwargs: Any) -> None:
-        """Have the program for such arguments loaded or compiled in the background; a call that needs it waits for it.
-
-        Args:
-            args: as of a call; `jax.ShapeDtypeStruct` will do for an array.
-            kwargs: likewise.
-        """
-        if engine.keeps_programs() and trace_state_clean():
-            _, entry = self._entry(args, kwargs)
-            if entry is not None:
-                _prepare(entry)
 
     def clear(self) -> None:
         """Forget the programs in memory."""
@@ -308,8 +295,6 @@ _is_writable = True
 _is_tried = False
 _is_told = False
 _xla_cache_users = 0
-_waiting: deque[_Entry] = deque()
-_preparing = 0
 
 
 def _many(given: Any) -> tuple:
@@ -444,25 +429,3 @@ def _switch_xla_cache(on: bool) -> None:
     if jax.config.jax_enable_compilation_cache != on:  # pyright: ignore[reportAttributeAccessIssue]
         jax.config.update("jax_enable_compilation_cache", on)
         compilation_cache.reset_cache()  # JAX looks at the setting once
-
-
-def _prepare(entry: _Entry) -> None:
-    """Make a program in a thread, on as many at once as there are cores."""
-    global _preparing
-    with _lock:
-        _waiting.append(entry)
-        if _preparing < engine.cores():
-            _preparing += 1
-            threading.Thread(target=_work, name="seatrial programs").start()
-
-
-def _work() -> None:
-    global _preparing
-    while True:
-        with _lock:
-            if not _waiting or not threading.main_thread().is_alive():
-                _preparing -= 1
-                return
-            entry = _waiting.popleft()
-        with suppress(Exception):  # the call that needs it says so
-            entry.ready()

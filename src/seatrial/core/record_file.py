@@ -2,30 +2,23 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
-
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, Record, make_record
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 FORMAT = "seatrial record 1"
 
 
-def record_dataset(record: Record) -> "xr.Dataset":
+def record_dataset(record: Record) -> Dataset:
     """Return the record as a dataset over `time`, with unit and role of each channel as attributes."""
-    import xarray as xr  # see `open_dataset`
-
     columns = {
         channel.name: ("time", record.channel(channel.name), {"units": channel.unit, "role": channel.role})
         for channel in record.channels
     }
     provenance = record.provenance
-    return xr.Dataset(
+    return Dataset(
         columns,
         coords={"time": ("time", record.time, {"long_name": "time", "axis": "T", "unit": "s"})},
         attrs={
@@ -63,8 +56,8 @@ def read_record(path: Path) -> Record:
             for name, column in dataset.data_vars.items()
         )
         provenance = Provenance(dataset.attrs["source"], dataset.attrs["sha256"], json.loads(dataset.attrs["options"]))
-        columns = {str(name): np.asarray(column, float) for name, column in dataset.data_vars.items()}
-        time, label = np.asarray(dataset.variables["time"], float), str(dataset.attrs["label"])
+        columns = {str(name): column.values.astype(float) for name, column in dataset.data_vars.items()}
+        time, label = dataset["time"].values.astype(float), str(dataset.attrs["label"])
     except (KeyError, ValueError, TypeError) as cause:
         raise InputError(
             str(path),

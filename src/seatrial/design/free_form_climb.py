@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.optimize import minimize
 
 from seatrial.core.errors import NumericalError
 from seatrial.design.free_form_course import (
@@ -195,7 +195,7 @@ class Climb:
             constraints.append(
                 {"type": "ineq", "fun": lambda x: -self._worst(x), "jac": lambda x: -self._worst_slope(x)}
             )
-        result = minimize(
+        result = scipy.optimize.minimize(
             lambda x: -gain(x),
             x,
             jac=lambda x: -slope(x),

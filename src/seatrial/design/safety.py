@@ -16,8 +16,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Bool, Float, Int
+from scipy.special import betaincinv
 
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
@@ -211,7 +211,7 @@ def least_rooms(
 
 def probability_at_least(held: Int[np.ndarray, "*any"], draws: int, confidence: float) -> Float[np.ndarray, "*any"]:
     """Lower bound of the probability of what held in so many of the draws (Clopper and Pearson, one-sided)."""
-    return np.where(held > 0, scipy.stats.beta.ppf(1 - confidence, np.maximum(held, 1), draws - held + 1), 0.0)
+    return np.where(held > 0, betaincinv(np.maximum(held, 1), draws - held + 1, 1 - confidence), 0.0)
 
 
 def check_runs(

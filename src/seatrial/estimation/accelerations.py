@@ -22,8 +22,8 @@ from math import inf
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.optimize import minimize_scalar
 
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
@@ -154,7 +154,7 @@ def _most_likely(
     losses = np.asarray(_losses(data, usual, np.exp(tried), given))
     best = int(np.argmin(losses))
     around = tried[[max(best - 1, 0), min(best + 1, TRIED - 1)]]
-    result = minimize_scalar(
+    result = scipy.optimize.minimize_scalar(
         lambda tau: float(_losses(data, usual, np.exp([tau]), given)[0]),
         bounds=tuple(around),
         method="bounded",

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.special import stdtr
 
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.fit_verdict import FitLevel, explained_short
@@ -169,7 +169,7 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
         between = count / (count - 1) * float(np.sum(weights**2 * (means - total) ** 2))
         if between > variance:
             variance, freedom = between, count - 1.0
-    return float(scipy.stats.t.sf(total / np.sqrt(variance), freedom)) if variance > 0 else 0.5
+    return float(stdtr(freedom, -total / np.sqrt(variance))) if variance > 0 else 0.5
 
 
 def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, level: FitLevel) -> str:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.optimize import least_squares
 
 from seatrial.estimation.lag_response import Lags, Run, longest_delay
 
@@ -87,7 +87,7 @@ def fit_cubic(runs: Sequence[Run], linear: Lags) -> CubicLag:
     lower = np.array([-np.inf, -np.inf, -0.05 * FASTER, 0.0, 0.0])
     upper = np.array([np.inf, np.inf, FASTER, np.inf, 1.0])
     found = [
-        least_squares(
+        scipy.optimize.least_squares(
             residuals,
             np.clip(np.array([*begin[:2] * pull, begin[2] * share, bend, begin[4]]), lower, upper),
             bounds=(lower, upper),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import fminbound
+import scipy
 
 from seatrial.core.record import Record
 from seatrial.estimation.rows import solve
@@ -49,7 +49,7 @@ def likely_delay(
     tried = np.linspace(lower, upper, POINTS)
     best = int(np.argmin([loss(delay) for delay in tried]))
     around = tried[[max(best - 1, 0), min(best + 1, POINTS - 1)]]
-    return float(fminbound(loss, *around, xtol=1e-3 * (upper - lower)))
+    return float(scipy.optimize.fminbound(loss, *around, xtol=1e-3 * (upper - lower)))
 
 
 def delayed(record: Record, delay: float) -> Record:

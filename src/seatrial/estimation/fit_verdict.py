@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy
+from scipy.special import betainc, chdtr, chdtrc
 
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.prediction_scores import DIVERGES, Score
@@ -143,9 +143,9 @@ def _few(score: Score, channel: str, held_back: bool, coloured: bool, lacks: Seq
 def _sizes(score: Score, channel: str, held_back: bool, outside: Sequence[str]) -> FitVerdict | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
-    short = scipy.special.betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
-    large = scipy.stats.chi2.sf(n * score.variance, n) < RARE
-    small = scipy.stats.chi2.cdf(n * score.variance, n) < RARE
+    short = betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
+    large = chdtrc(n, n * score.variance) < RARE
+    small = chdtr(n, n * score.variance) < RARE
     result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
     if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
         do = (

@@ -18,9 +18,9 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
 from scipy.linalg import solve_banded
-from scipy.optimize import minimize
 
 ROWS = 2000
 """Measured samples, evenly taken from all, on which the grid is judged."""
@@ -154,7 +154,7 @@ def _refined(
     away = np.append(np.full(order, -ratio), min(0.5, max(usual / latest, 0.3 * start[-1])))
     away = np.where([low <= x <= high for x, (low, high) in zip(start + away, limits, strict=True)], away, -away)
     simplex = np.vstack([start, start + np.diag(away)])
-    found = minimize(
+    found = scipy.optimize.minimize(
         lambda x: cost(shape_of(x)),
         start,
         method="Nelder-Mead",

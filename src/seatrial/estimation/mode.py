@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, Int
-from scipy.optimize import minimize
 
 from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
@@ -395,7 +395,7 @@ def follow(
             )
         return values
 
-    result = minimize(
+    result = scipy.optimize.minimize(
         height,
         start,
         method="trust-exact",

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.special import chdtrc
 
 HIDDEN = 1e-4
 """Share of a signature that the parameters must leave for it to be told from them."""
@@ -61,7 +61,5 @@ def score_effects(
             continue
         size = float(signature @ residual - absorbed @ (jacobian.T @ residual)) / information
         sd = 1.0 / np.sqrt(information * worth)
-        results.append(
-            Omitted(name, size, float(sd), float(scipy.stats.chi2.sf((size / sd) ** 2, 1)), -absorbed * size)
-        )
+        results.append(Omitted(name, size, float(sd), float(chdtrc(1, (size / sd) ** 2)), -absorbed * size))
     return results

@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.special import betainc, betaincinv, chdtrc, ndtri
 
 from seatrial.estimation.fit_verdict import (
     BROKEN,
@@ -252,14 +252,14 @@ def shared_motion(runs: Sequence[MotionProducts]) -> float:
 def share_range(share: float, n: float) -> tuple[float, float]:
     """Return the 95 % range of a probability of which this share was found among n samples; n need not be whole."""
     k = share * n
-    lower = float(scipy.special.betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
-    upper = float(scipy.special.betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
+    lower = float(betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
+    upper = float(betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
     return lower, upper
 
 
 def probability_of_so_few(share: float, n: float) -> float:
     """Return the probability that n samples, each inside a 90 % band with probability 0.9, are inside by this share or less."""
-    return float(scipy.special.betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
+    return float(betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
 
 
 def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, float]:
@@ -271,14 +271,14 @@ def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, flo
         z: normalised residuals of all runs.
         n: independent samples that they are worth.
     """
-    found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / scipy.stats.norm.ppf(0.5 + 0.5 * BAND)
+    found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / ndtri(0.5 + 0.5 * BAND)
     factor, lower, upper = map(float, found)
     return factor, lower, upper
 
 
 def _probability_of_so_large(variance: float, n: float) -> float:
     """Return the probability that errors as stated have such a mean square; 1 for one that would not matter."""
-    return float(scipy.stats.chi2.sf(max(n, 1.0) * variance, max(n, 1.0))) if variance > BURST else 1.0
+    return float(chdtrc(max(n, 1.0), max(n, 1.0) * variance)) if variance > BURST else 1.0
 
 
 def _padded(rows: Sequence[Float[np.ndarray, " _"]]) -> Float[np.ndarray, "runs k"]:

@@ -19,8 +19,8 @@ A run's own parameters (`u_0[run]`) are part of its piece: their priors say how 
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.special import ndtri, stdtrit
 
 from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.filter_error import FilterError
@@ -82,7 +82,7 @@ class RobustErrors:
     @property
     def widening(self) -> float:
         """What a standard deviation is multiplied by so that 1.645 of it hold 90 % although few pieces tell it."""
-        return float(scipy.stats.t.ppf(BAND, self.freedom) / scipy.stats.norm.ppf(BAND))
+        return float(stdtrit(self.freedom, BAND) / ndtri(BAND))
 
     def wider(self, name: str, sd: float) -> float | None:
         """Return the standard deviation of a parameter with the error of the model, widened for few pieces.

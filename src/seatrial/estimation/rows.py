@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
 from scipy import sparse
 from scipy.linalg import LinAlgError, cholesky_banded, solve_banded
-from scipy.optimize import fminbound
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
@@ -373,7 +373,7 @@ def _force_density(
             + freedom * np.log(triangle[-1])
         )
 
-    best, least, *_ = fminbound(loss, *LOG_SHARES, xtol=0.05, full_output=True)
+    best, least, *_ = scipy.optimize.fminbound(loss, *LOG_SHARES, xtol=0.05, full_output=True)
     return float(equal * np.exp(best)) if least < loss(-np.inf) else 0.0
 
 

@@ -5,9 +5,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
-from scipy.special import comb, eval_hermitenorm, factorial
+from scipy.special import comb, eval_hermitenorm, factorial, ndtri
 
 from seatrial.core.errors import InputError
 
@@ -68,8 +67,13 @@ def _from_differences(values: np.ndarray, even: np.ndarray, order: int) -> tuple
             expected="a sensor whose noise is larger than its resolution",
             remedy="state the noise as the resolution over the square root of 12",
         )
-    sd = middle / scipy.stats.norm.ppf(0.75) / np.sqrt(comb(2 * order, order))
+    sd = middle / ndtri(0.75) / np.sqrt(comb(2 * order, order))
     return float(sd), float(sd * _relative_error(order) / np.sqrt(difference.size))
+
+
+def _density(z: float) -> float:
+    """Density of the standard normal distribution."""
+    return float(np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi))
 
 
 @lru_cache
@@ -79,10 +83,10 @@ def _relative_error(order: int) -> float:
     Differences of white noise are correlated; indicators of |z| < m expand in Hermite polynomials, whose terms of even order k
     correlate as the k-th power of that correlation (Mehler's formula).
     """
-    m = scipy.stats.norm.ppf(0.75)
+    m = ndtri(0.75)
     k = np.arange(2, 42, 2)
-    weight = (2 * scipy.stats.norm.pdf(m) * eval_hermitenorm(k - 1, m)) ** 2 / factorial(k)
+    weight = (2 * _density(m) * eval_hermitenorm(k - 1, m)) ** 2 / factorial(k)
     lags = np.arange(1, order + 1)
     correlation = np.asarray(comb(2 * order, order + lags) / comb(2 * order, order))
     variance = 0.25 + 2 * np.sum(weight * correlation[:, None] ** k)
-    return float(np.sqrt(variance) / (2 * scipy.stats.norm.pdf(m) * m))
+    return float(np.sqrt(variance) / (2 * _density(m) * m))

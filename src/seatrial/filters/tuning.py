@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.special import chdtrc, chdtri
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.state_space import StateSpace
@@ -197,7 +197,7 @@ def _band(freedom: int) -> tuple[float, float]:
     """Return the band of a mean of `freedom` squared standard normals."""
     if freedom == 0:
         return 0.0, float("inf")
-    low, high = scipy.stats.chi2.ppf([LEVEL / 2, 1 - LEVEL / 2], freedom) / freedom
+    low, high = chdtri(freedom, [1 - LEVEL / 2, LEVEL / 2]) / freedom
     return float(low), float(high)
 
 
@@ -206,7 +206,7 @@ def _ljung_box(e: np.ndarray) -> tuple[float, float]:
     n, e = e.size, e - e.mean()
     correlation = np.array([e[lag:] @ e[:-lag] for lag in range(1, LAGS + 1)]) / (e @ e)
     statistic = n * (n + 2) * np.sum(correlation**2 / (n - np.arange(1, LAGS + 1)))
-    return float(correlation[0]), float(scipy.stats.chi2.sf(statistic, LAGS))
+    return float(correlation[0]), float(chdtrc(LAGS, statistic))
 
 
 def _moved(trace: FilterTrace, space: StateSpace) -> tuple[float, int]:

@@ -15,8 +15,8 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from seatrial.core.batching import map_lanes
@@ -264,7 +264,9 @@ def maximise_likelihood(posterior: Posterior, mode: Mode) -> Maximum:
     start = fall(np.zeros(mode.z.size))[0]
     if start == _REFUSED:
         raise NumericalError("the likelihood is zero or has no derivative at the mode: it is not of this posterior")
-    result = minimize(fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200})
+    result = scipy.optimize.minimize(
+        fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200}
+    )
     x = result.x if result.fun <= start else np.zeros(mode.z.size)
     values = np.asarray(posterior.constrain(jnp.asarray(mode.z + scale @ x)))
     return Maximum(values, -float(min(result.fun, start)))

@@ -16,7 +16,6 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 from jaxtyping import Float
-from scipy.optimize import minimize
 from scipy.special import gammaln
 
 from seatrial.core.errors import InputError, NumericalError, nearest
@@ -155,7 +154,9 @@ def _student(z0: float) -> Callable[[np.ndarray], float]:
         def loss(p: np.ndarray) -> float:
             return -_log_t(scaled, *p).mean()
 
-        fitted = minimize(loss, [0.0, -0.1, np.log(10.0)], method="L-BFGS-B", bounds=[(-3, 3), (-3, 1), _LOG_FREEDOM]).x
+        fitted = scipy.optimize.minimize(
+            loss, [0.0, -0.1, np.log(10.0)], method="L-BFGS-B", bounds=[(-3, 3), (-3, 1), _LOG_FREEDOM]
+        ).x
         return float(_log_t((z0 - start) / sd, *fitted) - np.log(sd))
 
     return log_density

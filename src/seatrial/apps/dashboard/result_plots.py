@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from seatrial.apps.dashboard.downsample import Envelope, envelopes, rows_of
 from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.report.figures.fit import Z90, autocorrelation
@@ -30,7 +30,7 @@ def ready() -> bool:
     """Return True once everything is imported, also what reading a file imports."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "nothing.nc"
-        write_dataset(path, xr.Dataset({"nothing": ("name", np.zeros(1))}, {"name": ["nothing"]}))
+        write_dataset(path, Dataset({"nothing": ("name", np.zeros(1))}, {"name": ["nothing"]}))
         open_dataset(path)
     return True
 
@@ -126,7 +126,7 @@ def marginals(
     return tuple(_marginal(str(name), data, dict(truth)) for name in chosen["parameter"].values[:most])
 
 
-def _marginal(name: str, data: "Mapping[str, xr.Dataset]", truth: Mapping[str, float]) -> Marginal:
+def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float]) -> Marginal:
     rows = {label: one.sel(parameter=name) for label, one in data.items() if name in one["parameter"].values}
     row = next(iter(rows.values()))
     draws = {label: one["draws"].values.ravel() for label, one in rows.items()}

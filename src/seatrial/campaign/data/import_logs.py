@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from xarray import Dataset
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.named_files import find
@@ -16,6 +15,7 @@ from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.simulate import check_simulated, simulated_records
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, located
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record, Role

@@ -7,7 +7,6 @@ afford: the filter's entropy reduction at the prior means, and criteria of the F
 import json
 
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
@@ -17,6 +16,7 @@ from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import EXPECTED, Measures, read_measures
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.design.expected_gain import GainSettings, importance_gain
@@ -50,7 +50,7 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
     return stored_measures(campaign, count).read_or_make(lambda: _compute(campaign, count, reporter))
 
 
-def _compute(campaign: Campaign, count: int, reporter: Reporter) -> xr.Dataset:
+def _compute(campaign: Campaign, count: int, reporter: Reporter) -> Dataset:
     designs, model = design_first(campaign, reporter), campaign.model(campaign.full)
     priors = campaign.coefficient_priors(model)
     plan, cov = plan_of(campaign, model), prior_cov(priors)
@@ -80,7 +80,7 @@ def _compute(campaign: Campaign, count: int, reporter: Reporter) -> xr.Dataset:
     kept = np.array([not gain.status for gain in gains])
     measures[EXPECTED] = np.array([gain.value for gain in gains])
     measures["error"] = np.array([gain.std_error for gain in gains])
-    return xr.Dataset(
+    return Dataset(
         {name: ("design", values[kept]) for name, values in measures.items()},
         coords={"design": np.array(names)[kept]},
         attrs={"refused": json.dumps(refused)},

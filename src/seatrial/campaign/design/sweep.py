@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Float
 
 from seatrial.campaign.compute.place import workers_of
@@ -24,6 +23,7 @@ from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import on_accelerator
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.progress import SILENT, Progress, Reporter
@@ -257,7 +257,7 @@ def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
 
-    def sweep() -> xr.Dataset:
+    def sweep() -> Dataset:
         model = campaign.model(campaign.full)
         belief, draws = believed(campaign.coefficient_priors(model)), prior_draws(campaign, model)
         return _sweep(campaign, campaign.full, belief, draws, "the priors", reporter)
@@ -315,7 +315,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     return found
 
 
-def _sweep_after(campaign: Campaign, drawn: Drawn, basis: str, reporter: Reporter) -> xr.Dataset:
+def _sweep_after(campaign: Campaign, drawn: Drawn, basis: str, reporter: Reporter) -> Dataset:
     structure = drawn.structure
     draws = drawn.draws([name for name in structure.terms if name in drawn.names])
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
@@ -330,7 +330,7 @@ def _sweep(
     draws: np.ndarray,
     basis: str,
     reporter: Reporter,
-) -> xr.Dataset:
+) -> Dataset:
     model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
     scales, plan, trim = (
         belief_space(campaign, model, belief)[1],
@@ -361,7 +361,7 @@ def _sweep(
         "length": "s",
     }
     safety = safety_lines(campaign.motion_limits, campaign.design.probability, plan, best, draws)
-    return xr.Dataset(
+    return Dataset(
         {
             name: (
                 ("family", "amplitude", "period", *(("coefficient",) if name == "final_sd" else ())),

@@ -4,13 +4,13 @@ import json
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.dataset import Dataset
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.acceleration_baseline import acceleration_baseline
 from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
@@ -44,7 +44,7 @@ def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = S
     if not has_held_back(campaign):
         return None
 
-    def make() -> xr.Dataset:
+    def make() -> Dataset:
         model = campaign.model(campaign.full)
         family = [*BASELINES.values(), acceleration_baseline(model)]
         progress = reporter.progress("baselines")
@@ -115,7 +115,7 @@ def _dataset(
     fitted: Sequence[FittedBaseline],
     words: Mapping[str, str],
     refused: Mapping[str, str],
-) -> xr.Dataset:
+) -> Dataset:
     """Return what is stored; the held-back records lie one after another on `sample`."""
     lengths = [record.time.size for record in trials.predict]
     mean = np.full((len(fitted), sum(lengths), len(channels)), np.nan)
@@ -124,7 +124,7 @@ def _dataset(
         columns = [list(channels).index(channel) for channel in one.channels]
         mean[at][:, columns] = np.concatenate([one.predict(record) for record in trials.predict])
         noise_sd[at, columns] = one.noise_sd
-    return xr.Dataset(
+    return Dataset(
         {
             "record": ("sample", np.repeat(np.arange(len(lengths)), lengths)),
             "mean": (("baseline", "sample", "channel"), mean),

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
@@ -20,6 +19,7 @@ from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import Calibrated, HasKey, read_calibration
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.batching import map_lanes
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
@@ -69,7 +69,7 @@ def calibrate(
     structure, _ = campaign.full, find_method(method)
     checkpoint = Store(campaign.folder).checkpoint(f"calibration-{method}")
 
-    def run() -> xr.Dataset:
+    def run() -> Dataset:
         workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit, method)
         names = study.posterior(structure).names
         progress = reporter.progress(f"calibrate {structure.label} by {method}")
@@ -77,7 +77,7 @@ def calibrate(
         _replicate_all(study, found, replicates, progress, workers)
         arrays = found.arrays(range(replicates))
         dims = {"rank": ("replicate", "quantity"), "tries": ("replicate",), "health": ("replicate", "diagnostic")}
-        return xr.Dataset(
+        return Dataset(
             {name: (dims[name], value) for name, value in arrays.items()},
             {"quantity": [*names, LIKELIHOOD], "diagnostic": list(Mixing._fields)},
             {"structure": structure.label, "method": method},

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
@@ -18,6 +17,7 @@ from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.argument_checks import check_kind
+from seatrial.core.dataset import Dataset
 from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.core.random_keys import fold_in
@@ -128,7 +128,7 @@ class _Unended(NamedTuple):
 class _Ended(NamedTuple):
     """The posterior of a structure, as it is stored."""
 
-    data: xr.Dataset
+    data: Dataset
 
 
 def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
@@ -164,9 +164,7 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Robus
     return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 
 
-def _dataset(
-    posterior: Posterior, mode: Mode, robust: RobustErrors, draws: Draws, at: Mapping[str, float]
-) -> xr.Dataset:
+def _dataset(posterior: Posterior, mode: Mode, robust: RobustErrors, draws: Draws, at: Mapping[str, float]) -> Dataset:
     values = draws.values
     health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
@@ -190,7 +188,7 @@ def _dataset(
         "geweke": health.geweke,
         "mcse": health.mcse,
     }
-    return xr.Dataset(
+    return Dataset(
         {
             "draws": (("chain", "draw", "parameter"), values),
             "log_density": (("chain", "draw"), draws.log_density),

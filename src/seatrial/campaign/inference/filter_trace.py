@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import jax
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
@@ -24,14 +24,14 @@ from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise
 
 
-def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[xr.Dataset]:
+def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[Dataset]:
     """Return where the traces of the filter are kept, and what they depend on."""
     gained = campaign.process_sds(campaign.model(estimate.structure)).tolist()
     key = key_of("filter", estimate.key, list(campaign.noise.values()), gained)
     return StoredResult(Store(campaign.folder).filter, key, open_dataset)
 
 
-def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
+def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     """Run the filter over the fitted records one after another, each beginning with what the last one taught.
 
     Coefficients start from the mean and standard deviation of their priors; a delay is set to its posterior mean.
@@ -40,7 +40,7 @@ def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.D
     return stored_filter(campaign, estimate).read_or_make(lambda: _traces(campaign, estimate, trials))
 
 
-def filter_complaints(dataset: xr.Dataset) -> list[str]:
+def filter_complaints(dataset: Dataset) -> list[str]:
     """What is wrong with the filter's run, in words."""
     said = []
     if dataset.attrs["failures"] > 0:
@@ -95,7 +95,7 @@ def filter_record(
     return space, run_filter(unscented_filter(len(space.states)), space, control, measured, record.step)
 
 
-def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
+def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     model = campaign.model(estimate.structure)
     names, d = [term.text for term in model.coefficients], len(model.states)
     belief, scales = prior_belief(campaign.coefficient_priors(model))
@@ -123,7 +123,7 @@ def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Datase
         "state": ("sample", "state_name"),
         "innovation": ("sample", "channel"),
     }
-    return xr.Dataset(
+    return Dataset(
         {name: (dims.get(name, ("sample",)), values) for name, values in columns.items()},
         coords={"coefficient": names, "state_name": list(model.states), "channel": list(campaign.channels)},
         attrs={

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
 from seatrial.campaign.store.estimates import Drawn, Estimate, Fit, HasKey, OfStructure, read_predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.estimation.filter_error import FilterError
@@ -64,7 +64,7 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldB
     return HeldBack(tuple(fits), _pooled(campaign, pieces, fits), tuple(pieces))
 
 
-def held_back_curves(predictions: xr.Dataset) -> tuple[dict[str, np.ndarray], ...]:
+def held_back_curves(predictions: Dataset) -> tuple[dict[str, np.ndarray], ...]:
     """Return `CURVES` of each record that was not fitted, of `predict_all`."""
     labels, held_back = (json.loads(predictions.attrs[name]) for name in ("records", "held_back"))
     index = predictions["record"].values
@@ -77,25 +77,25 @@ def held_back_curves(predictions: xr.Dataset) -> tuple[dict[str, np.ndarray], ..
 
 def stored_predictions(
     campaign: Campaign, estimate: OfStructure, trials: HasKey
-) -> StoredResult[tuple[list[Fit], xr.Dataset]]:
+) -> StoredResult[tuple[list[Fit], Dataset]]:
     """Return where the predictions are kept, and what they depend on."""
     names = [field.name for of in (Fit, Pooled) for field in fields(of)]
     key = key_of("predictions", names, estimate.key, trials.key)
 
-    def read(path: Path) -> tuple[list[Fit], xr.Dataset]:
+    def read(path: Path) -> tuple[list[Fit], Dataset]:
         return list(read_predictions(path).fits), open_dataset(path)
 
     return StoredResult(Store(campaign.folder).predictions, key, read)
 
 
-def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], xr.Dataset]:
+def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], Dataset]:
     """Predict every record with draws from the posterior; returns the fits and the stored curves.
 
     The curves lie on `sample`, the records one after another: record index, time, measured, mean, and the standard
     deviations of the motion (coefficients unknown) and of a measurement (noise added).
     """
 
-    def predict() -> xr.Dataset:
+    def predict() -> Dataset:
         records = [*trials.fit, *trials.predict]
         pieces = [_predict(campaign, estimate, record) for record in records]
         columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
@@ -106,7 +106,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         ]
         pooled = _pooled(campaign, pieces[len(trials.fit) :], fits)
         lengths = [record.time.size for record in records]
-        return xr.Dataset(
+        return Dataset(
             {
                 "time": ("sample", columns["time"], {"unit": "s"}),
                 "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
@@ -133,7 +133,7 @@ def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
     }
 
 
-def pooled_of(predictions: xr.Dataset) -> tuple[Pooled, ...]:
+def pooled_of(predictions: Dataset) -> tuple[Pooled, ...]:
     """Return how each channel of all held-back records together is predicted, of `predict_all`."""
     return tuple(Pooled(**item) for item in json.loads(predictions.attrs["pooled"]))
 

@@ -3,16 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Bool, Float, Int
+from scipy.special import betaincinv
 
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 ADAPTIVE = "adaptive"
 WITHIN = 1.64
@@ -41,7 +40,7 @@ class Rehearsal:
         data: as stored: `trials`, `met`, `estimate`, `sd` and the designs by vehicle and strategy, `truth` and `refused` by vehicle.
     """
 
-    data: "xr.Dataset"
+    data: Dataset
 
     @property
     def strategies(self) -> tuple[str, ...]:
@@ -96,7 +95,7 @@ class Rehearsal:
         after = np.arange(1, self.most + 1)
         count = (self.met[:, column, None] & (self.needed[:, column, None] <= after)).sum(0)
         a, b = count + 0.5, self.vehicles - count + 0.5
-        return count / self.vehicles, np.stack([scipy.stats.beta.ppf(0.05, a, b), scipy.stats.beta.ppf(0.95, a, b)])
+        return count / self.vehicles, np.stack([betaincinv(a, b, 0.05), betaincinv(a, b, 0.95)])
 
     def median_sd(self, strategy: str) -> Float[np.ndarray, "N k"]:
         """Median over vehicles of what is known after 1, 2, … trials, SI; a vehicle that has stopped keeps its last."""
@@ -121,8 +120,8 @@ class Rehearsal:
         if self.vehicles >= MANY:
             return share.value - 1.96 * share.error, share.value + 1.96 * share.error
         inside, n = share.value * self.vehicles, self.vehicles
-        low = 0.0 if inside == 0 else float(scipy.stats.beta.ppf(0.025, inside, n - inside + 1))
-        return low, 1.0 if inside == n else float(scipy.stats.beta.ppf(0.975, inside + 1, n - inside))
+        low = 0.0 if inside == 0 else float(betaincinv(inside, n - inside + 1, 0.025))
+        return low, 1.0 if inside == n else float(betaincinv(inside + 1, n - inside, 0.975))
 
     def more_often(self, strategy: str) -> tuple[Mean, float]:
         """Share of the vehicles in which the adaptive strategy met the goal and the other did not, less the opposite.

@@ -17,7 +17,6 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import Goal
@@ -28,6 +27,7 @@ from seatrial.campaign.rehearsal.designs import RANDOM, Design, DesignSpace, des
 from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal, read_rehearsal
 from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
@@ -190,14 +190,14 @@ def _kinds(families: Sequence[Family]) -> list[str]:
     return kinds if RANDOM in kinds else [*kinds, RANDOM]
 
 
-def _outcomes(data: xr.Dataset) -> list[Outcome]:
+def _outcomes(data: Dataset) -> list[Outcome]:
     return [{name: data[name].values[i] for name in DIMENSIONS} for i in range(data.sizes["vehicle"])]
 
 
-def _dataset(campaign: Campaign, strategies: Sequence[str], outcomes: Sequence[Outcome]) -> xr.Dataset:
+def _dataset(campaign: Campaign, strategies: Sequence[str], outcomes: Sequence[Outcome]) -> Dataset:
     stacked = {name: (dims, np.stack([one[name] for one in outcomes])) for name, dims in DIMENSIONS.items()}
     names = [term.text for term in campaign.model(campaign.full).coefficients]
-    data = xr.Dataset(stacked, {"strategy": list(strategies), "coefficient": names})
+    data = Dataset(stacked, {"strategy": list(strategies), "coefficient": names})
     data["family"].attrs = {
         "flag_values": np.arange(len(_kinds(campaign.families))),
         "flag_meanings": " ".join(_kinds(campaign.families)),

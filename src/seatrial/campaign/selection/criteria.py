@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
@@ -21,6 +20,7 @@ from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import StoredCriteria, read_criteria
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.progress import SILENT, Progress, Reporter, no_progress, run_side_by_side
 from seatrial.estimation.mode import find_mode
@@ -152,7 +152,7 @@ def _both(
     return Criteria(estimate.structure, deviance, found, edges, refused)
 
 
-def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> xr.Dataset:
+def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     posterior = build_posterior(campaign, estimate.structure, trials.fit)
     draws = thin_draws(estimate.data["draws"].values, MOST)
     refused, found = "", []
@@ -178,7 +178,7 @@ def _at_maximum(posterior: Posterior, key: Array) -> list[PredictiveCriterion]:
 
 def _predict(
     campaign: Campaign, structure: Structure, trials: Trials, edges: np.ndarray, progress: Progress
-) -> xr.Dataset:
+) -> Dataset:
     """Leave-future-out of one structure; where it cannot be had, the reason."""
     past = past_of(partial(build_posterior, campaign, structure), trials.fit)
     blocks = edges.size - 1
@@ -198,7 +198,7 @@ def _predict(
     return dataset
 
 
-def _dataset(found: Sequence[PredictiveCriterion], refused: str) -> xr.Dataset:
+def _dataset(found: Sequence[PredictiveCriterion], refused: str) -> Dataset:
     """Criteria by their contributions; what is one number of each goes into an attribute."""
     numbers = {
         one.method: [
@@ -212,7 +212,7 @@ def _dataset(found: Sequence[PredictiveCriterion], refused: str) -> xr.Dataset:
     }
     columns = {f"pointwise {one.method}": ("point", one.pointwise) for one in found}
     columns |= {f"k_hat {one.method}": ("point", one.k_hat) for one in found if one.k_hat.size}
-    return xr.Dataset(columns, attrs={"criteria": json.dumps(numbers), "refused": refused})
+    return Dataset(columns, attrs={"criteria": json.dumps(numbers), "refused": refused})
 
 
 def _criteria_in(stored: StoredCriteria) -> dict[str, PredictiveCriterion]:

@@ -7,7 +7,6 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
@@ -21,6 +20,7 @@ from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Contenders, largest_of, read_contenders
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.progress import SILENT, Reporter
@@ -333,7 +333,7 @@ def compare_contenders(
         reporter: who is told.
     """
 
-    def compute() -> xr.Dataset:
+    def compute() -> Dataset:
         progress = reporter.progress("compare the best structure with the runner-up")
         progress(0, 1)
         dataset = _dataset(campaign, best, runner, trials, sweep)
@@ -343,7 +343,7 @@ def compare_contenders(
     return stored_contenders(campaign, best, runner, trials).read_or_make(compute)
 
 
-def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> xr.Dataset:
+def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Dataset:
     found = compare_speeds(campaign, best, runner, trials, sweep)
     join = {name: np.concatenate([getattr(one, name) for one in found]) for name in found[0].CURVES}
     control = sweep.family.control
@@ -353,7 +353,7 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
     )
     row, column = largest_of(nats)
     commands.append(sweep.best_manoeuvre().sample(sweep.family.sample_time)[1])
-    return xr.Dataset(
+    return Dataset(
         {
             **{name: ("sample", column) for name, column in join.items()},
             "which": ("sample", np.repeat(np.arange(len(found)), [one.time.size for one in found])),

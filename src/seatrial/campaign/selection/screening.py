@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import xarray as xr
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -12,6 +11,7 @@ from seatrial.campaign.inference.quick_estimates import left_out
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened, read_screening
+from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.progress import SILENT, Reporter
 from seatrial.estimation.delay_estimate import delayed, likely_delay
@@ -40,7 +40,7 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
         InputError: a vehicle whose added mass is sought, velocities not measured, or records that cannot tell the terms apart.
     """
 
-    def compute() -> xr.Dataset:
+    def compute() -> Dataset:
         progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
         progress(0, 1)
         dataset = _dataset(campaign, *_screen(campaign, trials))
@@ -140,14 +140,14 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
     return screen(equations, campaign.rules, records, noise, believed, key, narrowest, g), delay
 
 
-def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> xr.Dataset:
+def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> Dataset:
     posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
     names = list(posterior.names)
     columns = [found.rows.names.index(name) for name in names]
     member = np.array([[name in posterior.terms(rank) for name in names] for rank in range(best)])
     averaged = posterior.coefficients()
     factor = found.sensitivity.log_bayes_factor
-    return xr.Dataset(
+    return Dataset(
         {
             "always": ("term", [name in found.rules.always for name in names]),
             "inclusion": ("term", posterior.inclusion),

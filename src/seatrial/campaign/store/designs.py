@@ -3,18 +3,16 @@
 import json
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.store.stored_result import decoding, read_json
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.design.utility_agreement import Agreement, compare_utilities
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ EXPECTED = "expected information gain"
 class Measures:
     """Every measure of some designs, as stored: each by `design`, and `error`, the Monte Carlo error of the expected gain."""
 
-    data: "xr.Dataset"
+    data: Dataset
 
     @property
     def agreements(self) -> tuple[Agreement, ...]:

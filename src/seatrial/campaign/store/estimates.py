@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, stored, text_of
 from seatrial.core.errors import InputError
 from seatrial.core.notebook import result_html
@@ -22,7 +23,6 @@ from seatrial.estimation.remedies import measured, percent
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
-    import xarray as xr
     from pandas import DataFrame
 
 VAIN = 10.0
@@ -78,7 +78,7 @@ class Estimate:
     """
 
     structure: Structure
-    data: "xr.Dataset"
+    data: Dataset
 
     @property
     def key(self) -> str:

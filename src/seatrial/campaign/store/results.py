@@ -10,7 +10,6 @@ Whether a result still belongs to the campaign file is not asked: `seatrial.camp
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from seatrial.campaign.rehearsal.result import Rehearsal, read_rehearsal
 from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
@@ -54,12 +53,10 @@ from seatrial.campaign.store.structures import (
     read_selection,
     read_summary,
 )
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -161,7 +158,7 @@ class Results:
         """Read what baselines say of the held-back records."""
         return read_baselines(self.store.baselines)
 
-    def filter(self) -> "xr.Dataset":
+    def filter(self) -> Dataset:
         """Read the traces of the filter, the records one after another on `sample`."""
         return open_dataset(self.store.filter)
 

@@ -11,20 +11,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 from zipfile import ZIP_STORED
 
 import numpy as np
 
 from seatrial import __version__
 from seatrial.core import dataset_file
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored, text_of
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, depend_on, set_aside, sha256_of_json, write_json
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 FILE_NAME = "campaign.toml"
 """What a campaign is, in its folder."""
@@ -277,13 +274,13 @@ class StoredResult(Generic[Result]):
             return "missing"
         return "current" if stamp_of(self.path) == self.key else "stale"
 
-    def write(self, content: "xr.Dataset | Mapping[str, Any]") -> None:
+    def write(self, content: "Dataset | Mapping[str, Any]") -> None:
         """Write it with its key, atomically."""
         write: Callable[..., None] = write_stamped_json if self.path.suffix == ".json" else write_dataset
         write(self.path, content, self.key)
 
     def read_or_make(
-        self, make: "Callable[[], xr.Dataset | Mapping[str, Any]]", after: Callable[[], object] | None = None
+        self, make: "Callable[[], Dataset | Mapping[str, Any]]", after: Callable[[], object] | None = None
     ) -> Result:
         """Read it if it is current and sound; otherwise make it, write it, and read what was written.
 
@@ -302,7 +299,7 @@ class StoredResult(Generic[Result]):
         return self.read(self.path)
 
 
-def write_dataset(path: Path, dataset: "xr.Dataset", key: str) -> None:
+def write_dataset(path: Path, dataset: Dataset, key: str) -> None:
     """Write a stamped NetCDF file, atomically."""
     dataset_file.write_dataset(path, dataset.assign_attrs(key=key, seatrial_version=__version__))
 

@@ -10,13 +10,12 @@ import numpy as np
 from seatrial.campaign.store.baselines import decode_comparison
 from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
 from seatrial.campaign.store.stored_result import decoding, read_json
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.estimation.baseline_comparison import Comparison
 from seatrial.estimation.pooled_coverage import Pooled
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from seatrial.selection.verdict import Selection
 
 
@@ -168,7 +167,7 @@ class Screened:
             `log_bayes_factor` along `scale`, the factor on prior standard deviations.
     """
 
-    data: "xr.Dataset"
+    data: Dataset
 
     @property
     def optional(self) -> list[str]:
@@ -226,7 +225,7 @@ class Contenders:
             factor, NaN where a limit is broken.
     """
 
-    data: "xr.Dataset"
+    data: Dataset
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -253,7 +252,7 @@ class Contenders:
         name = str(self.data["manoeuvre"].values[manoeuvre])
         return name if manoeuvre == self.data.sizes["manoeuvre"] - 1 else f"run {name}"
 
-    def curve(self, manoeuvre: int) -> "xr.Dataset":
+    def curve(self, manoeuvre: int) -> Dataset:
         """Samples of one manoeuvre."""
         return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
 

@@ -1,7 +1,7 @@
 """Everything that the loop found, as the report draws it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -10,12 +10,10 @@ from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
 from seatrial.campaign.store.structures import Contenders, Screened
+from seatrial.core.dataset import Dataset
 from seatrial.estimation.baseline_comparison import Comparison
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.selection.verdict import Selection
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +49,9 @@ class Outcome:
     estimates: tuple[Estimate, ...]
     selection: Selection
     chosen: Estimate
-    filter: "xr.Dataset"
+    filter: Dataset
     fits: tuple[Fit, ...]
-    predictions: "xr.Dataset"
+    predictions: Dataset
     pooled: tuple[Pooled, ...]
     baselines: FittedBaselines | None
     compared: tuple[Comparison, ...]
