@@ -49,7 +49,7 @@ estimate = _Module("inference.estimate")
 filter_trace = _Module("inference.filter_trace")
 identifiability = _Module("inference.identifiability")
 omitted_effects = _Module("inference.omitted_effects")
-predict = _Module("inference.predict")
+judge_predictions = _Module("inference.judge_predictions")
 profile = _Module("inference.profile")
 prior = _Module("prior.predictive")
 rehearsal = _Module("rehearsal.run")
@@ -331,8 +331,8 @@ LOOP = (
     Step(
         "predictions",
         ("candidates", "chosen", "trials"),
-        predict.predict_all,
-        lambda campaign, chosen, trials: [predict.stored_predictions(campaign, chosen, trials)],
+        judge_predictions.predict_all,
+        lambda campaign, chosen, trials: [judge_predictions.stored_predictions(campaign, chosen, trials)],
         "predictions.nc",
         listed="predict",
         command="run",
