@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.core.dataset import Dataset
+from seatrial.core.dataset import Column, Dataset
 from seatrial.core.dataset_file import SEAL, open_dataset, write_dataset
 from seatrial.core.errors import InputError
 
@@ -85,6 +85,26 @@ def test_labels_choose_what_they_choose_in_xarray(chosen):
         np.testing.assert_array_equal(ours[name].sel(**here).values, KINDS[name].sel(here).values)
     np.testing.assert_array_equal(ours.sel(**chosen)["real"].values, KINDS.sel(chosen)["real"].values)
     assert ours.isel(a=slice(2)).sizes == dict(KINDS.isel(a=slice(2)).sizes)
+
+
+@pytest.mark.parametrize(
+    "calculate",
+    [
+        lambda data: data["a"] - 1,
+        lambda data: 2 * data["a"] / data["b"],
+        lambda data: np.exp(-data["a"]),
+        lambda data: data["a"] > 1,
+        lambda data: abs(data["a"]).max(),
+        lambda data: data[["a"]].to_dataframe(),
+        lambda data: data.a.sel(x="q"),
+        lambda data: [*list(data), len(data), len(data["a"]), int(data["a"].sel(x="q")), sum(data["a"])],
+    ],
+)
+def test_calculations_are_those_of_xarray(calculate):
+    ours = Dataset({"a": ("x", np.arange(3.0)), "b": ("x", np.ones(3))}, {"x": ["p", "q", "r"]})
+    found, expected = calculate(ours), calculate(ours.to_xarray())
+    found = found.to_xarray() if isinstance(found, Column) else found
+    assert found.equals(expected) if hasattr(found, "equals") else found == expected
 
 
 def test_a_label_or_a_length_that_is_not_there_is_refused():

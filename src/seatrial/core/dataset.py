@@ -3,10 +3,11 @@
 Whatever is not here is asked of `to_xarray`, so that to those who evaluate results in Python these are xarray's.
 """
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,11 +72,21 @@ class Dataset:
         """What is no coordinate, by name."""
         return {name: self[name] for name in self.variables if name not in self.coordinates}
 
-    def __getitem__(self, name: str) -> "Column":
-        return Column(self, name, self.variables[name])
+    @overload
+    def __getitem__(self, name: str) -> "Column": ...
+    @overload
+    def __getitem__(self, name: list[str]) -> "xr.Dataset": ...
+    def __getitem__(self, name: str | list[str]) -> "Column | xr.Dataset":
+        return Column(self, name, self.variables[name]) if isinstance(name, str) else self.to_xarray()[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self.variables
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.data_vars)
+
+    def __len__(self) -> int:
+        return len(self.data_vars)
 
     def __repr__(self) -> str:
         return repr(self.to_xarray())
@@ -129,8 +140,8 @@ class Dataset:
         return Dataset(data, {name: variables[name] for name in variables if name in self.coordinates}, attrs)
 
 
-class Column:
-    """A variable of a dataset, which knows the labels along its dimensions."""
+class Column(NDArrayOperatorsMixin):
+    """A variable of a dataset, which knows the labels along its dimensions; calculations with it are xarray's."""
 
     def __init__(self, dataset: Dataset, name: str, variable: Variable):
         self._dataset, self._name = dataset, name
@@ -155,8 +166,22 @@ class Column:
     def __repr__(self) -> str:
         return repr(self.to_xarray())
 
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return getattr(ufunc, method)(
+            *(one.to_xarray() if isinstance(one, Column) else one for one in inputs), **options
+        )
+
     def __float__(self) -> float:
         return float(self.values)
+
+    def __int__(self) -> int:
+        return int(self.values)
+
+    def __bool__(self) -> bool:
+        return bool(self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
 
     def __getitem__(self, place: Any) -> Any:
         return self.values[place]
