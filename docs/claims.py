@@ -17,7 +17,7 @@ GENERATED = ("decisions", "vehicles", "reference", "_build")
 SHOWN_BY = ("tests/", "src/", "make ", "python ", "seatrial ", "source: ")
 """How an entry begins: a test, the line of code that sets a limit, a command, or a reference."""
 _NAMES = (
-    r"[A-Za-z]\w*_\w*|Apache 2\.0|WSL 2|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1"
+    r"[A-Za-z]\w*_\w*|Apache 2\.0|WSL 2|ISO 8601|PX4|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1"
     r"|Python 3\.\d+ to 3\.\d+|code \d+|chapter \d+|M-\d|2B"
 )
 _NOT_A_FIGURE = re.compile(rf"`[^`]*`|^\$\$.*|!?\[[^]]*\]\([^)]*\)|\$[^$]*\$|\((?:19|20)\d\d\)|^\d+\. |{_NAMES}")

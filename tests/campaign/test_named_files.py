@@ -155,6 +155,7 @@ def test_every_key_that_names_a_file_is_known():
                 found.add(f"{table.__name__}.{name}")
     assert found == {
         "FileTable.path",
+        "KeepTable.path",
         "ColumnTable.curve",
         "ThrustLawTable.curve",
         "VehicleTable.known_from",

@@ -5,6 +5,7 @@ import pytest
 from scipy import integrate, stats
 
 from seatrial.estimation.prediction_scores import (
+    SlowNoise,
     _innovations,
     coverage,
     crps_normal,
@@ -176,5 +177,7 @@ def test_what_is_new_in_coloured_residuals_is_white_by_the_factor_of_their_covar
     """Samples at uneven times: the inverse of the Cholesky factor of exp(-|t - t'| / tau) makes them independent, of variance one."""
     rng = np.random.default_rng(12)
     time, z = np.cumsum(rng.uniform(0.05, 1.0, 30)), rng.normal(size=30)
-    cov = np.exp(-np.abs(time[:, None] - time) / 0.4)
-    np.testing.assert_allclose(_innovations(time, z, 0.4), np.linalg.solve(np.linalg.cholesky(cov), z), rtol=1e-9)
+    for share in (1.0, 0.7):
+        cov = share * np.exp(-np.abs(time[:, None] - time) / 0.4) + (1 - share) * np.eye(30)
+        white = np.linalg.solve(np.linalg.cholesky(cov), z)
+        np.testing.assert_allclose(_innovations(time, z, SlowNoise(0.4, share)), white, rtol=1e-9)

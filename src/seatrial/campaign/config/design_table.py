@@ -145,7 +145,7 @@ def read_limits(
             raise InputError(
                 keys.where(f"limits.{name}"),
                 found=f'"{name}"',
-                expected="a control, a state, or a way: " + ", ".join(known),
+                expected="a control, a state or a track: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
     of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in model.controls}

@@ -90,6 +90,9 @@ def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tup
         for name, column in file.channels.items():
             if column.curve is not None:
                 yield f"import.files[{index}].channels.{name}.curve", column.curve, ""
+    for index, rule in enumerate(imports.keep):
+        for run in imports.runs:
+            yield f"import.keep[{index}].path", rule.path, run
 
 
 def folders_outside(
