@@ -17,8 +17,6 @@ from seatrial.manoeuvres.family import Family
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rules import compile_rules, parse_rules
 from seatrial.selection.screening import TermPrior, screen
-from seatrial.selection.subsets.gram import gram
-from seatrial.selection.thresholded import thresholded_least_squares
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
@@ -32,19 +30,15 @@ CHANNELS = (Channel("u", "m/s", "measurement"), Channel("n", "rad/s", "control")
 
 
 def recovered(cores: int) -> list[Row]:
-    """Ours, thresholded least squares on our rows, and the peers."""
+    """Return the rows of ours and of the peers."""
     random = np.random.default_rng(1)
     truths = [structure(random) for _ in range(TRIALS)]
     records = [trial(terms, random, str(i)) for i, terms in enumerate(truths)]
     screened(records[0])
-    found: dict[str, tuple[list[list[str]], float | None]] = {}
-    start, ours, thresholded = time.perf_counter(), [], []
-    for record in records:
-        probable, by_threshold = screened(record)
-        ours.append(probable)
-        thresholded.append(by_threshold)
+    found: dict[str, tuple[list[list[str]], float]] = {}
+    start = time.perf_counter()
+    ours = [screened(record) for record in records]
     found["seatrial, screening, median-probability"] = ours, (time.perf_counter() - start) / TRIALS
-    found["thresholded least squares by BIC, on the same rows"] = thresholded, None
     series = [{"u": record.channel("u").tolist(), "n": record.channel("n").tolist()} for record in records]
     for name, peer in ask("peer_structures.py", {"trials": series, "step": STEP, "u": TRIM_U, "n": TRIM_N}, {}).items():
         found[name] = peer["terms"], peer["seconds"]
@@ -58,7 +52,7 @@ def recovered(cores: int) -> list[Row]:
         ]
         right = float(np.mean([not a and not b for a, b in zip(missed, invented, strict=True)]))
         what = f"{name}: {np.mean(missed):.2f} missed, {np.mean(invented):.2f} invented"
-        what += "" if seconds is None else f", {1e3 * seconds:.0f} ms a trial"
+        what += f", {1e3 * seconds:.0f} ms a trial"
         rows.append(Row(GROUP, what, cores, "share wholly right", right, right))
     return rows
 
@@ -84,12 +78,10 @@ def trial(terms: list[str], random: np.random.Generator, label: str) -> Record:
     return make_record(time_, {"u": measured, "n": control}, CHANNELS, Provenance("simulated", "0" * 64), label)
 
 
-def screened(record: Record) -> tuple[list[str], list[str]]:
-    """Terms of more than even probability, and those of thresholded least squares on the same rows."""
+def screened(record: Record) -> list[str]:
+    """Return the terms of more than even probability."""
     library = TermLibrary(tuple(map(CoefficientName.parse, TRUTH)), ("u", "n"))
     rules = compile_rules(library, parse_rules([f"always {ALWAYS}"], library))
     prior = {name: TermPrior(0.0, 2 * abs(value)) for name, value in TRUTH.items()}
     found = screen([axis_equation("X", tuple(TRUTH), MASS)], rules, [record], {"u": NOISE}, prior, jax.random.key(0))
-    probable = [name for name in TRUTH if found.inclusion.get(name, 1.0) > 0.5]
-    stats = gram(found.rows.design, found.rows.target)
-    return probable, list(thresholded_least_squares(stats, found.rows.names, always=[ALWAYS]).terms)
+    return [name for name in TRUTH if found.inclusion.get(name, 1.0) > 0.5]

@@ -34,11 +34,9 @@ from seatrial.selection.bridge import bridge_evidence
 from seatrial.selection.combined_evidence import Keys, agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
-from seatrial.selection.laplace import laplace_evidence
 from seatrial.selection.nested import nested_evidence
 from seatrial.selection.prior_monte_carlo import prior_evidence
 from seatrial.selection.savage_dickey import savage_dickey
-from seatrial.selection.thermodynamic import LadderSettings, sample_ladder, stepping_stone, thermodynamic
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "evidence"
@@ -59,10 +57,9 @@ HARD: dict[str, Callable[[], known.Problem]] = {
     "two peaks, 2": known.two_peaks,
     "phase transition, 10": known.phase_transition,
 }
-METHODS = ("importance", "smc", "ladder", "bridge", "nested", "prior", "laplace")
-"""What is run; one ladder gives both stepping-stone and thermodynamic integration."""
+METHODS = ("importance", "smc", "bridge", "nested", "prior")
 SLOW = ("normal, 10", "normal, 20", "phase transition, 10")
-CHEAP = {"importance": 100, "laplace": 10, "prior": 100, "savage-dickey": 100}
+CHEAP = {"importance": 100, "prior": 100, "savage-dickey": 100}
 USUAL, FEW = 40, 20
 TERM_CHAINS = ChainSettings(warmup=2000, draws=2000, thin=4)
 BRIDGE_CHAINS = ChainSettings(chains=32, warmup=3000, draws=12000, thin=4)
@@ -70,9 +67,7 @@ PRIOR_DRAWS = 100_000
 LEAST = {
     ("smc", "normal, 20"): 12,
     ("agreement", "normal, 20"): 8,
-    ("ladder", "normal, 20"): 8,
     ("nested", "normal, 20"): 8,
-    ("ladder", "phase transition, 10"): 8,
     ("nested", "phase transition, 10"): 8,
 }
 
@@ -91,7 +86,7 @@ def main() -> None:
     most = int(sys.argv[1]) if len(sys.argv) > 1 else None
     cases = [(method, target) for target in (*BENIGN, *HARD) for method in methods_for(target)]
     done = run_side_by_side([partial(run_case, *case, most) for case in cases])
-    found = {key: case for results in done for key, case in results.items()}
+    found = dict(zip(cases, done, strict=True))
     text = tables(found, list(BENIGN), list(HARD))
     failed = failures(found, list(BENIGN))
     print(text, *failed, sep="\n")
@@ -119,7 +114,7 @@ def repeats_of(method: str, target: str) -> int:
     return LEAST.get((method, target), usual)
 
 
-def run_case(method: str, target: str, most: int | None) -> dict[tuple[str, str], Case]:
+def run_case(method: str, target: str, most: int | None) -> Case:
     """Repeat one estimator on one target; what earlier runs of this script found is kept."""
     path = FOLDER / f"{method}-{target.replace(', ', '-').replace(' ', '-')}.json"
     kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"runs": []}
@@ -130,39 +125,22 @@ def run_case(method: str, target: str, most: int | None) -> dict[tuple[str, str]
         first_nested = method == "nested" and not seed
         posterior = replace(problem.posterior, likelihood=counted) if first_nested else problem.posterior
         began = perf_counter()
-        answers = estimate(method, posterior, jax.random.key(seed))
+        answer = estimate(method, posterior, jax.random.key(seed))
         seconds = perf_counter() - began
-        kept.setdefault("evaluations", counted.count or evaluations(method, posterior.dim, answers))
-        kept["runs"].append(
-            {
-                name: [_or_none(one.value - problem.log_evidence), _or_none(one.stated), one.status, seconds]
-                for name, one in answers.items()
-            }
-        )
+        kept.setdefault("evaluations", counted.count or evaluations(method, posterior.dim, answer))
+        error = _or_none(answer.value - problem.log_evidence)
+        kept["runs"].append([error, _or_none(answer.stated), answer.status, seconds])
         write_json(path, kept)
-    return {
-        (name, target): Case([Run(*map(_or_nan, run[name])) for run in kept["runs"][:repeats]], kept["evaluations"])
-        for name in kept["runs"][0]
-    }
+    return Case([Run(*map(_or_nan, run)) for run in kept["runs"][:repeats]], kept["evaluations"])
 
 
-def estimate(method: str, posterior: Posterior, key: jax.Array) -> dict[str, Answer]:
-    """Answers by name; a refusal is one too."""
-    names = ("stepping-stone", "thermodynamic") if method == "ladder" else (method,)
+def estimate(method: str, posterior: Posterior, key: jax.Array) -> Answer:
+    """Return what a user gets; a refusal is an answer too."""
     try:
         found = ESTIMATE[method](posterior, key)
     except NumericalError as error:
-        return {name: Answer(np.nan, np.nan, str(error), {}) for name in names}
-    return {
-        name: Answer(one.log_value, one.std_error, one.status, one.diagnostics)
-        for name, one in zip(names, found if isinstance(found, tuple) else (found,), strict=True)
-    }
-
-
-def both_of_a_ladder(posterior: Posterior, key: jax.Array) -> tuple[Evidence, Evidence]:
-    """Stepping-stone and thermodynamic integration."""
-    ladder = sample_ladder(posterior, key)
-    return stepping_stone(ladder), thermodynamic(ladder)
+        return Answer(np.nan, np.nan, str(error), {})
+    return Answer(found.log_value, found.std_error, found.status, found.diagnostics)
 
 
 def bridge(posterior: Posterior, key: jax.Array) -> Evidence:
@@ -185,17 +163,15 @@ def bayes_factor(posterior: Posterior, key: jax.Array) -> Any:
     return savage_dickey(posterior, "c1", draws.z)
 
 
-def evaluations(method: str, d: int, answers: dict[str, Answer]) -> int | None:
+def evaluations(method: str, d: int, answer: Answer) -> int | None:
     """Densities that a run evaluates, those of the search for the mode aside; None for nested sampling, which is counted."""
-    answer, size, smc, ladder = next(iter(answers.values())), ImportanceSettings(), EvidenceSettings(), LadderSettings()
+    size, smc = ImportanceSettings(), EvidenceSettings()
     match method:
         case "importance" if answer.diagnostics:
             return size.draws + size.pilot * (1 + answer.diagnostics["refits"])
         case "smc" if answer.diagnostics:
             steps = sum(answer.diagnostics["temperatures"])
             return smc.smc.particles_for(d) * (steps * smc.smc.moves_for(d) + smc.repeats)
-        case "ladder":
-            return (ladder.warmup + ladder.draws) * ladder.rungs * ladder.copies * max(2, d // 2)
         case "bridge":
             return BRIDGE_CHAINS.chains * (BRIDGE_CHAINS.warmup + BRIDGE_CHAINS.draws + 16) + 20_000
         case "savage-dickey":
@@ -205,14 +181,12 @@ def evaluations(method: str, d: int, answers: dict[str, Answer]) -> int | None:
     return None
 
 
-ESTIMATE: dict[str, Callable[[Posterior, jax.Array], Evidence | tuple[Evidence, ...]]] = {
+ESTIMATE: dict[str, Callable[[Posterior, jax.Array], Evidence]] = {
     "importance": importance_evidence,
     "smc": smc_evidence,
-    "ladder": both_of_a_ladder,
     "bridge": bridge,
     "nested": nested_evidence,
     "prior": partial(prior_evidence, draws=PRIOR_DRAWS),
-    "laplace": laplace_evidence,
     "savage-dickey": bayes_factor,
     DEFAULT: lambda posterior, key: agreed_evidence(posterior, Keys(*jax.random.split(key))),
 }

@@ -18,10 +18,7 @@ DRAWN = 40
 """Runs of a case that are drawn."""
 DEFAULT = "agreement"
 """What `agreed_evidence` gives; it alone promises not to be wrong in silence."""
-SHOWN = (
-    *("importance", "smc", "stepping-stone", "thermodynamic", "bridge", "nested", "prior"),
-    *("savage-dickey", "laplace", DEFAULT),
-)
+SHOWN = ("importance", "smc", "bridge", "nested", "prior", "savage-dickey", DEFAULT)
 _HEAD = (
     "| estimator | target, parameters | runs | complain | of the others within 2 errors | sd of error / stated "
     "| mean error, nats | stated, median | evaluations | s |"

@@ -17,7 +17,7 @@ from seatrial.design.free_form_problem import FreeFormProblem, Room, check_probl
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES
 from seatrial.design.trial_plan import plan_trial
-from seatrial.manoeuvres.free_form import SplineInput, SteppedInput
+from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.manoeuvre import Limits
 from tests.cases import TRUTH, U0, paper_model
 
@@ -60,24 +60,25 @@ def test_draws_that_may_break_a_bound_are_the_share_rounded_down(risk, left_out)
     np.testing.assert_array_equal(problem().safe_for, VALUES[None])
 
 
-def test_limits_of_a_spline_in_rows():
-    """Every value between the bounds and every rate below its limit: as shares of the span and of the rate."""
-    form = SplineInput("n", TRIM, 60.0, 0.0, 60.0, 8)
+def test_limits_of_ramps_in_rows():
+    """Every rate below its limit, as a share of it."""
+    form = SteppedInput("n", TRIM, 60.0, 0.0, 57.0, 8, edge=3.0)
     target = problem(form, rate=2.0)
     rows, most = target.linear()
-    values, rates = form.values(), form.rates()
-    assert rows.shape == (2 * len(values) + 2 * len(rates), form.size)
+    rates = form.rates()
+    assert rows.shape == (2 * len(rates), form.size)
     x = np.random.default_rng(0).uniform(-0.4, 1.0, form.size)
-    level, slope = values @ x, rates @ x * 25.0
+    slope = rates @ x * 25.0
     broken = rows @ x > most + 1e-12
-    expected = np.concatenate([level > 1.0, -level > 0.4, slope > 2.0, -slope > 2.0])
+    assert 0 < broken.sum() < len(rates)
+    expected = np.concatenate([slope > 2.0, -slope > 2.0])
     np.testing.assert_array_equal(broken, expected)
     assert problem().linear()[0].shape == (0, 12)
 
 
 def test_gentled_inputs_are_inside_and_near():
     """Inside inputs stay; others come within a few percent of the nearest point inside, found by a general solver."""
-    form = SplineInput("n", TRIM, 60.0, 0.0, 60.0, 8)
+    form = SteppedInput("n", TRIM, 60.0, 0.0, 57.0, 8, edge=3.0)
     target = problem(form, rate=2.0)
     rows, most = target.linear()
     low, high = target.box

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.export.stability import dissipation_findings
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import added_mass_matrix, rigid_mass_matrix
-from seatrial.vehicles.laws import (
+from seatrial.vehicles.whole import whole_vehicle
+from tests.vehicles.laws import (
     added_mass_findings,
     check_laws,
     coriolis_findings,
-    dissipation_findings,
     energy_findings,
     sign_findings,
 )
-from seatrial.vehicles.whole import whole_vehicle
 from tests.vehicles.test_free_body import odd_body
 
 REMUS = load_vehicle("remus100_hall_anstee")

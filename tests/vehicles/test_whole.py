@@ -15,7 +15,7 @@ from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.linearise import linearise
 from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
-from seatrial.vehicles.simulate import simulate, simulate_many
+from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from seatrial.vehicles.whole import whole_vehicle
 from tests.vehicles import prestero_twin as twin
@@ -246,10 +246,6 @@ def test_batch_over_parameters_equals_loops():
     params = {name: value * rng.uniform(0.9, 1.1, 3) for name, value in REMUS.coefficients.items()}
     control, step = np.tile(FINS, (40, 1)), np.full(40, 0.02)
     batch = jax.vmap(lambda p: simulate(QUATERNION, p, control, step, by_quaternion(POINT)))(params)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.vehicles.simulate.BLOCK", 2)
-        blocks = simulate_many(QUATERNION, params, control, step, by_quaternion(POINT))
-    assert np.allclose(blocks, batch, rtol=1e-12, atol=1e-13)
     for i in range(3):
         own = {name: value[i] for name, value in params.items()}
         assert np.allclose(

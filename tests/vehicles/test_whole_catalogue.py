@@ -6,10 +6,10 @@ from scipy.integrate import quad
 
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import load_vehicle, make_vehicle, vehicle_names
-from seatrial.vehicles.laws import added_mass_findings, check_laws, coriolis_findings
 from seatrial.vehicles.linearise import Trim
 from seatrial.vehicles.remus100_fossen import remus100_fossen, spheroid
 from seatrial.vehicles.thrusters import allocation
+from tests.vehicles.laws import added_mass_findings, check_laws, coriolis_findings
 from tests.vehicles.steering import nomoto, steady_motion
 
 RHO, DIAMETER, CENTRE = 1030.0, 0.191, 0.611

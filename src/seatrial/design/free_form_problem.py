@@ -15,7 +15,7 @@ from seatrial.design.cost import TrialCost, check_cost
 from seatrial.design.free_form_course import Course, Setup, Watched, courses
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.free_form import FreeForm
+from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.manoeuvre import Limits
 
 
@@ -39,7 +39,7 @@ class FreeFormProblem:
     """
 
     plan: TrialPlan
-    form: FreeForm
+    form: SteppedInput
     limits: Limits
     points: Float[np.ndarray, "P k"]
     prior_cov: Float[np.ndarray, "k k"]
@@ -94,18 +94,11 @@ class FreeFormProblem:
         return Watched(self.motion, self.cost, jax.device_put(self.safe_for))
 
     def linear(self) -> tuple[Float[np.ndarray, "r m"], Float[np.ndarray, " r"]]:
-        """Return the rows A and bounds b of the limits of value and rate, A x <= b; plain bounds of the levels are left out."""
-        low, high = self.box
-        rows, most = [np.zeros((0, self.form.size))], [np.zeros(0)]
-        values = self.form.values()
-        if not np.array_equal(values, np.eye(self.form.size)):
-            rows += [values, -values]
-            most += [np.full(len(values), high), np.full(len(values), -low)]
-        if self.limits.rate is not None:
-            rates = self.form.rates() * self.span / self.limits.rate
-            rows += [rates, -rates]
-            most += [np.ones(2 * len(rates))]
-        return np.concatenate(rows), np.concatenate(most)
+        """Return the rows A and bounds b of the limits of the rate, A x <= b; bounds of the levels are those of the box."""
+        if self.limits.rate is None:
+            return np.zeros((0, self.form.size)), np.zeros(0)
+        rates = self.form.rates() * self.span / self.limits.rate
+        return np.concatenate([rates, -rates]), np.ones(2 * len(rates))
 
 
 class Room(NamedTuple):

@@ -3,6 +3,8 @@
 Mass that is not positive definite, damping that gives energy, and added mass that an explicit step cannot follow.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.linalg import eigh
 
@@ -11,7 +13,6 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.hull import AXES
-from seatrial.vehicles.laws import dissipation_findings
 
 _AGAIN = (
     "estimate it again with a prior that ends at 0 (`physical = true`), export a structure without it by `--structure`, "
@@ -40,7 +41,7 @@ def check_stable(vehicle: ExportedVehicle, target: str) -> None:
                 remedy=_AGAIN,
             )
     for speeds in _motions(vehicle):
-        findings = dissipation_findings(vehicle.forces, speeds, _SAMPLES)
+        findings = dissipation_findings(vehicle.forces, speeds)
         if findings:
             name = _culprit(vehicle, speeds)
             raise InputError(
@@ -80,6 +81,35 @@ def check_explicit_added_mass(vehicle: ExportedVehicle, target: str, limit: floa
     )
 
 
+def dissipation_findings(
+    values: Mapping[str, float], speeds: Mapping[str, float] = _RANGE, samples: int = _SAMPLES, seed: int = 0
+) -> list[str]:
+    """Return the motions in which damping gives power, nu . F > 0, among random ones.
+
+    Damping is every term of velocities alone with a modulus, an odd power or one factor: X_uabsu, Y_v, N_r3. Products of two
+    velocities without modulus, such as Y_uv and M_uw, are lift and Coriolis forces: they do no work, or are paid for by the propeller.
+
+    Args:
+        values: coefficients, SI.
+        speeds: range of each velocity, from minus to plus; of those not named it is 0.
+        samples: number of motions.
+        seed: of the samples.
+    """
+    ranges = np.array([speeds.get(rate, 0.0) for rate in RATES])
+    motions = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, 6)) * ranges
+    signals = dict(zip(RATES, motions.T, strict=True))
+    power, share = np.zeros(samples), np.zeros(samples)
+    for name in map(CoefficientName.parse, values):
+        if _is_damping(name):
+            part = signals[RATES[AXES.index(name.axis)]] * values[name.text] * name.regressor(signals, {})
+            power, share = power + part, share + np.abs(part)
+    worst = int(np.argmax(power - 1e-9 * share))
+    if not power[worst] > 1e-9 * share[worst]:
+        return []
+    motion = ", ".join(f"{rate} = {x:.3g}" for rate, x in zip(RATES, motions[worst], strict=True) if x)
+    return [f"damping gives {power[worst]:.3g} W in the motion {motion}; it must take power in every motion"]
+
+
 def _check_mass(vehicle: ExportedVehicle, place: str) -> None:
     moving = [RATES.index(rate) for rate in vehicle.moves]
     matrix = (vehicle.rigid_mass + vehicle.added_mass)[np.ix_(moving, moving)]
@@ -114,6 +144,15 @@ def _culprit(vehicle: ExportedVehicle, speeds: dict[str, float]) -> str | None:
     """Return the one coefficient without which damping would take energy in these motions."""
     for name in vehicle.forces:
         others = {other: value for other, value in vehicle.forces.items() if other != name}
-        if not dissipation_findings(others, speeds, _SAMPLES):
+        if not dissipation_findings(others, speeds):
             return name
     return None
+
+
+def _is_damping(name: CoefficientName) -> bool:
+    """Return whether a term is damping: of velocities alone, and no plain product of two."""
+    plain = all(factor.signal in RATES and not factor.change and not factor.derivative for factor in name.factors)
+    if not plain or not name.factors or name.axis not in AXES:
+        return False
+    order = sum(factor.power for factor in name.factors)
+    return order % 2 == 1 or any(factor.modulus for factor in name.factors)

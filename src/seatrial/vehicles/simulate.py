@@ -1,20 +1,15 @@
-"""Deterministic simulation: RK4 from sample to sample with the control held, of one vehicle or of many."""
+"""Deterministic simulation: RK4 from sample to sample with the control held."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.batching import lanes_at_once
 from seatrial.core.programs import program
 from seatrial.numerics.integrate import Integrator, Move, rk4_step, time_loop
 from seatrial.vehicles.model import Params, VehicleModel
-
-BLOCK = 64
-"""Lanes that advance together on a processor: states and coefficients of more no longer fit its first cache."""
 
 
 def simulate(
@@ -36,34 +31,6 @@ def simulate(
         integrator: one-step method.
     """
     return _trajectory(model, integrator)(dict(params), control, step, initial)
-
-
-def simulate_many(
-    model: VehicleModel,
-    params: Mapping[str, Float[Array, " b"]],
-    control: Float[Array, "n n_controls"],
-    step: Float[Array, " n"],
-    initial: Float[Array, " n_states"],
-    integrator: Integrator = rk4_step,
-) -> Float[Array, "b n n_states"]:
-    """Return the trajectories of b vehicles that differ in their coefficients, otherwise as `simulate`."""
-    return _trajectories(model, integrator)(dict(params), control, step, initial)
-
-
-def by_blocks(function: Callable[[Any], Any], lanes: Any) -> Any:
-    """Apply a function to every lane, in blocks that fit a processor's cache or an accelerator's memory; to be called in compiled code.
-
-    Args:
-        function: of one lane; it is batched with `jax.vmap`.
-        lanes: arrays, or a tree of them, whose first axis counts lanes.
-    """
-    count = jax.tree.leaves(lanes)[0].shape[0]
-    blocks = -(-count // lanes_at_once(jax.vmap(function), lanes, cpu=BLOCK))
-    width = -(-count // blocks)
-    filled = jnp.minimum(jnp.arange(blocks * width), count - 1)
-    cut = jax.tree.map(lambda x: jnp.asarray(x)[filled].reshape(blocks, width, *x.shape[1:]), lanes)
-    found = jax.lax.map(jax.vmap(function), cut)
-    return jax.tree.map(lambda x: x.reshape(blocks * width, *x.shape[2:])[:count], found)
 
 
 def move_by(
@@ -105,15 +72,6 @@ def move_by(
         return (*moved[:body], *actual(h), *moved[body:-1])
 
     return move
-
-
-@lru_cache(maxsize=64)
-def _trajectories(model: VehicleModel, integrator: Integrator):
-    @program
-    def trajectories(params: dict, control: Array, step: Array, initial: Array) -> Array:
-        return by_blocks(lambda own: _trajectory(model, integrator)(own, control, step, initial), params)
-
-    return trajectories
 
 
 @lru_cache(maxsize=64)

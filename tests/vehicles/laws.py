@@ -10,12 +10,10 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
+from seatrial.export.stability import dissipation_findings
 from seatrial.vehicles.coriolis import matrix_products
 from seatrial.vehicles.hull import AXES, Hull, added_mass_matrix, asymmetric_pairs
 from seatrial.vehicles.model import Params, VehicleModel
-
-_SPEEDS = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))
-"""Range of each velocity that is sampled, m/s and rad/s, where none is given."""
 
 
 def added_mass_findings(values: Mapping[str, float]) -> list[str]:
@@ -40,35 +38,6 @@ def coriolis_findings(values: Mapping[str, float]) -> list[str]:
         for product in matrix_products(added_mass_matrix(values))
         if product.name not in named
     ]
-
-
-def dissipation_findings(
-    values: Mapping[str, float], speeds: Mapping[str, float] | None = None, samples: int = 2000, seed: int = 0
-) -> list[str]:
-    """Return the motions in which damping gives power, nu . F > 0, among random ones.
-
-    Damping is every term of velocities alone with a modulus, an odd power or one factor: X_uabsu, Y_v, N_r3. Products of two
-    velocities without modulus, such as Y_uv and M_uw, are lift and Coriolis forces: they do no work, or are paid for by the propeller.
-
-    Args:
-        values: coefficients, SI.
-        speeds: range of each velocity, from minus to plus; of those not named it is 0.
-        samples: number of motions.
-        seed: of the samples.
-    """
-    ranges = np.array([(speeds or _SPEEDS).get(rate, 0.0) for rate in RATES])
-    motions = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, 6)) * ranges
-    signals = dict(zip(RATES, motions.T, strict=True))
-    power, share = np.zeros(samples), np.zeros(samples)
-    for name in map(CoefficientName.parse, values):
-        if _is_damping(name):
-            part = signals[RATES[AXES.index(name.axis)]] * values[name.text] * name.regressor(signals, {})
-            power, share = power + part, share + np.abs(part)
-    worst = int(np.argmax(power - 1e-9 * share))
-    if not power[worst] > 1e-9 * share[worst]:
-        return []
-    motion = ", ".join(f"{rate} = {x:.3g}" for rate, x in zip(RATES, motions[worst], strict=True) if x)
-    return [f"damping gives {power[worst]:.3g} W in the motion {motion}; it must take power in every motion"]
 
 
 def sign_findings(hull: Hull, values: Mapping[str, float]) -> list[str]:
@@ -146,12 +115,3 @@ def check_laws(hull: Hull, values: Mapping[str, float], allowed: Iterable[str] =
             expected="coefficients that obey the laws of mechanics",
             remedy="check signs, units and the table they come from",
         )
-
-
-def _is_damping(name: CoefficientName) -> bool:
-    """Return whether a term is damping: of velocities alone, and no plain product of two."""
-    plain = all(factor.signal in RATES and not factor.change and not factor.derivative for factor in name.factors)
-    if not plain or not name.factors or name.axis not in AXES:
-        return False
-    order = sum(factor.power for factor in name.factors)
-    return order % 2 == 1 or any(factor.modulus for factor in name.factors)
