@@ -3,7 +3,7 @@
 `python benchmarks/commands.py` runs the loop on the template campaign twice, each time in a new folder: first with caches that are empty,
 then with those that the first left. Growth with the number of structures and of samples follows, the study of the paper, quick and full,
 and a click on "Run the design" in the dashboard: its session's answer, without the browser (`dashboard.py --clicks` has one).
-`--only loop growth click paper-quick paper` measures some of it. Nothing else should run meanwhile. Modules are compiled before,
+`--only loop growth run click paper-quick paper` measures some of it. Nothing else should run meanwhile. Modules are compiled before,
 as an installer does, whatever PYTHONDONTWRITEBYTECODE says.
 """
 
@@ -39,6 +39,8 @@ GOALS: dict[str, tuple[float, float]] = {
     "estimate, nothing left": (1.2, 1.2),
 }
 """Processor seconds that a command may take, with caches full and empty; those of `next` and `run` are what is left of the whole loop's."""
+RUN_GOALS = (15, 40)
+"""Processor seconds of `make run` after set-up, which is `seatrial run` on a new template campaign, with caches full and empty."""
 PAPER_GOALS = {"paper-quick": (30, 60), "paper": (210, 270)}
 CLICK_GOALS = (3, 8)
 """Seconds until the study is there, and from a click to the design, with caches full and empty."""
@@ -150,6 +152,19 @@ def _forget(folder: Path, command: str) -> None:
             path.rename(folder / f"before-{command}-{name}")
 
 
+def _whole_run(base: Path) -> None:
+    """Run the whole loop by one command on a new campaign, as `make run` does."""
+    for kind, goal in (("empty caches", RUN_GOALS[1]), ("full caches", RUN_GOALS[0])):
+        folder = base / f"run-{kind[:5].strip()}"
+        _run(["init", str(folder)], base / "run-cache")
+        cost = _run(["run", str(folder)], base / "run-cache")
+        verdict = "" if cost.cpu <= goal else "  over"
+        print(
+            f"run, {kind}: CPU {cost.cpu:.1f} s, goal {goal}; {cost.wall:.1f} s, {cost.memory:.0f} MB, "
+            f"{cost.compiled} compiled, {cost.loaded} loaded{verdict}"
+        )
+
+
 def _click(base: Path) -> None:
     """Have a session of the dashboard make the design of a new campaign: as it was opened, and when it had been looked at."""
     from seatrial.apps.session import Session
@@ -187,6 +202,7 @@ def _paper(name: str, base: Path) -> None:
 PARTS: dict[str, Callable[[Path], None]] = {
     "loop": _loop,
     "growth": _growth,
+    "run": _whole_run,
     "click": _click,
     "paper-quick": partial(_paper, "paper-quick"),
     "paper": partial(_paper, "paper"),
