@@ -144,7 +144,7 @@ def _speeds(
     draws = table[:: max(1, len(table) // DRAWS)][:DRAWS]
     values = dict(zip(estimate.names, np.vstack([table.mean(axis=0), draws]).T, strict=True))
     output, data = _output(campaign, estimate, trials)
-    apart, starts = jax.vmap(lambda one: (output.apart(one), output.starts(one, data)))(values)
+    apart, starts = _apart_and_starts(output, values, data)
     here = [{**values, **{name: np.asarray(c)[:, i] for name, c in apart.items()}} for i in range(len(trials.fit))]
     trim = np.tile(campaign.state_trim(model), (1 + len(draws), 1))
     runs = [
@@ -166,6 +166,12 @@ def _speeds(
             )
         found.append((time, np.where(lost[:, None], np.nan, speed)))
     return found
+
+
+@program(static_argnums=0)
+def _apart_and_starts(output: OutputError, values: dict[str, Array], data: TrialData) -> tuple[dict[str, Array], Array]:
+    """Return what differs between trials, and where each begins, of every draw."""
+    return jax.vmap(lambda one: (output.apart(one), output.starts(one, data)))(values)
 
 
 def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> SpeedDifference:
