@@ -124,3 +124,14 @@ def test_gain_beyond_a_bound_is_along_the_ridge():
     target = posterior(priors, quadratic, (jnp.asarray(centre), jnp.asarray(np.linalg.inv(cov))))
     values = centre + cov[:, 0] * (1.0 - centre[0])
     assert _gain_beyond(target, values, 0, 1.2) == pytest.approx((2.0**2 - 1.8**2) / 2, abs=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 3.0, 0.6])
+def test_beyond_a_bound_nothing_follows_along_what_the_data_do_not_say(ratio):
+    """Of two others only one sum is known: the gain is that of the one that moves alone, whatever rounding leaves of curvature."""
+    together = np.outer([5.0, 5.0 * ratio], [5.0, 5.0 * ratio])
+    precision = np.block([[np.ones((1, 1)), np.zeros((1, 2))], [np.zeros((2, 1)), together]])
+    priors = {name: Uniform(-1.0, 1.0) for name in "abc"}
+    target = posterior(priors, quadratic, (jnp.asarray([3.0, 0.0, 0.0]), jnp.asarray(precision)))
+    found = _gain_beyond(target, np.array([1.0, 0.0, 0.0]), 0, 1.2)
+    assert found == pytest.approx((2.0**2 - 1.8**2) / 2, abs=1e-9)

@@ -23,6 +23,8 @@ LEANING = 0.1
 """Share of the posterior that may lie within `EDGE` of a bound."""
 FAR = 4.0
 """Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data."""
+FLAT = 1e-9
+"""Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed."""
 SOME = 0.01
 """Share of the prior without a finite likelihood of which a reader is told."""
 APART = 0.25
@@ -167,8 +169,12 @@ def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: i
     others = np.arange(values.size) != index
     hessian = expand_likelihood(posterior, values[None]).hessian[0]
     candidates = [values + move]
-    if np.isfinite(hessian).all() and np.linalg.eigvalsh(-hessian[np.ix_(others, others)]).min(initial=1.0) > 0:
-        follow = -np.linalg.solve(hessian[np.ix_(others, others)], hessian[others, index]) * move[index]
-        candidates.append(candidates[0] + np.insert(follow, index, 0.0))
+    if np.isfinite(hessian).all():
+        size = np.sqrt(np.abs(np.diag(hessian)))[others]
+        scale = np.outer(size, size)
+        curvature = np.divide(-hessian[np.ix_(others, others)], scale, out=np.zeros_like(scale), where=scale > 0)
+        if np.linalg.eigvalsh(curvature).min(initial=1.0) > FLAT:
+            follow = np.linalg.solve(curvature, hessian[others, index] / size) / size * move[index]
+            candidates.append(candidates[0] + np.insert(follow, index, 0.0))
     here, *there = expand_likelihood(posterior, np.stack([values, *candidates])).value
     return float(max(there) - here)
