@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "release"))
-from digest import CASES
+sys.path.insert(0, str(Path(__file__).parents[1] / "release"))
+from digest import CASES, ROOT
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
