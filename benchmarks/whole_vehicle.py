@@ -15,10 +15,11 @@ import numpy as np
 from reference import as_c, load, on_cores
 from timing import Ratio, Row, agree, alternate, row
 
+from seatrial.core.batching import map_lanes
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import added_mass_matrix, rigid_mass_matrix
-from seatrial.vehicles.simulate import by_blocks, simulate
+from seatrial.vehicles.simulate import simulate
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.vehicles import prestero_twin
@@ -39,7 +40,7 @@ def speed(cores: int) -> list[Row | Ratio]:
     rudder, plane = fins(n)
     values = np.stack([VEHICLE.coefficients[name] * factor for name, factor in zip(NAMES, _spread(lanes), strict=True)])
     parts = [dict(zip(NAMES, map(jnp.asarray, part), strict=True)) for part in np.array_split(values, cores, axis=1)]
-    batch = jax.jit(lambda part: by_blocks(lambda own: final(own, jnp.asarray(rudder), jnp.asarray(plane)), part))
+    batch = jax.jit(lambda part: map_lanes(lambda own: final(own, jnp.asarray(rudder), jnp.asarray(plane)), part, cpu=64))
     blocks, out = _inverse_blocks(), np.empty((13, lanes))
 
     def ours() -> np.ndarray:

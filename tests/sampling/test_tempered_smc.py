@@ -78,6 +78,23 @@ def test_no_draw_can_be_simulated():
         sample_tempered_smc(target, KEY, SMCSettings())
 
 
+@pytest.mark.parametrize("share", [0.5, 0.02])
+def test_evidence_where_a_part_of_the_prior_cannot_be_simulated(share):
+    """Under a standard normal prior exp(-a^2 / 2) above a bound alone: the posterior is a normal one, cut off there."""
+    bound = stats.norm.isf(share)
+    target = posterior(
+        {"a": Normal(0.0, 1.0)}, lambda v, data: jnp.where(v["a"] > bound, -0.5 * v["a"] ** 2, -jnp.inf)
+    )
+    truth = np.sqrt(0.5) * stats.norm.sf(np.sqrt(2.0) * bound)
+    runs = [sample_tempered_smc(target, jax.random.key(i), SMCSettings()) for i in range(40)]
+    ratio = np.exp([run.log_evidence for run in runs]) / truth
+    assert abs(ratio.mean() - 1) < 4 * ratio.std(ddof=1) / np.sqrt(40)
+    assert all(run.alive == pytest.approx(share, abs=5 * np.sqrt(share / 512)) for run in runs)
+    kept = stats.truncnorm(np.sqrt(2.0) * bound, np.inf, scale=np.sqrt(0.5))
+    means = [run.particles.mean() for run in runs]
+    assert np.mean(means) == pytest.approx(kept.mean(), abs=4 * np.std(means, ddof=1) / np.sqrt(40) + 1e-12)
+
+
 def test_too_few_temperature_steps():
     with pytest.raises(NumericalError, match=r"stopped at temperature .* after 2 steps.*Use more particles"):
         sample_tempered_smc(PAIR.posterior, KEY, SMCSettings(), max_steps=2)

@@ -1,34 +1,43 @@
-"""Adaptive tempered sequential Monte Carlo (Del Moral, Doucet and Jasra 2006), by BlackJAX.
+"""Adaptive tempered sequential Monte Carlo (Del Moral, Doucet and Jasra 2006).
 
-Particles start as draws from the prior, less those whose likelihood is zero, and move through p(z) L(z)^b with b from 0 to
-1, each step of b chosen so that the weights keep a stated effective sample size; in between they move by random-walk
-Metropolis with the covariance of the particles, scaled so that about a quarter of the moves are accepted. The product of
-the mean weights estimates the evidence.
+Particles start as draws from the prior, less those whose likelihood is zero, and go through p(z) L(z)^b with b from 0 to 1.
+
+    repeat until b = 1
+        b' = the largest for which the weights L^(b' - b) keep the stated effective sample size
+        log Z <- log Z + log of the mean weight
+        resample systematically, b <- b'
+        move each particle by random-walk Metropolis, with the covariance of all of them, scaled so that about a
+            quarter of the moves are accepted
+
+A particle carries its likelihood with it: nothing is evaluated but the places that moves propose.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
 from seatrial.core.argument_checks import check_count, check_number
-from seatrial.core.batching import lanes_at_once
+from seatrial.core.batching import map_lanes
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.progress import Progress, no_progress
 from seatrial.core.random_keys import fold_in, split
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
+from seatrial.sampling.walk import log_ratio_of, mean_acceptance
 
-_FLOOR = -1e100
-"""Stands for log 0 while tempering: 0 * (-inf) would be NaN."""
 _GAIN = 2.0
 """How fast the scale of the moves follows their acceptance."""
 _START = 1e-30
 """First temperature: no finite likelihood is felt there, and one of 0 still is."""
+_HALVINGS = 80
+"""Of the interval in which the next temperature lies, on a scale of logarithms: to the last bit."""
 
 
 @dataclass(frozen=True)
@@ -128,29 +137,28 @@ def sample_tempered_smc(
     particles = settings.particles_for(target.dim)
     start = start or prior_particles(target, start_key, particles)
     alive = start.alive
-    cloud = _begin(settings, target, start.particles, start.temperature)
     if alive == 0.0:
         raise NumericalError(
             f"none of {particles} draws from the prior has a finite likelihood: under this prior the model "
             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
+    cloud = _begin(settings, target, start.particles, start.temperature)
+    if alive < 1.0:  # apart what was copied into the places of others
+        cloud, _, _ = _step(settings, target, cloud, fold_in(key, max_steps), start.temperature)
     log_evidence, temperatures, acceptance = float(np.log(alive)), [], []
-    log_scale = np.zeros(())
     for iteration in range(max_steps):
         before = float(cloud.temperature)
-        step_key = fold_in(key, iteration)
-        cloud, log_scale, increment, accepted = _step(settings, target, cloud, log_scale, step_key)
+        cloud, increment, accepted = _step(settings, target, cloud, fold_in(key, iteration), 1.0)
         temperature = float(cloud.temperature)
         log_evidence += float(increment)
         temperatures.append(temperature)
         acceptance.append(float(accepted))
         progress(round(1000 * (1 + np.log10(max(temperature, 1e-9)) / 9)), 1000)
         if temperature >= 1.0:
-            resampled = _resample(cloud, fold_in(key, max_steps))
             lost = len(temperatures) * (1.0 / settings.target_ess - 1.0) + (1.0 / alive - 1.0)
             return SMCResult(
                 log_evidence,
-                np.asarray(resampled),
+                np.asarray(cloud.at.z),
                 np.array(temperatures),
                 np.array(acceptance),
                 alive,
@@ -165,79 +173,108 @@ def sample_tempered_smc(
     )
 
 
+class _Place(NamedTuple):
+    """Where particles are: z, shape (..., d), and log prior density and log-likelihood there, shape (...)."""
+
+    z: Array
+    log_prior: Array
+    log_likelihood: Array
+
+
 class _Cloud(NamedTuple):
-    """Particles on their way, arrays only.
+    """Equally weighted particles on their way: where they are, b, and the logarithm of the scale of their moves."""
 
-    Attributes:
-        particles: positions, shape (particles, d).
-        weights: theirs, shape (particles,).
-        temperature: b.
-        factor: Cholesky factor of the steps' covariance, shape (1, d, d).
-    """
-
-    particles: Array
-    weights: Array
+    at: _Place
     temperature: Array
-    factor: Array
+    log_scale: Array
 
 
 @program(static_argnums=0)
 def _begin(settings: SMCSettings, target: Target, particles: Array, temperature: Array) -> _Cloud:
-    weights = _kernel(settings, target).init(particles).sampler_state.weights
-    return _Cloud(particles, weights, jnp.asarray(temperature, float), _factor_of(particles))
+    at = map_lanes(partial(_place, target), particles, cpu=_lanes(settings, target))
+    return _Cloud(at, jnp.asarray(temperature, float), jnp.zeros(()))
 
 
 @program(static_argnums=0)
-def _step(settings: SMCSettings, target: Target, cloud: _Cloud, log_scale: Array, key: Array):
-    kernel = _kernel(settings, target)
-    state = kernel.init(cloud.particles)
-    begun = state.sampler_state._replace(weights=cloud.weights, tempering_param=cloud.temperature)
-    state = state._replace(sampler_state=begun, parameter_override={"factor": cloud.factor})
-    (after, override), info = kernel.step(key, state)
-    acceptance = jnp.mean(info.update_info.acceptance_rate)
-    log_scale = log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
-    moved = _Cloud(after.particles, after.weights, after.tempering_param, jnp.exp(log_scale) * override["factor"])
-    return moved, log_scale, info.log_likelihood_increment, acceptance
+def _step(settings: SMCSettings, target: Target, cloud: _Cloud, key: Array, last: Array) -> tuple[_Cloud, Array, Array]:
+    """Take a step of temperature, to `last` at most, and move; also the log of the mean weight, and the mean acceptance."""
+    pick_key, move_key = jax.random.split(key)
+    n = settings.particles_for(target.dim)
+    delta = _temperature_step(cloud, n * settings.target_ess, last)
+    log_weights = delta * cloud.at.log_likelihood
+    temperature = jnp.where(delta < last - cloud.temperature, cloud.temperature + delta, last)
+    picked = _systematic(pick_key, log_weights)
+    at = jax.tree.map(lambda array: array[picked], cloud.at)
+    steps = jnp.exp(cloud.log_scale) * 2.38 / np.sqrt(target.dim) * _factor_of(at.z)
+    move = partial(_move, target, settings.moves_for(target.dim), temperature, steps)
+    at, accepted = map_lanes(
+        lambda one: move(*one), (at, jax.random.split(move_key, n)), cpu=_lanes(settings, target)
+    )
+    acceptance = jnp.mean(accepted)
+    scale = cloud.log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
+    return _Cloud(at, temperature, scale), logsumexp(log_weights) - np.log(n), acceptance
 
 
-@program
-def _resample(cloud: _Cloud, key: Array) -> Array:
-    from blackjax.smc.resampling import systematic
+def _temperature_step(cloud: _Cloud, effective: float, last: Array) -> Array:
+    """Return the largest step of temperature, to `last` at most, whose weights keep so many effective particles."""
+    log_likelihood = cloud.at.log_likelihood
+    whole = last - cloud.temperature
 
-    return cloud.particles[systematic(key, cloud.weights, cloud.particles.shape[0])]
+    def too_far(delta: Array) -> Array:
+        log_weights = delta * log_likelihood
+        return 2.0 * logsumexp(log_weights) - logsumexp(2.0 * log_weights) < np.log(effective)
+
+    def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        middle = 0.5 * (low + high)
+        far = too_far(jnp.exp(middle))
+        return jnp.where(far, low, middle), jnp.where(far, middle, high)
+
+    ends = jnp.log(_START * 1e-10), jnp.log(whole)
+    low, _ = jax.lax.fori_loop(0, _HALVINGS, halve, ends)
+    return jnp.where(too_far(whole), jnp.exp(low), whole)
+
+
+def _systematic(key: Array, log_weights: Array) -> Array:
+    """Return the indices of as many particles, drawn by systematic resampling (Kitagawa 1996): equal weights keep each once."""
+    n = log_weights.size
+    sums = jnp.cumsum(jax.nn.softmax(log_weights))
+    places = (jnp.arange(n) + jax.random.uniform(key)) / n
+    return jnp.minimum(jnp.searchsorted(sums / sums[-1], places), n - 1)
+
+
+def _move(
+    target: Target, moves: int, temperature: Array, steps: Array, at: _Place, key: Array
+) -> tuple[_Place, Array]:
+    """Move one particle by Metropolis steps of a covariance, whose factor is given; also the mean probability of acceptance."""
+
+    def move(at: _Place, key: Array) -> tuple[_Place, Array]:
+        step_key, accept_key = jax.random.split(key)
+        proposed = _place(target, at.z + steps @ jax.random.normal(step_key, at.z.shape))
+        log_ratio = log_ratio_of(_log_density(proposed, temperature), _log_density(at, temperature))
+        accepted = jnp.log(jax.random.uniform(accept_key)) < log_ratio
+        return jax.tree.map(lambda new, old: jnp.where(accepted, new, old), proposed, at), mean_acceptance(log_ratio)
+
+    at, acceptance = jax.lax.scan(move, at, jax.random.split(key, moves))
+    return at, jnp.mean(acceptance)
+
+
+def _place(target: Target, z: Array) -> _Place:
+    return _Place(z, target.log_prior(z), target.log_likelihood(z))
+
+
+def _log_density(at: _Place, temperature: Array) -> Array:
+    return at.log_prior + temperature * at.log_likelihood
 
 
 def _factor_of(particles: Array) -> Array:
+    """Return the Cholesky factor of the covariance of particles, shape (d, d)."""
     dim = particles.shape[1]
     cov = jnp.cov(particles, rowvar=False).reshape(dim, dim)
-    return jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))[None]
+    return jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))
 
 
-def _kernel(settings: SMCSettings, target: Target) -> Any:
-    """Return BlackJAX's algorithm; only compiled functions use it, so that it is not loaded where their programs are ready."""
-    import blackjax
-    from blackjax.smc.resampling import systematic
-
-    walk, dim = blackjax.additive_step_random_walk.build_kernel(), target.dim
-    scale, count = 2.38 / np.sqrt(dim), settings.particles_for(dim)
-    whole = LANES if count % LANES == 0 else count
-
-    def move(key: Array, state: Any, log_density: Any, factor: Array):
-        return walk(key, state, log_density, lambda k, z: scale * factor @ jax.random.normal(k, z.shape))
-
-    def weighted_factor(key: Array, state: Any, info: Any) -> dict[str, Array]:
-        return {"factor": _factor_of(state.particles[systematic(key, state.weights, count)])}
-
-    return blackjax.inner_kernel_tuning(
-        blackjax.adaptive_tempered_smc,
-        target.log_prior,
-        lambda z: jnp.maximum(target.log_likelihood(z), _FLOOR),
-        move,
-        blackjax.additive_step_random_walk.init,
-        systematic,
-        weighted_factor,
-        initial_parameter_value={},
-        num_mcmc_steps=settings.moves_for(dim),
-        target_ess=settings.target_ess,
-        batch_size=lanes_at_once(jax.vmap(target.log_likelihood), jax.ShapeDtypeStruct((count, dim), float), cpu=whole),
-    )
+def _lanes(settings: SMCSettings, target: Target) -> int:
+    """Return how many particles go at once on a processor, so that no block is left over that would be compiled anew."""
+    count = settings.particles_for(target.dim)
+    return LANES if count % LANES == 0 else count
