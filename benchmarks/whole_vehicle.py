@@ -40,7 +40,9 @@ def speed(cores: int) -> list[Row | Ratio]:
     rudder, plane = fins(n)
     values = np.stack([VEHICLE.coefficients[name] * factor for name, factor in zip(NAMES, _spread(lanes), strict=True)])
     parts = [dict(zip(NAMES, map(jnp.asarray, part), strict=True)) for part in np.array_split(values, cores, axis=1)]
-    batch = jax.jit(lambda part: map_lanes(lambda own: final(own, jnp.asarray(rudder), jnp.asarray(plane)), part, cpu=64))
+    batch = jax.jit(
+        lambda part: map_lanes(lambda own: final(own, jnp.asarray(rudder), jnp.asarray(plane)), part, cpu=64)
+    )
     blocks, out = _inverse_blocks(), np.empty((13, lanes))
 
     def ours() -> np.ndarray:

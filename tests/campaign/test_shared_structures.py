@@ -11,6 +11,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import posterior as posteriors
 from seatrial.campaign.inference.posterior import build_posterior, shared_model
+from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.estimation.information import likelihood_information
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.noncentred import coupled, uncouple
@@ -85,6 +86,18 @@ def test_mode_and_its_normal_approximation_are_those_of_its_own(study, index):
     np.testing.assert_allclose(
         same, information[np.ix_(order, order)], rtol=1e-3, atol=1e-3 * np.abs(information).max()
     )
+
+
+def test_first_answers_are_the_modes_of_each_by_itself(study):
+    """The search for one structure begins where the largest one expects it, and ends where its own draws lead."""
+    answers = posterior_modes(study.campaign, get_trials(study.campaign))
+    assert [answer.structure for answer in answers] == list(study.campaign.structures)
+    for answer in answers:
+        alone = find_mode(build_posterior(study.campaign, answer.structure, study.records), KEY)
+        for name, _, ((value, sd),) in answer.rows:
+            i = alone.names.index(name)
+            assert value == pytest.approx(alone.values[i], abs=1e-4 * alone.sd[i])
+            assert sd == pytest.approx(alone.sd[i], rel=1e-3)
 
 
 def test_evidence_is_that_of_its_own(study):

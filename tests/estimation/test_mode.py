@@ -146,3 +146,28 @@ def test_curvature_where_the_likelihood_still_rises_is_that_of_the_density_in_z(
     )
     mode = find_mode(target, KEY)
     np.testing.assert_allclose(mode.precision, -jax.hessian(target.log_density)(jnp.asarray(mode.z)), rtol=1e-6)
+
+
+def test_what_is_expected_of_the_others_if_some_are_known():
+    """The conditional mean of a normal density, by inverting the block of what is known."""
+    problem = linear_gaussian(4)
+    mean, cov = problem.moments
+    mode = find_mode(problem.posterior, KEY)
+    known, rest = [1, 3], [0, 2]
+    off = np.array([0.4, -0.2]) - mean[known]
+    expected = mean[rest] + cov[np.ix_(rest, known)] @ np.linalg.inv(cov[np.ix_(known, known)]) @ off
+    found = mode.expected(dict(zip((mode.names[i] for i in known), (0.4, -0.2), strict=True)))
+    assert list(found) == [mode.names[i] for i in rest]
+    assert list(found.values()) == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, -9.6), ({"b": 7.0}, 0.0), (None, 0.0)])
+def test_a_peak_that_is_told_of(near, found):
+    """No draw meets a peak a millionth as wide as its box; what lies outside the box is moved inside by a fiftieth of its width."""
+
+    def peaks(values, data):
+        sharp = [-0.5 * ((values["a"] - at) / 1e-5) ** 2 + 20.0 for at in (7.0, -9.6)]
+        return jax.scipy.special.logsumexp(jnp.stack([*sharp, -0.5 * values["a"] ** 2]))
+
+    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, peaks), KEY, near=near)
+    assert mode.values == pytest.approx([found], abs=1e-6)

@@ -82,9 +82,7 @@ def test_no_draw_can_be_simulated():
 def test_evidence_where_a_part_of_the_prior_cannot_be_simulated(share):
     """Under a standard normal prior exp(-a^2 / 2) above a bound alone: the posterior is a normal one, cut off there."""
     bound = stats.norm.isf(share)
-    target = posterior(
-        {"a": Normal(0.0, 1.0)}, lambda v, data: jnp.where(v["a"] > bound, -0.5 * v["a"] ** 2, -jnp.inf)
-    )
+    target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.where(v["a"] > bound, -0.5 * v["a"] ** 2, -jnp.inf))
     truth = np.sqrt(0.5) * stats.norm.sf(np.sqrt(2.0) * bound)
     runs = [sample_tempered_smc(target, jax.random.key(i), SMCSettings()) for i in range(40)]
     ratio = np.exp([run.log_evidence for run in runs]) / truth

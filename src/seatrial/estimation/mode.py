@@ -5,7 +5,7 @@ filter-error likelihood is climbed with the information in its innovations in pl
 and expanded exactly at the mode alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -35,6 +35,8 @@ FARTHEST, NEAR = 3.0, 12.0
 """How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
 DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
+INSIDE = 0.02
+"""Share of the width between the bounds of a prior that a start keeps away from them: at the bound itself z is infinite."""
 FOLLOWED, ROUNDS = 3, 3
 """Peaks along the delay that are followed each time, and times."""
 
@@ -91,6 +93,16 @@ class Mode(NamedTuple):
             tuple(self.units[i] for i in at),
         )
 
+    def expected(self, known: Mapping[str, float]) -> dict[str, float]:
+        """Return the values that the normal approximation expects of the other parameters if those of some are known, SI, by name."""
+        at = [i for i, name in enumerate(self.names) if name in known]
+        rest = [i for i, name in enumerate(self.names) if name not in known]
+        slope = self.sd / np.sqrt(np.diag(self.cov))
+        cov = self.cov * np.outer(slope, slope)
+        off = np.array([known[self.names[i]] for i in at]) - self.values[at]
+        values = self.values[rest] + cov[np.ix_(rest, at)] @ np.linalg.lstsq(cov[np.ix_(at, at)], off)[0]
+        return dict(zip((self.names[i] for i in rest), map(float, values), strict=True))
+
     def summary(self) -> "DataFrame":
         """Return a table with a row for each parameter: unit, value at the mode, and standard deviation of the normal approximation."""
         from pandas import DataFrame
@@ -102,7 +114,13 @@ class Mode(NamedTuple):
         return result_html(f"Posterior mode, log evidence about {self.log_evidence:.2f}", self.summary(), flat)
 
 
-def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int | None = None, tries: int = 3) -> Mode:
+def find_mode(
+    posterior: Posterior,
+    key: jax.Array | int = 0,
+    starts: int | None = None,
+    tries: int = 3,
+    near: Mapping[str, float] | None = None,
+) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
     Commands are held or joined by straight lines between their samples, so that the density has a peak about every one of them along a
@@ -115,6 +133,7 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int | None
         starts: prior draws that are evaluated; None for 512, or 64 of a filter-error likelihood, whose density costs ten times more.
         tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
             straight way to a maximum already found is not: it has nothing else to show.
+        near: values by name, SI, near which there may be a mode; they take the place of one of the draws.
 
     Returns:
         the mode, and the normal approximation about it.
@@ -126,7 +145,10 @@ def find_mode(posterior: Posterior, key: jax.Array | int = 0, starts: int | None
     check_posterior(posterior)
     starts = _at_once(posterior) if starts is None else check_count(starts, "starts", remedy="take some hundreds")
     check_count(tries, "tries", remedy="leave it out, or follow a few")
-    candidates = np.asarray(posterior.sample_prior(as_key(key), starts))
+    candidates = np.array(posterior.sample_prior(as_key(key), starts))
+    if near is not None:
+        inside = _inside(posterior, near)
+        candidates[: len(inside)] = inside
     drawn = _best(_heights(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]
     if not followed:
@@ -260,6 +282,16 @@ def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
         log_evidence=mode.log_evidence + float(np.log(area / (np.sqrt(2 * np.pi) * sd))),
         sd=slope * np.sqrt(np.diag(cov)),
     )
+
+
+def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
+    """Return where parameters have such values, moved inside their bounds, shape (1, d); none where one is not told."""
+    told = np.array([values.get(name, np.nan) for name in posterior.names])
+    low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
+    bounded = np.isfinite(high - low)
+    margin = INSIDE * np.where(bounded, high - low, 0.0)
+    z = np.asarray(posterior.unconstrain(np.clip(told, low + margin, high - margin)))[None]
+    return z[np.isfinite(z).all(1)]
 
 
 def _best(densities: np.ndarray) -> np.ndarray:

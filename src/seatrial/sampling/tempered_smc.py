@@ -207,9 +207,7 @@ def _step(settings: SMCSettings, target: Target, cloud: _Cloud, key: Array, last
     at = jax.tree.map(lambda array: array[picked], cloud.at)
     steps = jnp.exp(cloud.log_scale) * 2.38 / np.sqrt(target.dim) * _factor_of(at.z)
     move = partial(_move, target, settings.moves_for(target.dim), temperature, steps)
-    at, accepted = map_lanes(
-        lambda one: move(*one), (at, jax.random.split(move_key, n)), cpu=_lanes(settings, target)
-    )
+    at, accepted = map_lanes(lambda one: move(*one), (at, jax.random.split(move_key, n)), cpu=_lanes(settings, target))
     acceptance = jnp.mean(accepted)
     scale = cloud.log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
     return _Cloud(at, temperature, scale), logsumexp(log_weights) - np.log(n), acceptance
@@ -243,9 +241,7 @@ def _systematic(key: Array, log_weights: Array) -> Array:
     return jnp.minimum(jnp.searchsorted(sums / sums[-1], places), n - 1)
 
 
-def _move(
-    target: Target, moves: int, temperature: Array, steps: Array, at: _Place, key: Array
-) -> tuple[_Place, Array]:
+def _move(target: Target, moves: int, temperature: Array, steps: Array, at: _Place, key: Array) -> tuple[_Place, Array]:
     """Move one particle by Metropolis steps of a covariance, whose factor is given; also the mean probability of acceptance."""
 
     def move(at: _Place, key: Array) -> tuple[_Place, Array]:

@@ -18,7 +18,7 @@ from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, hel
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import with_model_error
 from seatrial.core.errors import NumericalError
-from seatrial.core.progress import SILENT, Reporter, run_side_by_side
+from seatrial.core.progress import SILENT, Progress, Reporter, run_side_by_side
 from seatrial.core.record import Record
 from seatrial.estimation.equation_error import (
     Accelerations,
@@ -113,16 +113,22 @@ class NormalPosterior:
 def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[FirstAnswer]:
     """Posterior mode of every structure, with the standard deviations that its curvature gives.
 
+    That of the structure with most terms comes first: the others are looked for where its normal approximation expects them.
+
     Raises:
         InputError: a prior against whose bound the data push.
     """
     study = Study(campaign, trials.fit)
-    return run_side_by_side(
-        [
-            partial(_mode, study, structure, trials, reporter.progress(f"mode {structure.label}"))
-            for structure in campaign.structures
-        ]
-    )
+
+    def answer(structure: Structure, largest: Mode | None = None) -> tuple[FirstAnswer, Mode | None]:
+        return _mode(study, structure, trials, reporter.progress(f"mode {structure.label}"), largest)
+
+    begin = max(campaign.structures, key=lambda structure: len(structure.terms))
+    others = [structure for structure in campaign.structures if structure is not begin]
+    first, largest = answer(begin)
+    found = run_side_by_side([partial(answer, structure, largest) for structure in others])
+    answers = {begin: first} | {structure: one for structure, (one, _) in zip(others, found, strict=True)}
+    return [answers[structure] for structure in campaign.structures]
 
 
 def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
@@ -153,18 +159,23 @@ def regressions(campaign: Campaign, trials: Trials, window: float | None = None)
     return [_regression(campaign, structure, trials, None if measured else width) for structure in campaign.structures]
 
 
-def _mode(study: Study, structure: Structure, trials: Trials, progress) -> FirstAnswer:
+def _mode(
+    study: Study, structure: Structure, trials: Trials, progress: Progress, largest: Mode | None
+) -> tuple[FirstAnswer, Mode | None]:
+    """Return the answer of one structure and its mode with what is absent; it is looked for near that of the largest one."""
     campaign, posterior = study.campaign, study.posterior(structure)
+    absent = [name for name in largest.names if name not in posterior.present_names] if largest else []
+    near = largest.expected(dict.fromkeys(absent, 0.0)) if largest else None
     progress(0, 1)
     try:
-        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
+        whole = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"), near=near)
     except NumericalError as error:
-        return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
+        return FirstAnswer(structure, alarm=f"{structure.label}: {error}"), None
     finally:
         progress(1, 1)
-    robust = robust_errors(posterior, mode) if len(campaign.structures) <= MOST_ROBUST else None
-    drawn, more = (draw_about_mode(campaign.seed, structure, posterior, mode, n) for n in (N_DRAWS, DESIGNED_FROM))
-    mode = mode.only(posterior.places)
+    robust = robust_errors(posterior, whole) if len(campaign.structures) <= MOST_ROBUST else None
+    drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
+    mode = whole.only(posterior.places)
     check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
@@ -178,7 +189,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
     wider = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
-    return FirstAnswer(
+    answer = FirstAnswer(
         structure,
         rows,
         ("mode",),
@@ -190,6 +201,7 @@ def _mode(study: Study, structure: Structure, trials: Trials, progress) -> First
         wider_words=robust.words if robust else "",
         drawn=more,
     )
+    return answer, whole
 
 
 def draw_about_mode(
