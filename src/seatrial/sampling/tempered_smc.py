@@ -47,7 +47,9 @@ class SMCSettings:
     Attributes:
         particles: number of particles; None for max(512, 64 d).
         moves: Metropolis moves of each particle at each temperature; None for max(8, 2 d, d^2 / 5).
-        target_ess: effective share of the particles each temperature step keeps, above 0 and below 1.
+        target_ess: effective share of the particles each temperature step keeps, above 0 and below 1. With 0.5 the error of log Z is
+            1.5 times that with 0.7, for seven tenths of the evaluations, and stated less correctly: a regression with
+            unknown noise, 200 runs.
 
     Raises:
         InputError: a size that is none of these.
@@ -55,7 +57,7 @@ class SMCSettings:
 
     particles: int | None = None
     moves: int | None = None
-    target_ess: float = 0.5
+    target_ess: float = 0.7
 
     def __post_init__(self) -> None:
         """Refuse sizes of no run."""
@@ -65,7 +67,7 @@ class SMCSettings:
             check_count(
                 self.moves, "SMCSettings, moves", remedy="leave it out: it follows from the number of parameters"
             )
-        check_number(self.target_ess, "SMCSettings, target_ess", above=0.0, below=1.0, remedy="0.5 is usual")
+        check_number(self.target_ess, "SMCSettings, target_ess", above=0.0, below=1.0, remedy="0.5 to 0.9 is usual")
 
     def particles_for(self, dim: int) -> int:
         """Return the number of particles for a target of `dim` parameters."""
