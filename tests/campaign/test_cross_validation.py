@@ -9,7 +9,7 @@ import pytest
 import seatrial as st
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.cross_validation import cross_validate, current_cross_validation
+from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate, current_cross_validation
 from seatrial.campaign.inference.error_models import error_models, scale_of, with_error_model
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.cross_validation import (
@@ -19,7 +19,7 @@ from seatrial.campaign.store.cross_validation import (
     CrossValidation,
     decode_cross_validation,
 )
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from tests.campaign.small import write_small
 
 
@@ -137,6 +137,27 @@ def test_lines_of_every_error_model_are_what_it_does(tmp_path):
         build_posterior(changed, campaign.full, trials.fit)
     # the vehicle of 31.4 kg is pushed to its own speed's spread in one second
     assert scale.forces["X"] == pytest.approx(31.4 * scale.sizes["u"], rel=1e-2)
+
+
+def test_the_best_campaign_has_one_structure_and_another_error_model_only_where_that_is_clearly_better(tmp_path):
+    campaign, trials = load_campaign(write_small(tmp_path)), three_runs()
+    coefficients = (("X_u", -1.2, 0.3), ("X_uabsu", -2.9, 0.2), ("T_nabsn", 6e-4, 1e-5))
+    likely, better = (
+        replace(one, terms=structure.terms, coefficients=coefficients)
+        for one, structure in zip((LIKELY, BETTER), campaign.structures, strict=True)
+    )
+    stated = best_campaign(campaign, trials, found(likely, better))
+    assert [one.label for one in stated.structures] == ["M-1"]
+    assert stated.estimation == campaign.estimation
+    slow = replace(likely, error_model="coloured", elpd=(40.0, 42.0, 41.0))
+    changed = best_campaign(campaign, trials, found(likely, better, slow))
+    assert [one.label for one in changed.structures] == ["M-0"]
+    assert changed.estimation.residuals == "coloured"
+    assert "tau_u" in changed.priors
+    chance = replace(slow, elpd=(20.1, 22.1, 23.1))
+    assert best_campaign(campaign, trials, found(likely, better, chance)).estimation == campaign.estimation
+    with pytest.raises(NumericalError, match="no mode"):
+        best_campaign(campaign, trials, found(replace(likely, refused="no mode")))
 
 
 @pytest.mark.proof

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from seatrial.benchmark.method import Fitted, Method, Problem, with_spread
-from seatrial.benchmark.ours import fit_ours
+from seatrial.benchmark.ours import fit_chosen, fit_ours
 from seatrial.benchmark.peers import fit_n4sid, fit_sindy
 from seatrial.benchmark.tasks import Stretch
 from seatrial.core.errors import InputError, nearest
@@ -53,6 +53,12 @@ METHODS = {
     one.name: one
     for one in (
         Method("ours", "the campaign of the set, by the posterior mode", True, fit_ours),
+        Method(
+            "ours-chosen",
+            "the same, with the structure and the model of the error that predict fitted runs left out best",
+            True,
+            fit_chosen,
+        ),
         *(Method(name, one.words, False, partial(fit_baseline, one)) for name, one in BASELINES.items()),
         Method("accelerations", "least squares of accelerations, all terms of the campaign", False, fit_accelerations),
         Method("sindy", "sparse regression of the accelerations, by PySINDy", False, fit_sindy),

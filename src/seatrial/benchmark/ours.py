@@ -1,8 +1,10 @@
-"""Our own entry: the campaign of the set, estimated by the posterior mode, and predicted with draws about it.
+"""Our own entries: the campaign of the set, estimated by the posterior mode, and predicted with draws about it.
 
-Of several candidate structures the one of the largest evidence by Laplace is taken. Predictions are those of the fitted model given the
-measurements so far. Where residuals are coloured the run is simulated from its start, and what is left at the start of a stretch is
-forgotten with the correlation time tau of the residuals: for each draw
+`fit_ours` takes the campaign as it stands and, of several candidate structures, the one of the largest evidence by Laplace. `fit_chosen`
+takes the structure and the model of the error that predict fitted runs best, each left out in turn.
+
+Predictions are those of the fitted model given the measurements so far. Where residuals are coloured the run is simulated from its start,
+and what is left at the start of a stretch is forgotten with the correlation time tau of the residuals: for each draw
 
     y(t) = f(t) + rho (y(0) - f(0)) + sigma sqrt(1 - rho^2) e,   rho = exp(-t / tau)
 
@@ -21,6 +23,7 @@ from seatrial.benchmark.tasks import Stretch
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import first_measured, level_start
+from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate
 from seatrial.campaign.inference.posterior import (
     build_likelihood,
     build_parameters,
@@ -54,7 +57,23 @@ def fit_ours(problem: Problem) -> Fitted:
     Raises:
         NumericalError: no structure has a mode.
     """
-    campaign = problem.campaign
+    return _fit(problem, problem.campaign)
+
+
+def fit_chosen(problem: Problem) -> Fitted:
+    """Leave each fitted run out in turn, and fit the structure and model of the error that predict it best; `seatrial crossvalidate`.
+
+    Raises:
+        InputError: fewer than three fitted runs.
+        NumericalError: no structure has a mode.
+    """
+    found = cross_validate(problem.campaign, problem.trials, problem.reporter)
+    fitted = _fit(problem, best_campaign(problem.campaign, problem.trials, found))
+    return replace(fitted, note=f"{fitted.note}; model of the error: {(found.recommended or found.own[0]).error_model}")
+
+
+def _fit(problem: Problem, campaign: Campaign) -> "Ours":
+    """Find the modes of a campaign's structures given the fitted runs; errors as `fit_ours`."""
     study, modes, failures = Study(campaign, problem.records), [], []
     tell = problem.reporter.progress("ours: modes")
     for index, structure in enumerate(campaign.structures):

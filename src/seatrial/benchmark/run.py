@@ -23,7 +23,8 @@ SCHEMA = 1
 """Number of the format of `result.json`."""
 TIE = 0.01
 """Relative difference of two CRPS up to which they count as equal."""
-
+UNLIKELY = 0.05
+"""Probability below which chance is not taken for the reason of a difference."""
 FEWEST_RUNS = 3
 """Held-back runs from which their spread says what chance does."""
 
@@ -124,7 +125,8 @@ class Result:
         ]
         if len(pairs) < FEWEST_RUNS:
             return ""
-        return f", p = {chance_of(*np.array(pairs).T):.2g}"
+        chance = chance_of(*np.array(pairs).T)
+        return f", p = {chance:.2g}" if chance < UNLIKELY else f", which may be chance: p = {chance:.2g}"
 
     def coefficients(self) -> list["KnownCoefficient"]:
         """Return what each method found of the coefficients that the set knows."""

@@ -76,6 +76,28 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     return CrossValidation(labels, tuple(found), tuple(_cautions(trials)))
 
 
+def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) -> Campaign:
+    """Return the campaign with the one structure, and the model of the error, that predict runs left out best.
+
+    Another model of the error than the campaign's own is taken only where it is clearly better.
+
+    Args:
+        campaign: that was cross-validated.
+        trials: by which it was.
+        found: result of `cross_validate`.
+
+    Raises:
+        NumericalError: no candidate has a result.
+    """
+    if not found.own:
+        raise NumericalError("; ".join(one.refused for one in found.candidates))
+    best = found.recommended or max(found.own, key=lambda one: one.total)
+    study, contending = Study(campaign, trials.fit), _contending(campaign, found.candidates)
+    others = error_models(campaign, widest(contending), _scale(study, contending, found.candidates))
+    error = next(one for one in (STATED, *others) if one.name == best.error_model)
+    return _changed(campaign, [one for one in contending if one.label == best.structure], error)
+
+
 def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidation | None:
     """Return the result if it has been made and is current; nothing is computed."""
     kept = stored_cross_validation(campaign, trials)
