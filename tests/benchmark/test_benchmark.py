@@ -210,7 +210,8 @@ def test_an_unknown_set_or_method_is_told_its_neighbour(tmp_path):
         read_set(str(tmp_path / "none.toml"))
     with pytest.raises(InputError, match=r'(?s)no such method.*did you mean "ours"'):
         choose(["our"])
-    assert [method.name for method in choose(None)] == list(METHODS)
+    assert [method.name for method in choose(None)] == [name for name in METHODS if name != "ours-chosen"]
+    assert [method.name for method in choose(["lag", "ours-chosen"])] == ["ours-chosen", "lag"]
 
 
 def test_a_method_of_a_library_that_is_not_there_says_so(tmp_path, monkeypatch):

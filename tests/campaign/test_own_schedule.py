@@ -12,9 +12,9 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Scheduled, add_trial, ask_for, record_keys
 from seatrial.campaign.design.batch import plan_together
 from seatrial.campaign.design.free_form import design_free_trial
-from seatrial.campaign.design.own_schedule import judge_own, own_after
 from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_next_by_mode
+from seatrial.campaign.design.weigh_own_schedule import judge_own, own_after
 from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop

@@ -94,12 +94,14 @@ class Method:
 
             Raises:
                 InputError: it cannot be fitted to these runs, or a library that it needs is not installed.
+        is_slow: whether it takes many times as long as others, and is run only where it is asked for by name.
     """
 
     name: str
     words: str
     is_ours: bool
     fit: Callable[[Problem], Fitted]
+    is_slow: bool = False
 
 
 Means = Callable[[Record, Sequence[Stretch]], Float[np.ndarray, "n m"]]

@@ -58,6 +58,7 @@ METHODS = {
             "the same, with the structure and the model of the error that predict fitted runs left out best",
             True,
             fit_chosen,
+            is_slow=True,
         ),
         *(Method(name, one.words, False, partial(fit_baseline, one)) for name, one in BASELINES.items()),
         Method("accelerations", "least squares of accelerations, all terms of the campaign", False, fit_accelerations),
@@ -69,7 +70,7 @@ METHODS = {
 
 
 def choose(names: Sequence[str] | None) -> tuple[Method, ...]:
-    """Return methods by their names, all if None.
+    """Return methods by their names, in the order of the table; all but slow ones if None.
 
     Raises:
         InputError: no such method.
@@ -82,4 +83,4 @@ def choose(names: Sequence[str] | None) -> tuple[Method, ...]:
                 expected="one of " + ", ".join(METHODS),
                 remedy=nearest(name, METHODS),
             )
-    return tuple(METHODS[name] for name in METHODS if names is None or name in names)
+    return tuple(one for one in METHODS.values() if (not one.is_slow if names is None else one.name in names))

@@ -82,7 +82,7 @@ class FilterError:
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
-        control = jnp.stack(self.output.simulator.late(values, trial.control, trial.step), -1)
+        control = jnp.stack(self.output.simulator.delayed(values, trial.control, trial.step), -1)
         measured = jnp.stack([jnp.where(c.present > 0, c.measured, jnp.nan) for c in trial.channels], -1)
         # A sample of padding measures nothing, takes no time, and so adds nothing.
         result = filter_within(

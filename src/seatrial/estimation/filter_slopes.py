@@ -67,7 +67,7 @@ def _along_trial(likelihood: FilterError, names: tuple[str, ...], point: Array, 
         return _arrays(method.form.begin(space_at(theta).initial))
 
     def drive(theta: Array) -> Array:
-        return jnp.stack(output.simulator.late(values_at(theta), trial.control, trial.step), -1)
+        return jnp.stack(output.simulator.delayed(values_at(theta), trial.control, trial.step), -1)
 
     def advance(theta: Array, belief: Any, held: Array, now: Array, first: Array, h: Array, measured: Array) -> Any:
         space = space_at(theta)

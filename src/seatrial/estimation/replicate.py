@@ -94,7 +94,7 @@ def _noisy_motion(
 ) -> Float[Array, "n m"]:
     """Outputs along a motion with process noise and disturbances, of the filter's own state space, from a start that is drawn too."""
     space = likelihood.space(values, start)
-    control = likelihood.output.simulator.late(values, trial.control, trial.step)
+    control = likelihood.output.simulator.delayed(values, trial.control, trial.step)
     n, d = trial.step.shape[0], len(space.states)
     first, pushes = jax.random.normal(key, (d,)), jax.random.normal(jax.random.fold_in(key, 1), (n, d))
     begin = tuple(space.initial.mean + space.initial.chol_cov @ first)

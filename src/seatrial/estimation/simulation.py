@@ -127,14 +127,14 @@ class Simulator:
             clock = control.time, control.error
             drive, past = self._closed(values, control, step)
         else:
-            drive = self.late(values, control, step)
+            drive = self.delayed(values, control, step)
         begin = tuple(start[i] for i in range(start.shape[0]))
         (end, (_, _, memory)), (kept, command) = time_loop(
             move_by(self.model, values), begin, drive, step, look, (memories, past, memory), (lags, clock, data)
         )
         return Followed(end, memory, kept, command)
 
-    def late(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
+    def delayed(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
         """Return controls as they act: after the delay, where that is a parameter."""
         return tuple(delay_control(column, values[DELAY] / step[0]) for column in control) if self.delay else control
 

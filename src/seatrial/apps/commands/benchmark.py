@@ -19,7 +19,8 @@ def benchmark(
     ] = None,
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where results are written.")] = Path("benchmark"),
     methods: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Methods to run, with commas between; all if not given.")
+        str | None,
+        typer.Option(metavar="NAMES", help="Methods to run, with commas between; all but slow ones if not given."),
     ] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="List sets and methods, and say where to get the records.")
@@ -49,7 +50,7 @@ def _listed() -> Exit:
         answer.say(f"  {one.source['get']}")
     answer.say("methods:")
     for method in METHODS.values():
-        answer.say(f"  {method.name}: {method.words}")
+        answer.say(f"  {method.name}: {method.words}{', slow, by name only' * method.is_slow}")
     rows = [
         {"name": name, "title": one.title, **{key: one.source[key] for key in ("licence", "get")}}
         for name, one in sets.items()

@@ -38,7 +38,7 @@ batch = _Module("design.batch")
 compare_utilities = _Module("design.compare_utilities")
 free_form = _Module("design.free_form")
 global_search = _Module("design.global_search")
-own_schedule = _Module("design.own_schedule")
+weigh_own_schedule = _Module("design.weigh_own_schedule")
 relay = _Module("design.relay")
 sensor_choice = _Module("design.sensor_choice")
 sweep = _Module("design.sweep")
@@ -383,8 +383,8 @@ BESIDE = (
     Step(
         "own",
         ("campaign", "reporter"),
-        own_schedule.judge_own,
-        lambda campaign: [] if (own := campaign.design.own) is None else [own_schedule.stored_own(campaign, own)],
+        weigh_own_schedule.judge_own,
+        lambda campaign: [] if (own := campaign.design.own) is None else [weigh_own_schedule.stored_own(campaign, own)],
         "own.json",
     ),
     Step(
