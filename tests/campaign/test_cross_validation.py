@@ -18,6 +18,7 @@ from seatrial.campaign.store.cross_validation import (
     ChannelScores,
     CrossValidation,
     decode_cross_validation,
+    gap,
 )
 from seatrial.core.errors import InputError, NumericalError
 from tests.campaign.small import write_small
@@ -60,6 +61,11 @@ def test_within_two_standard_errors_nothing_is_claimed():
     close = found(LIKELY, lucky)
     assert not close.alarms
     assert "which these 3 runs do not tell from chance" in close.lines()[0]
+
+
+def test_differences_are_paired_by_run():
+    apart = gap(candidate("M-1", (3.0, 5.0, 4.0), 0.0, (1.0,)), candidate("M-0", (1.0, 1.0, 1.0), 0.0, (1.0,)))
+    assert (apart.delta, apart.std_error) == pytest.approx((9.0, np.sqrt(3.0)))
 
 
 def test_recommendation():

@@ -107,6 +107,16 @@ def test_calculations_are_those_of_xarray(calculate):
     assert found.equals(expected) if hasattr(found, "equals") else found == expected
 
 
+def test_xarrays_methods_take_ours(tmp_path):
+    write_dataset(tmp_path / "a.nc", KINDS)
+    one, other = (open_dataset(tmp_path / "a.nc") for _ in range(2))
+    (name, *_) = [name for name, column in one.variables.items() if column.values.dtype.kind == "f"]
+    assert one.equals(other)
+    assert one[name].equals(other[name])
+    assert not one.equals(other.isel(**{one.variables[name].dims[0]: slice(1)}))
+    assert one[name].where(other[name] == other[name], other[name]).equals(one[name])
+
+
 def test_a_label_or_a_length_that_is_not_there_is_refused():
     with pytest.raises(KeyError, match="no X_v along b, which has X_u, X_uabsu"):
         Dataset.of(KINDS).sel(b="X_v")

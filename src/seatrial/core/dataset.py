@@ -4,6 +4,8 @@ Whatever is not here is asked of `to_xarray`, so that to those who evaluate resu
 """
 
 from collections.abc import Iterator, Mapping
+from functools import wraps
+from inspect import ismethod
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
@@ -94,7 +96,7 @@ class Dataset:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        return getattr(self.to_xarray(), name)
+        return _asked(self.to_xarray(), name)
 
     def assign_attrs(self, **attrs: Any) -> "Dataset":
         """Return one with more said of the whole."""
@@ -167,9 +169,7 @@ class Column(NDArrayOperatorsMixin):
         return repr(self.to_xarray())
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        return getattr(ufunc, method)(
-            *(one.to_xarray() if isinstance(one, Column) else one for one in inputs), **options
-        )
+        return getattr(ufunc, method)(*map(_as_xarray, inputs), **options)
 
     def __float__(self) -> float:
         return float(self.values)
@@ -189,7 +189,24 @@ class Column(NDArrayOperatorsMixin):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        return getattr(self.to_xarray(), name)
+        return _asked(self.to_xarray(), name)
+
+
+def _asked(of: Any, name: str) -> Any:
+    """Return what an object of xarray has by a name; its methods take our datasets and columns where they take xarray's."""
+    found = getattr(of, name)
+    if not ismethod(found):
+        return found
+
+    @wraps(found)
+    def method(*arguments: Any, **options: Any) -> Any:
+        return found(*map(_as_xarray, arguments), **{key: _as_xarray(one) for key, one in options.items()})
+
+    return method
+
+
+def _as_xarray(one: Any) -> Any:
+    return one.to_xarray() if isinstance(one, Dataset | Column) else one
 
 
 def _variable(name: str, given: Any) -> Variable:

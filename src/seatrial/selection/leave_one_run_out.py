@@ -106,44 +106,6 @@ class LeaveOneRunOut:
         return max(run.k_hat for run in self.runs)
 
 
-class Difference(NamedTuple):
-    """How much better one model predicts than another, nats, and its standard error over runs."""
-
-    delta: float
-    std_error: float
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether it is beyond two standard errors and four nats, below which the error itself is unreliable."""
-        return abs(self.delta) > max(2.0 * self.std_error, SMALL)
-
-
-SMALL = 4.0
-"""Difference of two models, nats, below which its standard error is unreliable (Sivula, Magnusson and Vehtari 2020)."""
-
-
-def difference(one: LeaveOneRunOut, other: LeaveOneRunOut) -> Difference:
-    """Return how much better the first model predicts, run by run.
-
-    Raises:
-        InputError: other runs.
-    """
-    if [run.label for run in one.runs] != [run.label for run in other.runs]:
-        raise InputError(
-            "comparison of two models by leave-one-run-out",
-            found=f"runs {', '.join(run.label for run in one.runs)} and {', '.join(run.label for run in other.runs)}",
-            expected="the same runs in the same order",
-            remedy="compute both from the same records",
-        )
-    return paired([run.elpd for run in one.runs], [run.elpd for run in other.runs])
-
-
-def paired(one: Sequence[float], other: Sequence[float]) -> Difference:
-    """Return the difference of two sums over runs, and its standard error from the differences of each run."""
-    apart = np.subtract(one, other)
-    return Difference(float(apart.sum()), _sum_error(apart))
-
-
 def mean_score(found: LeaveOneRunOut, channel: str, name: str) -> float:
     """Return the mean of a score of one channel over all runs, each run by its number of samples.
 
