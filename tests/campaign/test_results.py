@@ -34,7 +34,7 @@ def test_reading_imports_no_jax(finished):
         f"found = Results(Path({str(folder)!r}))\n"
         "label = found.summary().chosen\n"
         "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"
-        "found.posterior(label).own_values, found.known(label), found.left_out(label)\n"
+        "found.posterior(label).own_values, found.known(label)\n"
         "found.predictions(), found.selection()\n"
         "print('jax' in sys.modules)"
     )

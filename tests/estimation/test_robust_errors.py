@@ -5,10 +5,11 @@ import pytest
 from scipy import stats
 
 from seatrial.estimation.mode import find_mode
+from seatrial.estimation.omitted_effects import OmittedEffects
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import make_posterior
-from seatrial.estimation.robust_errors import RobustErrors, jackknife, robust_errors
+from seatrial.estimation.robust_errors import Pieces, RobustErrors, jackknife, robust_errors
 from seatrial.vehicles.surge import surge_vehicle
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import (
@@ -72,9 +73,9 @@ def test_of_runs_by_hand():
     cov = jackknife(precision, scores, curvatures, np.append(np.ones(2), np.zeros(5)))
     expected = np.sqrt(np.diag(cov) / np.diag(np.linalg.inv(precision)))[:2]
     at = [found.names.index(name) for name in PRIOR]
-    np.testing.assert_allclose(found.ratio[at], expected, rtol=1e-3)
-    assert (found.pieces, found.freedom, found.basis) == (5, 4, "5 runs")
-    assert found.widening == pytest.approx(stats.t.ppf(0.95, 4) / 1.644854, rel=1e-5)
+    np.testing.assert_allclose(found.pieces.ratio[at], expected, rtol=1e-3)
+    assert (found.pieces.count, found.pieces.freedom, found.pieces.basis) == (5, 4, "5 runs")
+    assert found.pieces.widening == pytest.approx(stats.t.ppf(0.95, 4) / 1.644854, rel=1e-5)
 
 
 @pytest.mark.proof
@@ -88,7 +89,7 @@ def test_coverage_where_runs_differ_and_noise_is_slow():
         at = joint.names.index("T_nabsn")
         away = abs(mode.values[at] - TRUTH["T_nabsn"]) / mode.sd[at] / stats.norm.ppf(0.95)
         narrow.append(away < 1)
-        wide.append(away < found.ratio[found.names.index("T_nabsn")] * found.widening)
+        wide.append(away < found.pieces.ratio[found.names.index("T_nabsn")] * found.pieces.widening)
     assert np.mean(narrow) < 0.7
     assert stats.binom.ppf(0.005, 60, 0.9) / 60 <= np.mean(wide)
 
@@ -103,9 +104,9 @@ def test_blocks_of_one_run(memory, least, most):
     priors = {"sigma_u": Normal(NOISE, 0.2 * NOISE)} | {name: Normal(*numbers) for name, numbers in PRIOR.items()}
     joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
     found = robust_errors(joint, find_mode(joint, 0))
-    assert 6 <= found.pieces <= 24
-    assert "blocks of" in found.basis
-    ratio = found.ratio[[found.names.index(name) for name in PRIOR]]
+    assert 6 <= found.pieces.count <= 24
+    assert "blocks of" in found.pieces.basis
+    ratio = found.pieces.ratio[[found.names.index(name) for name in PRIOR]]
     assert least < ratio.min()
     assert ratio.max() < most
     assert (found.wider("T_nabsn", 1.0) is None) == (memory == 0.0)
@@ -114,24 +115,28 @@ def test_blocks_of_one_run(memory, least, most):
 @pytest.mark.parametrize(("pieces", "expected"), [(3, 1.8), (10, 1.1)])
 def test_widening_for_few_pieces(pieces, expected):
     """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""
-    found = RobustErrors(("a", "b"), np.array([2.0, 1.4]), pieces, f"{pieces} runs")
-    assert found.widening == pytest.approx(expected, abs=0.05)
-    assert found.wider("a", 0.1) == pytest.approx(0.2 * found.widening)
+    few = Pieces(np.array([2.0, 1.4, 0.5]), pieces, f"{pieces} runs")
+    found = RobustErrors(("a", "b", "c"), few, OmittedEffects((), 0, np.ones(3)), np.array([1.0, 1.0, 3.0]))
+    assert few.widening == pytest.approx(expected, abs=0.05)
+    assert found.wider("a", 0.1) == pytest.approx(0.2 * few.widening)
     assert found.wider("b", 0.1) is None
-    assert found.wider("c", 0.1) is None
+    assert found.wider("c", 0.1) == pytest.approx(0.1 * np.sqrt(few.widening**2 + 8.0))
+    assert found.wider("d", 0.1) is None
     assert f"{pieces - 1} degrees of freedom" in found.words
 
 
 def test_what_tells_nothing():
     own = posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)})
     found = robust_errors(own, find_mode(own, 0))
-    assert found.pieces == 0
+    assert found.pieces.count == 0
     assert found.wider("a", 1.0) is None
-    assert "no runs" in found.basis
+    assert "no runs" in found.pieces.basis
+    assert "not judged" in found.words
     joint = posterior_of_runs(slow_runs(1, 0))
     short = robust_errors(joint, find_mode(joint, 0))
-    assert short.pieces == 0
-    assert "6 are needed" in short.basis
+    assert short.pieces.count == 0
+    assert "6 are needed" in short.pieces.basis
+    assert "effects that the model may lack" in short.words
 
 
 def coloured(rng, n, memory):

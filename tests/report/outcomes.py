@@ -127,7 +127,6 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         make_screened(),
         (),
         make_contenders(campaign, selection),
-        (),
         summary,
         make_cross_validation(),
     )
@@ -315,6 +314,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         },
         attrs={
             "model_error": "± with model error: made up",
+            "left_out": "[]",
             "acceptance": 0.23,
             "laplace_log_evidence": 1.0,
             "alarms": "[]",

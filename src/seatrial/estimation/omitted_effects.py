@@ -1,65 +1,454 @@
-"""Score test of effects that a fitted model leaves out: how large each would be, and by how much it would move the parameters.
+"""Effects that a fitted model leaves out: which the data ask for, and by how much each would move the parameters.
 
-With residuals r and sensitivities J over the noise, posterior covariance C, and the signature g of an effect that is left out,
+A model may explain nearly all of its data and still be wrong: what it lacks hides in its coefficients. With residuals r and sensitivities J
+over the noise, posterior covariance C, and the signature g of an effect that is left out,
 
-    information = g^T (I - J C J^T) g,  size = g^T (I - J C J^T) r / information,  shift of the parameters = -C J^T g size
+    information = g' (I - J C J') g,  size = g' (I - J C J') r / information,  shift of the parameters = -C J' g size
 
-(Rao, Proc. Camb. Phil. Soc. 44, 1948). Size^2 x information is chi-square with one degree of freedom where nothing is missing.
-A model may explain nearly all of its data and still be wrong in this way: what it lacks hides in its coefficients.
+(Rao, Proc. Camb. Phil. Soc. 44, 1948). Under a prior worth one sample the log odds that the effect is there are
+
+    1/2 size^2 information w - 1/2 log(n w) - log m
+
+(Schwarz, Annals of Statistics 6, 1978): n samples that are worth w n independent ones, and m effects that are looked for, one of which is
+as probable as none. While the odds of the best are above one it is taken in, all are fitted anew by Gauss and Newton's method, and the
+others are looked at again. Which effects are there is not known: over all these fits s, each a normal density that counts by its odds, a
+parameter lies within x of its value at the mode with the probability
+
+    sum_s p_s [Phi((x - shift_s) / sd_s) - Phi((-x - shift_s) / sd_s)]
+
+(model averaging: Hoeting et al., Statistical Science 14, 1999). The x of 90 %, over that of one normal density, is the second standard
+deviation: where no effect is probable it is the first one.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from scipy.special import chdtrc
+from jaxtyping import Array, Float
+from scipy.special import ndtr, ndtri
 
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.errors import InputError
+from seatrial.core.programs import program
+from seatrial.core.signals import signal_unit
+from seatrial.estimation.delayed_control import delay_control
+from seatrial.estimation.mode import Mode, expand_prior
+from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prediction_scores import effective_samples, whiteness
+from seatrial.vehicles.model import VehicleModel, outside_force
+
+SPEEDS = dict(zip("XYZKMN", "uvwpqr", strict=True))
+"""Velocity along or about each axis."""
+MOTIONS = {*SPEEDS.values(), "phi", "theta", "psi"}
+"""Controls that are motions given as measured, and no commands."""
 HIDDEN = 1e-4
 """Share of a signature that the parameters must leave for it to be told from them."""
+LIKELY = 0.01
+"""P-value of a test of whiteness from which residuals are taken for white."""
+MOST, STEPS, HALVINGS = 3, 8, 4
+"""Effects that are taken in at most; steps of a fit, and how often one that does not climb is halved."""
+CONTENDERS, ALIKE = 3, 0.5
+"""Effects that are fitted to see which is best, those with the highest odds to first order, and their share of the highest log odds."""
+SETTLED = 1e-2
+"""Gain of a step, nats, below which a fit has ended."""
+SINGULAR = 1e-10
+"""Share of the largest eigenvalue of a scaled curvature below which a direction is not told."""
+BAND, BISECTIONS = 0.95, 50
+"""Probability below the upper end of a 90 % interval, and halvings by which that end is found."""
+INSTANT = 1e-9
+"""Lag that is none, s."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that a model may lack.
+
+    Attributes:
+        kind: a force of the vehicle, an error of a command or of a sensor, or a start that is not known.
+        of: coefficient of the force, control, measured channel or state; empty for the delay of all commands.
+        unit: of its size, SI.
+    """
+
+    kind: Literal["force", "command offset", "command lag", "delay", "sensor offset", "start"]
+    of: str
+    unit: str
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether its size cannot be below zero."""
+        return self.kind in ("delay", "command lag")
 
 
 class Omitted(NamedTuple):
     """One effect that the model lacks.
 
     Attributes:
-        name: of the effect.
-        size: its estimated size, in the unit of its signature.
+        effect: which.
+        size: its estimated size, in its own unit.
         sd: standard error of the size.
-        p_value: probability of as large a size where the effect is absent.
-        shift: by how much the parameters would move if it were added, in their own units, shape (k,).
+        log_odds: that it is there and not missing by chance.
+        shift: by how much the parameters would move if it were added, over their standard deviations, shape (d,).
     """
 
-    name: str
+    effect: Effect
     size: float
     sd: float
-    p_value: float
-    shift: Float[np.ndarray, " k"]
+    log_odds: float
+    shift: Float[np.ndarray, " d"]
 
 
-def score_effects(
-    residual: Float[np.ndarray, " n"],
-    jacobian: Float[np.ndarray, "n k"],
-    cov: Float[np.ndarray, "k k"],
-    signatures: Mapping[str, Float[np.ndarray, " n"]],
-    worth: float = 1.0,
-) -> list[Omitted]:
-    """Test every effect by itself; those that the parameters can imitate entirely are left out.
+@dataclass(frozen=True)
+class OmittedEffects:
+    """What a fitted model leaves out.
+
+    Attributes:
+        found: effects of which the data say that they are there, in the order in which they were found.
+        sought: how many were looked for; 0 where none can be.
+        spread: second standard deviation over the first one, shape (d,).
+    """
+
+    found: tuple[Omitted, ...]
+    sought: int
+    spread: Float[np.ndarray, " d"]
+
+
+class Linear(NamedTuple):
+    """What was measured beside what is shown, over the noise, at one point, and how it changes with z and with each effect.
+
+    Attributes:
+        residual: measured less shown, channels and trials side by side, shape (n,).
+        slopes: of what is shown along z, shape (n, d).
+        signatures: of what is shown along the size of each effect, shape (n, m).
+        worth: share of the samples that these residuals are worth where they are correlated.
+        log_noise: sum over samples of the log of the residuals' standard deviation in their channel.
+    """
+
+    residual: Float[np.ndarray, " n"]
+    slopes: Float[np.ndarray, "n d"]
+    signatures: Float[np.ndarray, "n m"]
+    worth: float
+    log_noise: float
+
+    @property
+    def price(self) -> float:
+        """What one more effect has to gain, nats."""
+        independent = np.count_nonzero(self.residual) * self.worth
+        return 0.5 * float(np.log(max(independent, 2.0))) + float(np.log(self.signatures.shape[1]))
+
+
+class Score(NamedTuple):
+    """What one effect would do by itself, to first order.
+
+    Attributes:
+        size: estimated, in its own unit.
+        information: about it, of samples that are independent.
+        log_odds: that it is there.
+        shift: of z, shape (d,).
+        variance: of z with it, shape (d,).
+    """
+
+    size: float
+    information: float
+    log_odds: float
+    shift: Float[np.ndarray, " d"]
+    variance: Float[np.ndarray, " d"]
+
+
+class _Fit(NamedTuple):
+    """The parameters and some effects fitted together.
+
+    Attributes:
+        z: parameters, shape (d,).
+        sizes: of every effect, 0 for those that are not taken in, shape (m,).
+        taken: places of those that are, k of them.
+        cov: of z and then of their sizes, shape (d + k, d + k).
+        log_odds: against the model without any.
+        at: what is linear about it.
+    """
+
+    z: np.ndarray
+    sizes: np.ndarray
+    taken: tuple[int, ...]
+    cov: np.ndarray
+    log_odds: float
+    at: Linear
+
+
+def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
+    """Return what the data ask for and the model lacks, and what that does to its parameters.
+
+    Looked for are forces along each axis (constant, linear, quadratic and cubic in its own velocity, and terms that other structures of
+    the posterior have), offset and lag of each command, a common delay, offsets of the sensors and starts, as far as the model has none.
 
     Args:
-        residual: measured less predicted over the noise, 0 where missing.
-        jacobian: change of the prediction with each parameter, over the noise, 0 where missing.
-        cov: posterior covariance of the parameters.
-        signatures: change of the prediction with each effect, over the noise, 0 where missing.
-        worth: share of the samples that the residuals are worth where they are correlated.
+        posterior: of records; where its likelihood has process noise nothing is looked for.
+        mode: of the posterior, all its parameters.
     """
-    results = []
-    for name, signature in signatures.items():
-        absorbed = cov @ (jacobian.T @ signature)
-        information = float(signature @ signature - (jacobian.T @ signature) @ absorbed)
-        if not information > HIDDEN * float(signature @ signature) > 0:
+    effects = tuple(_candidates(posterior)) if isinstance(posterior.likelihood, OutputError) else ()
+    if not effects:
+        return OmittedEffects((), 0, np.ones(posterior.dim))
+    sd, none, none_moved = np.sqrt(np.diag(mode.cov)), np.zeros(len(effects)), np.zeros(posterior.dim)
+    fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(posterior, effects, mode.z, none))
+    tried, found = [(0.0, sd**2, none_moved)], []
+    while True:
+        scores = score_effects(fit.at, fit.cov, fit.taken)
+        scores = {i: one for i, one in scores.items() if one.size > 0 or not effects[i].is_positive}
+        ranked = sorted(scores, key=lambda i: -scores[i].log_odds)[:CONTENDERS]
+        if len(fit.taken) == MOST or not ranked or scores[ranked[0]].log_odds < 0:
+            break
+        near = [i for i in ranked if scores[i].log_odds >= ALIKE * scores[ranked[0]].log_odds]
+        fits = [_fitted(posterior, effects, fit, i) for i in near]
+        tried += [(one.log_odds, np.diag(one.cov)[: posterior.dim], one.z - mode.z) for one in fits]
+        best = max(fits, key=lambda one: one.log_odds)
+        if best.log_odds <= fit.log_odds:
+            scores = {i: one for i, one in scores.items() if i not in near}
+            break
+        found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd))
+        fit = best
+    tried += [(fit.log_odds + one.log_odds, one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
+    log_odds, variance, shift = map(np.array, zip(*tried, strict=True))
+    spread = half_width(np.exp(log_odds - log_odds.max()), shift / sd, np.sqrt(variance) / sd) / ndtri(BAND)
+    errors = np.sqrt(np.diag(fit.cov)[posterior.dim :])
+    omitted = [
+        Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift)
+        for (i, odds, shift), error in zip(found, errors, strict=True)
+    ]
+    return OmittedEffects(tuple(omitted), len(effects), np.maximum(spread, 1.0))
+
+
+def half_width(
+    weight: Float[np.ndarray, " s"], shift: Float[np.ndarray, "s d"], sd: Float[np.ndarray, "s d"]
+) -> Float[np.ndarray, " d"]:
+    """Return how far from 0 each of d parameters lies with 90 % probability if its density is a mixture of s normal ones.
+
+    Args:
+        weight: of each density, not normalised.
+        shift: their means.
+        sd: their standard deviations.
+    """
+    share, low, high = weight / weight.sum(), np.zeros(shift.shape[1]), (np.abs(shift) + 4 * sd).max(0)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        inside = share @ (ndtr((middle - shift) / sd) - ndtr((-middle - shift) / sd))
+        low, high = np.where(inside < 2 * BAND - 1, middle, low), np.where(inside < 2 * BAND - 1, high, middle)
+    return high
+
+
+def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int, ...] = ()) -> dict[int, Score]:
+    """Return what each effect would do by itself; those that the parameters can imitate entirely are left out.
+
+    Args:
+        at: what is linear about a fit.
+        cov: posterior covariance of z, and then of the effects that are in the fit.
+        taken: places of these.
+    """
+    slopes, d = np.concatenate([at.slopes, at.signatures[:, taken]], 1), at.slopes.shape[1]
+    along, own = slopes.T @ at.signatures, (at.signatures**2).sum(0)
+    absorbed = cov @ along
+    information = own - (along * absorbed).sum(0)
+    pull = at.signatures.T @ at.residual - absorbed.T @ (slopes.T @ at.residual)
+    scores = {}
+    for i in range(own.size):
+        if i in taken or not information[i] > HIDDEN * own[i] > 0:
             continue
-        size = float(signature @ residual - absorbed @ (jacobian.T @ residual)) / information
-        sd = 1.0 / np.sqrt(information * worth)
-        results.append(Omitted(name, size, float(sd), float(chdtrc(1, (size / sd) ** 2)), -absorbed * size))
-    return results
+        size = float(pull[i] / information[i])
+        variance = np.diag(cov)[:d] + absorbed[:d, i] ** 2 / (information[i] * at.worth)
+        log_odds = 0.5 * size * float(pull[i]) * at.worth - at.price
+        scores[i] = Score(size, float(information[i]), log_odds, -absorbed[:d, i] * size, variance)
+    return scores
+
+
+def _fitted(posterior: Posterior, effects: tuple[Effect, ...], before: _Fit, added: int) -> _Fit:
+    """Return the fit with one more effect, by Gauss and Newton's steps from the fit without it; what only noise depends on stays."""
+    taken, d = (*before.taken, added), posterior.dim
+    here = list(taken)
+    lowest = np.where([effects[i].is_positive for i in taken], 0.0, -np.inf)
+    z, sizes, at = before.z, before.sizes, before.at
+    moves = np.flatnonzero(at.slopes.any(0))
+    for _ in range(STEPS):
+        prior = _priors(posterior, z, moves)
+        height = prior[0].sum() - at.log_noise
+        slopes = np.concatenate([at.slopes[:, moves], at.signatures[:, here]], 1)
+        uphill = slopes.T @ at.residual + np.r_[prior[1], np.zeros(len(here))]
+        step = _inverse(slopes, prior[2]) @ uphill
+        for share in 0.5 ** np.arange(HALVINGS):
+            tried, new = z.copy(), sizes.copy()
+            tried[moves] += share * step[: moves.size]
+            new[here] = np.maximum(sizes[here] + share * step[moves.size :], lowest)
+            near = _linear(posterior, effects, tried, new)
+            gain = _priors(posterior, tried, moves)[0].sum() - near.log_noise - height
+            if gain > 0:
+                break
+        else:
+            break
+        z, sizes, at = tried, new, near
+        if gain < SETTLED:
+            break
+    slopes = np.concatenate([at.slopes[:, moves], at.signatures[:, here]], 1)
+    cov, among = np.diag(np.r_[np.diag(before.cov)[:d], np.zeros(len(here))]), np.r_[moves, d + np.arange(len(here))]
+    cov[np.ix_(among, among)] = _inverse(slopes, _priors(posterior, z, moves)[2]) / at.worth
+    log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - at.price
+    return _Fit(z, sizes, taken, cov, log_odds, at)
+
+
+def _priors(posterior: Posterior, z: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the log prior densities of some parameters with two derivatives, shape (3, k)."""
+    return np.asarray(expand_prior(posterior, z)[0])[:, at]
+
+
+def _inverse(slopes: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Return the covariance of k parameters and then of effects, for independent samples and the curvature of the log prior density."""
+    curvature = slopes.T @ slopes
+    curvature[range(prior.size), range(prior.size)] += np.maximum(-prior, 0.0)
+    size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(float).tiny))
+    return np.linalg.pinv(curvature / np.outer(size, size), rcond=SINGULAR, hermitian=True) / np.outer(size, size)
+
+
+def _linear(posterior: Posterior, effects: tuple[Effect, ...], z: np.ndarray, sizes: np.ndarray) -> Linear:
+    """Return what is linear about one point, over the noise that the residuals themselves show there; no sample where it diverges."""
+    shown, slopes, signatures = map(np.asarray, _shown(posterior, effects, z, sizes))
+    data = posterior.data
+    present = np.stack([np.asarray(one.present) for one in data.channels], -1)
+    residual = np.where(present > 0, np.stack([np.asarray(one.measured) for one in data.channels], -1) - shown, 0.0)
+    count = np.maximum(present.sum((0, 1)), 1.0)
+    noise = np.sqrt((residual**2).sum((0, 1)) / count)
+    finite = all(np.isfinite(one).all() for one in (noise, slopes, signatures))
+    if not finite:
+        return Linear(np.zeros(0), np.zeros((0, z.size)), np.zeros((0, sizes.size)), 1.0, np.inf)
+    noise = np.where(noise > 0, noise, 1.0)
+    weight = present / noise
+    return Linear(
+        (residual / noise).ravel(),
+        (slopes * weight[..., None]).reshape(-1, z.size),
+        (signatures * weight[..., None]).reshape(-1, sizes.size),
+        _worth(residual, present, np.asarray(data.step)),
+        float(count @ np.log(noise)),
+    )
+
+
+def _candidates(posterior: Posterior) -> Iterator[Effect]:
+    likelihood: Any = posterior.likelihood
+    model, simulator = likelihood.model, likelihood.simulator
+    known = {one for name, _ in model.constants if (one := _coefficient(name))}
+    here = set(posterior.present_names)
+    terms = {one: one.text for one in model.coefficients}
+    for axis in model.pushed:
+        speed = SPEEDS[axis]
+        texts = [f"{axis}_0"]
+        texts += [f"{axis}_{speed}", f"{axis}_{speed}abs{speed}", f"{axis}_{speed}3"] * (speed in model.states)
+        for name in map(CoefficientName.parse, texts):
+            terms.setdefault(name, name.text)
+    for name, text in terms.items():
+        if text not in here and name not in known and not name.trim_signals:
+            yield Effect("force", text, model.unit_of(name))
+    lags = {unknown.name for unknown in model.unknowns} | here
+    for control in model.controls:
+        if control not in MOTIONS:
+            yield Effect("command offset", control, signal_unit(control))
+            if f"lag_{control}" not in lags and control + "_act" not in model.states:
+                yield Effect("command lag", control, "s")
+    if not simulator.delay and not MOTIONS & set(model.controls):
+        yield Effect("delay", "", "s")
+    for sensor in simulator.sensors:
+        if not sensor.bias:
+            yield Effect("sensor offset", sensor.channel, signal_unit(sensor.channel))
+    if not likelihood.free_initial:
+        for state in model.states:
+            if not state.startswith("q_"):
+                yield Effect("start", state, signal_unit(state))
+
+
+def _coefficient(name: str) -> CoefficientName | None:
+    try:
+        return CoefficientName.parse(name)
+    except InputError:
+        return None
+
+
+def _worth(residual: np.ndarray, present: np.ndarray, step: np.ndarray) -> float:
+    """Share of the samples that residuals are worth, of the channel and trial where they are worth least; 1 where all are white."""
+    shares = [1.0]
+    for trial in range(residual.shape[0]):
+        time = np.concatenate([[0.0], np.cumsum(step[trial])[:-1]])
+        for channel in range(residual.shape[2]):
+            here = present[trial, :, channel] > 0
+            if here.sum() > 8 and whiteness(time[here], residual[trial, here, channel]).p_value < LIKELY:
+                shares.append(effective_samples(time[here], residual[trial, here, channel]) / here.sum())
+    return float(min(shares))
+
+
+@program(static_argnums=1)
+def _shown(posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: Array) -> tuple[Array, Array, Array]:
+    """Return what the sensors show, shape (trials, n, channels), with slopes along z and along the size of each effect."""
+    likelihood: Any = posterior.likelihood
+    simulator = replace(likelihood.simulator, model=_pushed(likelihood.model, effects))
+
+    def shown(z: Array, sizes: Array) -> Array:
+        size = dict(zip(effects, sizes, strict=True))
+        named: dict[str, Any] = dict(zip(posterior.names, posterior.constrain(z), strict=True))
+        coefficients = {one.text for one in likelihood.model.coefficients}
+        named |= {
+            one.of if one.of in coefficients else f"omitted {one.of}": x
+            for one, x in size.items()
+            if one.kind == "force"
+        }
+
+        def of_one_trial(apart: dict, trial: Any, start: Array) -> Array:
+            control = dict(zip(likelihood.model.controls, trial.control, strict=True))
+            starts, biases = start, {}
+            for one, x in size.items():
+                match one.kind:
+                    case "command offset":
+                        control[one.of] = control[one.of] + x
+                    case "command lag":
+                        control[one.of] = _late(control[one.of], trial.step, x + INSTANT)
+                    case "start":
+                        starts = starts.at[likelihood.model.states.index(one.of)].add(x)
+                    case "sensor offset":
+                        biases[one.of] = x
+            if (delay := Effect("delay", "", "s")) in size:
+                control = {
+                    name: column if name in MOTIONS else delay_control(column, size[delay] / trial.step[0])
+                    for name, column in control.items()
+                }
+            seen = simulator.outputs({**named, **apart}, starts, tuple(control.values()), trial.step)
+            return seen + jnp.stack([jnp.asarray(biases.get(channel, 0.0)) for channel in likelihood.channels])
+
+        return jax.vmap(of_one_trial)(likelihood.apart(named), posterior.data, likelihood.starts(named, posterior.data))
+
+    return shown(z, sizes), *jax.jacfwd(shown, (0, 1))(z, sizes)
+
+
+def _pushed(model: VehicleModel, effects: tuple[Effect, ...]) -> VehicleModel:
+    """Return the model with the forces that it has no coefficient for."""
+    coefficients = {one.text for one in model.coefficients}
+    forces = [CoefficientName.parse(one.of) for one in effects if one.kind == "force" and one.of not in coefficients]
+    trim = {name.removeprefix("trim "): value for name, value in model.constants if name.startswith("trim ")}
+
+    def derivative(params: Any, state: tuple, control: tuple) -> tuple:
+        signals = dict(zip((*model.states, *model.controls), (*state, *control), strict=True))
+        pushes: dict[str, Any] = {}
+        for force in forces:
+            name = outside_force(force.axis)
+            before = pushes.get(name, params.get(name, 0.0))
+            pushes[name] = before + params[f"omitted {force.text}"] * force.regressor(signals, trim)
+        return model.derivative({**params, **pushes}, state, control)
+
+    return replace(model, derivative=derivative, constants=(*model.constants, ("omitted", float(len(forces)))))
+
+
+def _late(control: Float[Array, " n"], step: Float[Array, " n"], lag: Any) -> Float[Array, " n"]:
+    """Return the mean over each step of what follows a held command with a lag, from where the first one holds it."""
+
+    def follow(actual: Array, sample: tuple) -> tuple[Array, Array]:
+        command, h = sample
+        h = jnp.where(h > 0, h, 1.0)
+        left = jnp.exp(-h / lag)
+        away = actual - command
+        return command + away * left, command + away * (1.0 - left) * lag / h
+
+    return jax.lax.scan(follow, control[0], (control, step))[1]

@@ -1,8 +1,9 @@
-"""Standard deviations of coefficients that survive an error of the model: by how much the estimate moves when a piece of data goes.
+"""Standard deviations of coefficients that survive an error of the model.
 
-Outside the model the curvature of the posterior says nothing about how far the mode would lie from that of other data. The pieces, runs
-or long blocks of time, do: without piece i the mode moves by d_i = -(P - H_i)^-1 s_i, s_i the slope and H_i the curvature of its
-log-likelihood at the mode, and
+Outside the model the curvature of the posterior says nothing about how far the mode would lie from the truth, or from the mode of other
+data. Two things do. By how much the values move when what the model may lack is let in, as far as the data do not exclude it, is in
+`omitted_effects`. By how much they move when a piece of the data goes, a run or a long block of time, is here: without piece i the mode
+moves by d_i = -(P - H_i)^-1 s_i, s_i the slope and H_i the curvature of its log-likelihood at the mode, and
 
     V = (n - 1) / n sum_i d_i d_i' + C L C,   C = P^-1
 
@@ -11,7 +12,7 @@ with the leverage of each piece taken out of it, which few pieces need (MacKinno
 2023). L is the curvature of the prior: what it says is not drawn anew with the data, and its own spread stays. Where the model is right,
 V is C. The deviation of one parameter over the root of V has about Student's t distribution of n - 1 degrees of freedom.
 
-What the model lacks in every run alike moves every piece alike, and is not in V: docs/held_back.md says how far that misleads.
+What the model lacks in every run alike moves every piece alike, and is not in V; docs/held_back.md shows what each of the two finds.
 
 A run's own parameters (`u_0[run]`) are part of its piece: their priors say how runs differ, which the runs themselves show.
 """
@@ -25,6 +26,7 @@ from scipy.special import ndtri, stdtrit
 from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import FLAT, Mode
+from seatrial.estimation.omitted_effects import OmittedEffects, omitted_effects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.posterior_by_run import RunExpansion, expand_runs, split_runs
@@ -40,49 +42,78 @@ LENGTHS = 3.0
 """Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each other."""
 TELLING = 1.5
 """Ratio of the two standard deviations from which both are shown."""
-ALIKE = "a term or a lag that the model lacks in every run alike moves values beyond any ± of this table"
+BEYOND = "what is not looked for can move values further"
 """What no second standard deviation can show."""
 BAND = 0.95
 """Probability below the upper end of a 90 % interval."""
 
 
 @dataclass(frozen=True)
-class RobustErrors:
-    """What the pieces say about each of k parameters; only of those that all runs share.
+class Pieces:
+    """By how much values move when pieces of the data go; only of the k parameters that all runs share.
 
     Attributes:
-        names: of the parameters that all runs share.
         ratio: root of V over the standard deviation of the normal approximation, shape (k,).
-        pieces: how many; 0 where there are too few.
+        count: how many pieces; 0 where there are too few.
         basis: what they are, in words, or why there are none.
     """
 
-    names: tuple[str, ...]
     ratio: Float[np.ndarray, " k"]
-    pieces: int
+    count: int
     basis: str
-
-    @property
-    def words(self) -> str:
-        """What the second standard deviation is made of, that no value needs one, or that there is none and why."""
-        if not self.pieces:
-            return f"± with model error: not judged; {self.basis}"
-        if not (self.ratio > TELLING).any():
-            return f"± with model error: leaving out each of {self.basis} in turn moves no value by much more than its ± allows; {ALIKE}"
-        return (
-            f"± with model error: by how much the values move when each of {self.basis} is left out in turn, widened for so few of "
-            f"them (Student's t, {self.freedom} degrees of freedom); shown if it is larger by more than half; {ALIKE}"
-        )
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom of Student's t."""
-        return self.pieces - 1
+        return self.count - 1
 
     @property
     def widening(self) -> float:
         """What a standard deviation is multiplied by so that 1.645 of it hold 90 % although few pieces tell it."""
-        return float(stdtrit(self.freedom, BAND) / ndtri(BAND))
+        return float(stdtrit(self.freedom, BAND) / ndtri(BAND)) if self.count else 1.0
+
+
+@dataclass(frozen=True)
+class RobustErrors:
+    """What survives an error of the model, of each of the k parameters that all runs share.
+
+    Attributes:
+        names: of the parameters.
+        pieces: by how much they move when pieces of the data go.
+        omitted: what the model lacks.
+        spread: of `omitted`, of these parameters, shape (k,).
+    """
+
+    names: tuple[str, ...]
+    pieces: Pieces
+    omitted: OmittedEffects
+    spread: Float[np.ndarray, " k"]
+
+    @property
+    def ratio(self) -> Float[np.ndarray, " k"]:
+        """Standard deviation with the error of the model over that within it, not widened for few pieces."""
+        return np.sqrt(np.maximum(self.pieces.ratio, 1.0) ** 2 + self.spread**2 - 1.0)
+
+    @property
+    def words(self) -> str:
+        """What the second standard deviation is made of, that no value needs one, or that there is none and why."""
+        pieces, tests = self.pieces, []
+        if pieces.count:
+            tests.append(f"each of {pieces.basis} is left out")
+        if self.omitted.sought:
+            tests.append(f"one of {self.omitted.sought} effects that the model may lack is added")
+        if not tests:
+            return f"± with model error: not judged; {pieces.basis}"
+        why = "" if pieces.count else f"; nothing was left out: {pieces.basis}"
+        moves = f"when {' or '.join(tests)}{why}; {BEYOND}"
+        if not (self.ratio > TELLING).any():
+            return f"± with model error: no value moves by much more than its ± {moves}"
+        few = (
+            f", widened because the pieces are few (Student's t, {pieces.freedom} degrees of freedom)"
+            if pieces.count
+            else ""
+        )
+        return f"± with model error: by how much a value moves{few}, if that is more than half larger, {moves}"
 
     def wider(self, name: str, sd: float) -> float | None:
         """Return the standard deviation of a parameter with the error of the model, widened for few pieces.
@@ -94,26 +125,23 @@ class RobustErrors:
         Returns:
             None where it is not told, or is less than half as large again.
         """
-        if not self.pieces or name not in self.names:
+        if name not in self.names or self.ratio[(at := self.names.index(name))] <= TELLING:
             return None
-        ratio = float(self.ratio[self.names.index(name)])
-        return sd * ratio * self.widening if ratio > TELLING else None
+        of_pieces = max(float(self.pieces.ratio[at]), 1.0) * self.pieces.widening
+        return sd * float(np.sqrt(of_pieces**2 + self.spread[at] ** 2 - 1.0))
 
 
 def robust_errors(posterior: Posterior, mode: Mode) -> RobustErrors:
-    """Return how the standard deviations at the mode compare with what pieces of the data say.
+    """Return how the standard deviations at the mode compare with what pieces of the data, and effects left out, say.
 
     Args:
         posterior: of records; of a log density of one's own nothing is told.
         mode: of the posterior, all its parameters.
     """
-    if not isinstance(posterior.likelihood, OutputError | FilterError):
-        return _nothing("a log density of one's own has no runs")
-    if len(posterior.likelihood.labels) >= LEAST_RUNS:
-        there = expand_runs(split_runs(posterior), mode.z)
-        count = len(posterior.likelihood.labels)
-        return _compared(posterior, mode, there, there.gradient, there.hessian, f"{count} runs", own_is_drawn=True)
-    return _by_blocks(posterior, mode)
+    shared = np.array([i for i in posterior.places if "[" not in posterior.names[i]], int)
+    omitted = omitted_effects(posterior, mode)
+    names = tuple(posterior.names[i] for i in shared)
+    return RobustErrors(names, _pieces(posterior, mode, shared), omitted, omitted.spread[shared])
 
 
 def jackknife(
@@ -136,8 +164,18 @@ def jackknife(
     return (n - 1) / n * moves.T @ moves + held @ held.T
 
 
-def _nothing(why: str) -> RobustErrors:
-    return RobustErrors((), np.empty(0), 0, why)
+def _pieces(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
+    if not isinstance(posterior.likelihood, OutputError | FilterError):
+        return _nothing(shared, "a log density of one's own has no runs")
+    if len(posterior.likelihood.labels) < LEAST_RUNS:
+        return _by_blocks(posterior, mode, shared)
+    there = expand_runs(split_runs(posterior), mode.z)
+    basis = f"{len(posterior.likelihood.labels)} runs"
+    return _compared(posterior, mode, there, there.gradient, there.hessian, shared, basis, own_is_drawn=True)
+
+
+def _nothing(shared: np.ndarray, why: str) -> Pieces:
+    return Pieces(np.ones(shared.size), 0, why)
 
 
 def _compared(
@@ -146,19 +184,18 @@ def _compared(
     there: RunExpansion,
     scores: np.ndarray,
     hessians: np.ndarray,
+    shared: np.ndarray,
     basis: str,
     own_is_drawn: bool,
-) -> RobustErrors:
-    shared = np.array([i for i in posterior.places if "[" not in posterior.names[i]], int)
+) -> Pieces:
     prior = -there.prior_hessian
     if own_is_drawn:
         prior = np.where(["[" in name for name in posterior.names], 0.0, prior)
     wide = np.sqrt(np.diag(jackknife(mode.precision, scores, -hessians, prior))[shared])
-    ratio = wide / np.sqrt(np.diag(mode.cov)[shared])
-    return RobustErrors(tuple(posterior.names[i] for i in shared), ratio, len(scores), basis)
+    return Pieces(wide / np.sqrt(np.diag(mode.cov)[shared]), len(scores), basis)
 
 
-def _by_blocks(posterior: Posterior, mode: Mode) -> RobustErrors:
+def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
     """Likewise of blocks of time of one run or two: the score of a block is that of all before its end less that before its start."""
     data: TrialData = posterior.data
     apart = _time_of_one(posterior, mode)
@@ -168,7 +205,8 @@ def _by_blocks(posterior: Posterior, mode: Mode) -> RobustErrors:
     counts = np.minimum(counts, max(1, MOST_BLOCKS // len(lengths)))
     if counts.sum() < LEAST_BLOCKS:
         return _nothing(
-            f"{counts.sum()} blocks of time that are longer than the memory of the residuals, {LEAST_BLOCKS} are needed"
+            shared,
+            f"{counts.sum()} blocks of time that are longer than the memory of the residuals, {LEAST_BLOCKS} are needed",
         )
     scores, hessians = [], []
     time = np.cumsum(step, 1) - step
@@ -185,7 +223,7 @@ def _by_blocks(posterior: Posterior, mode: Mode) -> RobustErrors:
             before = found.gradient[r], found.hessian[r]
     there = expand_runs(runs, mode.z)
     basis = f"{len(scores)} blocks of {lengths.sum() / len(scores):.3g} s"
-    return _compared(posterior, mode, there, np.stack(scores), np.stack(hessians), basis, own_is_drawn=False)
+    return _compared(posterior, mode, there, np.stack(scores), np.stack(hessians), shared, basis, own_is_drawn=False)
 
 
 def _time_of_one(posterior: Posterior, mode: Mode) -> float:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from functools import partial
 from typing import NamedTuple
 
@@ -13,8 +14,9 @@ from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
-from seatrial.campaign.store.estimates import Estimate, HasKey, read_estimate
+from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
@@ -48,7 +50,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with model error",
+        "posterior, with omitted effects",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
@@ -152,7 +154,8 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
             return _Unended(structure, arrays_of_run(run))
     draws = in_posterior(target, sampler.finish(run))
     mode = mode.only(posterior.places)
-    return _Ended(_dataset(posterior, mode, robust, draws, campaign.hull.trim))
+    missing = left_out(posterior, structure, robust.omitted)
+    return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim))
 
 
 def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:
@@ -164,7 +167,14 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Robus
     return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 
 
-def _dataset(posterior: Posterior, mode: Mode, robust: RobustErrors, draws: Draws, at: Mapping[str, float]) -> Dataset:
+def _dataset(
+    posterior: Posterior,
+    mode: Mode,
+    robust: RobustErrors,
+    missing: tuple[LeftOut, ...],
+    draws: Draws,
+    at: Mapping[str, float],
+) -> Dataset:
     values = draws.values
     health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
@@ -203,6 +213,7 @@ def _dataset(posterior: Posterior, mode: Mode, robust: RobustErrors, draws: Draw
         },
         attrs={
             "model_error": robust.words,
+            "left_out": json.dumps([asdict(one) for one in missing]),
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),

@@ -15,6 +15,7 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
+from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import with_model_error
 from seatrial.core.errors import NumericalError
@@ -181,11 +182,9 @@ def _mode(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
         for parameter, value, sd in zip(posterior.present_parameters, mode.values, mode.sd, strict=True)
     )
-    caution = (
-        f"{structure.label}: in one direction the posterior is flat, and its standard deviations are those of the prior there"
-        if mode.flat
-        else ""
-    )
+    flat = "in one direction the posterior is flat, and its standard deviations are those of the prior there"
+    missing = left_out(posterior, structure, robust.omitted) if robust else ()
+    cautions = [flat] * mode.flat + [one.sentence for one in missing]
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
     wider = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
@@ -194,7 +193,7 @@ def _mode(
         rows,
         ("mode",),
         note,
-        caution=caution,
+        caution="; ".join(f"{structure.label}: {text}" for text in cautions),
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
         wider={name: sd for name, sd in wider.items() if sd is not None},
@@ -237,7 +236,7 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         ("plain", "refined"),
         _how(found, window),
         caution="; ".join(
-            f"{structure.label}: {text}" for text in (found.status, left_out(campaign, structure)) if text
+            f"{structure.label}: {text}" for text in (found.status, ignored(campaign, structure)) if text
         ),
     )
 
@@ -264,7 +263,7 @@ def _how(found: Regression, window: float | None) -> str:
     return f"{source}, residual {found.acceleration_sd:.3g} m/s^2  {' '.join(found.names)}"
 
 
-def left_out(campaign: Campaign, structure: Structure) -> str:
+def ignored(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
     noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
     names = [one.name for one, _ in campaign.nuisances(campaign.model(structure)) if one.name not in noise]

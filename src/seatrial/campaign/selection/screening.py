@@ -7,7 +7,7 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.inference.quick_estimates import left_out
+from seatrial.campaign.inference.quick_estimates import ignored
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened, read_screening
@@ -175,7 +175,7 @@ def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> Datas
             "rows": found.fit.status,
             "noise": found.bias.status,
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,
-            "left_out": left_out(campaign, campaign.full),
+            "left_out": ignored(campaign, campaign.full),
             "r2": float(found.rows.r2[0]),
         },
     )

@@ -100,6 +100,11 @@ class Estimate:
         """What a reader must know."""
         return json.loads(self.data.attrs["cautions"])
 
+    @property
+    def left_out(self) -> tuple["LeftOut", ...]:
+        """Effects that the structure lacks and its coefficients hide, the most harmful first."""
+        return tuple(LeftOut(**item) for item in json.loads(self.data.attrs["left_out"]))
+
     def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
         """Draws of the named parameters, SI, all chains together, shape (n, k)."""
         chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
@@ -480,13 +485,6 @@ def decode_known(content: dict[str, Any]) -> Known:
         ),
         tuple(content["verdict"]),
     )
-
-
-def read_left_out(path: Path, made_by: str) -> tuple[LeftOut, ...]:
-    """Read what one structure leaves out, the most harmful first."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return tuple(LeftOut(**item) for item in content["effects"])
 
 
 def read_predictions(path: Path) -> Predictions:

@@ -30,13 +30,11 @@ from seatrial.campaign.store.estimates import (
     Calibrated,
     Estimate,
     Known,
-    LeftOut,
     Predictions,
     StoredProfile,
     read_calibration,
     read_estimate,
     read_known,
-    read_left_out,
     read_predictions,
     read_profiles,
 )
@@ -137,10 +135,6 @@ class Results:
     def known(self, label: str) -> Known:
         """Read what the data tell about each parameter of one structure."""
         return read_known(self.store.known(label), self._by("estimate"))
-
-    def left_out(self, label: str) -> tuple[LeftOut, ...]:
-        """Read what one structure leaves out."""
-        return read_left_out(self.store.left_out(label), self._by("run"))
 
     def profiles(self, label: str) -> dict[str, StoredProfile]:
         """Read the profile likelihoods of one structure's parameters."""

@@ -116,10 +116,6 @@ class Store:
         """What the data tell about each parameter of one structure."""
         return self.results / "known" / f"{label}.json"
 
-    def left_out(self, label: str) -> Path:
-        """What one structure leaves out."""
-        return self.results / "known" / f"{label}-left-out.json"
-
     def profiles(self, label: str) -> Path:
         """Profile likelihoods of one structure's parameters."""
         return self.results / "profiles" / f"{label}.json"

@@ -52,7 +52,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         whole.end()
     screened, cautions = found["screening"]
     fits, predictions = found["predictions"]
-    same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders", "left_out")
+    same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders")
     outcome = Outcome(
         campaign=found["candidates"],
         estimates=tuple(found["estimates"]),
@@ -104,7 +104,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions = comparison_cautions(outcome.compared)
     cautions += [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
-    cautions += [effect.sentence for effect in outcome.left_out]
+    cautions += [effect.sentence for effect in chosen.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
     cautions += held_back_cautions(campaign, outcome.trials)
     return {

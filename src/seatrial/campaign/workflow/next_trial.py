@@ -169,7 +169,7 @@ def _wrong(outcome: Outcome) -> tuple[str, ...]:
         for fit in outcome.fits
         if not fit.held_back and fit.level == "fail"
     ]
-    found += [effect.sentence for effect in outcome.left_out]
+    found += [effect.sentence for effect in outcome.chosen.left_out]
     found += [
         f"the model fails where it was not fitted: {text}" for text in held_back_alarms(outcome.fits, outcome.pooled)
     ]

@@ -8,7 +8,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
-from seatrial.campaign.store.estimates import Estimate, Fit, Known, LeftOut
+from seatrial.campaign.store.estimates import Estimate, Fit, Known
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.baseline_comparison import Comparison
@@ -39,7 +39,6 @@ class Outcome:
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure.
-        left_out: what the chosen structure lacks and its coefficients hide.
         summary: the machine-readable summary.
         cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
     """
@@ -62,6 +61,5 @@ class Outcome:
     screened: Screened | None
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None
-    left_out: tuple[LeftOut, ...]
     summary: dict[str, Any]
     cross_validation: CrossValidation | None = None

@@ -48,7 +48,6 @@ cross_validation = _Module("inference.cross_validation")
 estimate = _Module("inference.estimate")
 filter_trace = _Module("inference.filter_trace")
 identifiability = _Module("inference.identifiability")
-omitted_effects = _Module("inference.omitted_effects")
 judge_predictions = _Module("inference.judge_predictions")
 profile = _Module("inference.profile")
 prior = _Module("prior.predictive")
@@ -361,13 +360,6 @@ LOOP = (
         runner_up.find_contenders,
         _stored_contenders,
         "contenders.nc",
-    ),
-    Step(
-        "left_out",
-        ("candidates", "chosen", "trials"),
-        omitted_effects.left_out,
-        lambda campaign, chosen, trials: [omitted_effects.stored_left_out(campaign, chosen)],
-        "known/*-left-out.json",
     ),
 )
 """Steps of the whole loop, in the order in which they are made."""

@@ -1,0 +1,162 @@
+"""Effects left out: the score test beside least squares with the effect put in, and vehicles with something that no term has."""
+
+import numpy as np
+import pytest
+
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.omitted_effects import Linear, half_width, omitted_effects, score_effects
+from seatrial.estimation.posterior import posterior_of_density
+from seatrial.estimation.priors import LogUniform, Normal
+from seatrial.estimation.record_posterior import make_posterior
+from seatrial.vehicles.surge import surge_vehicle
+from tests.estimation_cases import make_trial
+from tests.selection.run_cases import FIXED_DRAG
+
+RNG = np.random.default_rng(5)
+N = 400
+J = RNG.normal(size=(N, 3))
+EFFECT = J @ [0.5, -1.0, 0.2] + RNG.normal(size=N)
+
+
+def scored(measured, effect=EFFECT, worth=1.0):
+    """Score of one effect about least squares, its covariance and its values."""
+    values, cov = np.linalg.lstsq(J, measured, rcond=None)[0], np.linalg.inv(J.T @ J)
+    return score_effects(Linear(measured - J @ values, J, effect[:, None], worth, 0.0), cov), values
+
+
+def test_size_shift_and_variance_are_those_of_the_wider_fit():
+    measured = J @ [1.0, 2.0, 3.0] + 0.3 * EFFECT + RNG.normal(size=N)
+    found, values = scored(measured)
+    wide = np.column_stack([J, EFFECT])
+    exact, cov = np.linalg.lstsq(wide, measured, rcond=None)[0], np.linalg.inv(wide.T @ wide)
+    assert found[0].size == pytest.approx(exact[3], rel=1e-9)
+    assert 1 / found[0].information == pytest.approx(cov[3, 3], rel=1e-9)
+    assert values + found[0].shift == pytest.approx(exact[:3], rel=1e-9)
+    assert found[0].variance == pytest.approx(np.diag(cov)[:3], rel=1e-9)
+
+
+def test_log_odds_are_those_of_a_prior_worth_one_sample():
+    """The Bayes factor of a normal prior of variance n / information about the size, in closed form; BIC leaves out 1 + 1 / n."""
+    found, _ = scored(J @ [1.0, 2.0, 3.0] + 0.3 * EFFECT + RNG.normal(size=N))
+    size, information = found[0].size, found[0].information
+    exact = 0.5 * size**2 * information * N / (N + 1) - 0.5 * np.log(N + 1)
+    assert found[0].log_odds == pytest.approx(exact, abs=0.1)
+
+
+def test_squared_scores_are_chi_square_where_nothing_is_missing():
+    """The share of 2000 data sets above the 95 % point, to four standard errors."""
+    found = [scored(RNG.normal(size=N))[0][0] for _ in range(2000)]
+    share = np.mean([one.size**2 * one.information > 3.8415 for one in found])
+    assert abs(share - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 2000)
+
+
+def test_what_the_parameters_imitate_is_not_tested():
+    assert scored(RNG.normal(size=N), J @ [1.0, 0.0, 2.0])[0] == {}
+    assert scored(RNG.normal(size=N), np.zeros(N))[0] == {}
+
+
+def test_correlated_residuals_are_worth_less():
+    measured = RNG.normal(size=N)
+    whole, quarter = (scored(measured, EFFECT, worth)[0][0] for worth in (1.0, 0.25))
+    assert quarter.size == whole.size
+    own = np.diag(np.linalg.inv(J.T @ J))
+    assert quarter.variance - own == pytest.approx(4 * (whole.variance - own))
+
+
+@pytest.mark.parametrize(("left", "tested"), [(0.9e-4, False), (1.1e-4, True)])
+def test_an_effect_is_tested_of_which_the_parameters_leave_a_ten_thousandth(left, tested):
+    direction = np.linalg.qr(np.column_stack([J, RNG.normal(size=N)]))[0]
+    inside, outside = J[:, 0] / np.linalg.norm(J[:, 0]), direction[:, 3]
+    signature = np.sqrt(1 - left) * inside + np.sqrt(left) * outside
+    found = score_effects(Linear(outside, J, signature[:, None], 1.0, 0.0), np.linalg.inv(J.T @ J))
+    assert len(found) == tested
+    assert all(one.size == pytest.approx(1 / np.sqrt(left), rel=1e-6) for one in found.values())
+
+
+def test_half_width_is_the_quantile_of_a_mixture():
+    """Of a million draws of three normal densities, to four standard errors of the share inside."""
+    rng, weight = np.random.default_rng(3), np.array([2.0, 1.0, 1.0])
+    shift, sd = np.array([[0.0, 0.0], [3.0, 0.1], [-1.0, 20.0]]), np.array([[1.0, 1.0], [0.5, 2.0], [4.0, 1.0]])
+    which = rng.choice(3, 1_000_000, p=weight / weight.sum())
+    drawn = shift[which] + sd[which] * rng.normal(size=(which.size, 2))
+    inside = np.mean(np.abs(drawn) < half_width(weight, shift, sd), 0)
+    assert np.abs(inside - 0.9).max() < 4 * np.sqrt(0.09 / which.size)
+    assert half_width(np.ones(1), np.zeros((1, 1)), np.ones((1, 1)))[0] == pytest.approx(1.644854, rel=1e-6)
+
+
+STEP, SAMPLES = 0.1, 900
+TRUTH = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
+
+
+def posterior_of(lag=0.0, cubic=0.0, seed=1):
+    """One record by a loop of its own, midpoint steps, fitted without lag and cubic drag."""
+    rng = np.random.default_rng(seed)
+    n = np.repeat(125 + rng.uniform(-60, 60, SAMPLES // 30), 30)
+    u, turning, shown, h = 1.5, n[0], [], STEP / 5
+    for command in n:
+        shown.append(u)
+        turning = turning if lag else command
+        for _ in range(5):
+            thrust = TRUTH["T_nabsn"] * turning * abs(turning)
+
+            def rate(u, thrust=thrust):
+                return (thrust + TRUTH["X_u"] * u + TRUTH["X_uabsu"] * u * abs(u) - cubic * u**3) / FIXED_DRAG.mass
+
+            u += h * rate(u + 0.5 * h * rate(u))
+            turning += h * (command - turning) / lag if lag else 0.0
+    noisy = np.array(shown) + 0.02 * rng.normal(size=SAMPLES)
+    record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=noisy)
+    priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
+    hull = type(FIXED_DRAG)("hull", FIXED_DRAG.mass)
+    model = surge_vehicle(hull, tuple(TRUTH))
+    return make_posterior(model, record, priors | {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)}, ["u"])
+
+
+def away(posterior, mode):
+    """Distance from the truth in standard deviations."""
+    return {name: abs(mode.by_name[name] - value) / mode.sd[mode.names.index(name)] for name, value in TRUTH.items()}
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    posterior = posterior_of()
+    found = omitted_effects(posterior, find_mode(posterior, 0))
+    assert found.found == ()
+    assert found.sought >= 5
+    spread = dict(zip(posterior.names, found.spread, strict=True))
+    assert spread["sigma_u"] == pytest.approx(1.0)
+    assert 1.0 <= spread["T_nabsn"] < 3.0
+
+
+def test_a_lag_is_found_with_its_size_and_what_it_does():
+    """No lag has a first-order size: Newton's steps have to reach 0.8 s from none; the delay that looks alike loses."""
+    posterior = posterior_of(lag=0.8)
+    mode = find_mode(posterior, 0)
+    found = omitted_effects(posterior, mode)
+    lag = found.found[0]
+    assert (lag.effect.kind, lag.effect.of) == ("command lag", "n")
+    assert abs(lag.size - 0.8) < 4 * lag.sd
+    assert lag.sd < 0.05
+    wrong = away(posterior, mode)
+    at = posterior.names.index(max(wrong, key=wrong.__getitem__))
+    assert max(wrong.values()) > 8
+    assert abs(lag.shift[at]) == pytest.approx(max(wrong.values()), rel=0.1)
+    assert 1.645 * found.spread[at] > 0.9 * max(wrong.values())
+
+
+def test_a_cubic_drag_is_found():
+    posterior = posterior_of(cubic=1.5)
+    mode = find_mode(posterior, 0)
+    found = omitted_effects(posterior, mode)
+    assert [one.effect.of for one in found.found] == ["X_u3"]
+    assert abs(found.found[0].size + 1.5) < 4 * found.found[0].sd
+    at, wrong = posterior.names.index("X_uabsu"), away(posterior, mode)
+    assert wrong["X_uabsu"] > 8
+    assert abs(found.found[0].shift[at]) == pytest.approx(wrong["X_uabsu"], rel=0.3)
+    assert 1.645 * found.spread[at] > 0.9 * wrong["X_uabsu"]
+
+
+def test_a_density_of_ones_own_has_none():
+    own = posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)})
+    found = omitted_effects(own, find_mode(own, 0))
+    assert (found.found, found.sought) == ((), 0)
+    assert found.spread == pytest.approx([1.0])
