@@ -53,6 +53,8 @@ MOST, STEPS, HALVINGS = 3, 8, 4
 """Effects that are taken in at most; steps of a fit, and how often one that does not climb is halved."""
 CONTENDERS, ALIKE = 3, 0.5
 """Effects that are fitted to see which is best, those with the highest odds to first order, and their share of the highest log odds."""
+CLOSE = 3.0
+"""Difference of log odds up to which two effects do equally well."""
 SETTLED = 1e-2
 """Gain of a step, nats, below which a fit has ended."""
 SINGULAR = 1e-10
@@ -92,6 +94,7 @@ class Omitted(NamedTuple):
         sd: standard error of the size.
         log_odds: that it is there and not missing by chance.
         shift: by how much the parameters would move if it were added, over their standard deviations, shape (d,).
+        alike: effects that would do nearly as well in its place.
     """
 
     effect: Effect
@@ -99,6 +102,7 @@ class Omitted(NamedTuple):
     sd: float
     log_odds: float
     shift: Float[np.ndarray, " d"]
+    alike: tuple[Effect, ...]
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ class Linear(NamedTuple):
     Attributes:
         residual: measured less shown, channels and trials side by side, shape (n,).
         slopes: of what is shown along z, shape (n, d).
-        signatures: of what is shown along the size of each effect, shape (n, m).
+        signatures: of what is shown along the size of each effect, 0 for those that the structure has, shape (n, m).
         worth: share of the samples that these residuals are worth where they are correlated.
         log_noise: sum over samples of the log of the residuals' standard deviation in their channel.
     """
@@ -137,7 +141,8 @@ class Linear(NamedTuple):
     def price(self) -> float:
         """What one more effect has to gain, nats."""
         independent = np.count_nonzero(self.residual) * self.worth
-        return 0.5 * float(np.log(max(independent, 2.0))) + float(np.log(self.signatures.shape[1]))
+        sought = np.count_nonzero(self.signatures.any(0))
+        return 0.5 * float(np.log(max(independent, 2.0))) + float(np.log(max(sought, 1)))
 
 
 class Score(NamedTuple):
@@ -207,17 +212,19 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         if best.log_odds <= fit.log_odds:
             scores = {i: one for i, one in scores.items() if i not in near}
             break
-        found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd))
+        rivals = [one.taken[-1] for one in fits if one is not best and one.log_odds > best.log_odds - CLOSE]
+        alike = tuple(effects[i] for i in rivals)
+        found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd, alike))
         fit = best
     tried += [(fit.log_odds + one.log_odds, one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
     log_odds, variance, shift = map(np.array, zip(*tried, strict=True))
     spread = half_width(np.exp(log_odds - log_odds.max()), shift / sd, np.sqrt(variance) / sd) / ndtri(BAND)
     errors = np.sqrt(np.diag(fit.cov)[posterior.dim :])
     omitted = [
-        Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift)
-        for (i, odds, shift), error in zip(found, errors, strict=True)
+        Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift, alike)
+        for (i, odds, shift, alike), error in zip(found, errors, strict=True)
     ]
-    return OmittedEffects(tuple(omitted), len(effects), np.maximum(spread, 1.0))
+    return OmittedEffects(tuple(omitted), int(_absent(posterior, effects).sum()), np.maximum(spread, 1.0))
 
 
 def half_width(
@@ -324,17 +331,22 @@ def _linear(posterior: Posterior, effects: tuple[Effect, ...], z: np.ndarray, si
     return Linear(
         (residual / noise).ravel(),
         (slopes * weight[..., None]).reshape(-1, z.size),
-        (signatures * weight[..., None]).reshape(-1, sizes.size),
+        (signatures * weight[..., None]).reshape(-1, sizes.size) * _absent(posterior, effects),
         _worth(residual, present, np.asarray(data.step)),
         float(count @ np.log(noise)),
     )
 
 
+def _absent(posterior: Posterior, effects: tuple[Effect, ...]) -> np.ndarray:
+    """Return which effects the structure does not have as terms of its own, shape (m,)."""
+    return np.array([one.kind != "force" or one.of not in posterior.present_names for one in effects])
+
+
 def _candidates(posterior: Posterior) -> Iterator[Effect]:
+    """Yield what to look for: the same for all structures of a vehicle, so that they share a program."""
     likelihood: Any = posterior.likelihood
     model, simulator = likelihood.model, likelihood.simulator
     known = {one for name, _ in model.constants if (one := _coefficient(name))}
-    here = set(posterior.present_names)
     terms = {one: one.text for one in model.coefficients}
     for axis in model.pushed:
         speed = SPEEDS[axis]
@@ -343,9 +355,9 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
         for name in map(CoefficientName.parse, texts):
             terms.setdefault(name, name.text)
     for name, text in terms.items():
-        if text not in here and name not in known and not name.trim_signals:
+        if name not in known:
             yield Effect("force", text, model.unit_of(name))
-    lags = {unknown.name for unknown in model.unknowns} | here
+    lags = {unknown.name for unknown in model.unknowns}
     for control in model.controls:
         if control not in MOTIONS:
             yield Effect("command offset", control, signal_unit(control))
@@ -390,12 +402,10 @@ def _shown(posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: A
     def shown(z: Array, sizes: Array) -> Array:
         size = dict(zip(effects, sizes, strict=True))
         named: dict[str, Any] = dict(zip(posterior.names, posterior.constrain(z), strict=True))
-        coefficients = {one.text for one in likelihood.model.coefficients}
-        named |= {
-            one.of if one.of in coefficients else f"omitted {one.of}": x
-            for one, x in size.items()
-            if one.kind == "force"
-        }
+        for one, x in size.items():
+            if one.kind == "force":
+                own = one.of if one.of in named else f"omitted {one.of}"
+                named[own] = named.get(own, 0.0) + x
 
         def of_one_trial(apart: dict, trial: Any, start: Array) -> Array:
             control = dict(zip(likelihood.model.controls, trial.control, strict=True))

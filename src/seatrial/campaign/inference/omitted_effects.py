@@ -1,7 +1,7 @@
 """What a fitted structure leaves out, in words: the effect, which coefficient hides it, and how to add it."""
 
 from seatrial.campaign.store.estimates import LeftOut
-from seatrial.estimation.omitted_effects import Omitted, OmittedEffects
+from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
 from seatrial.estimation.posterior import Posterior
 from seatrial.selection.structures import Structure
 
@@ -29,25 +29,33 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
 
 
 def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
-    """Name and size of an effect, and how to add it."""
-    effect, of = found.effect, found.effect.of
-    size = f"{found.size:.2g} ± {found.sd:.1g} {effect.unit}".rstrip()
-    match effect.kind:
+    """Name and size of an effect with what looks alike, and how to add it."""
+    words = f"{_name(found.effect)} of about {found.size:.2g} ± {found.sd:.1g} {found.effect.unit}".rstrip()
+    if found.alike:
+        words += f" (or {' or '.join(map(_name, found.alike))}: the data do not tell them apart)"
+    of = found.effect.of
+    match found.effect.kind:
         case "force":
             others = of in {one.text for one in posterior.likelihood.model.coefficients}
-            remedy = "other structures have it" if others else f"add {of} to structure.optional, with a prior"
-            return f"a force {of} of about {size}", remedy
+            return words, "other structures have it" if others else f"add {of} to structure.optional, with a prior"
         case "command lag":
-            words = f"a lag of the actuator of {of} of about {size}"
             return words, f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
         case "delay":
-            return f"a delay of the actuators of about {size}", "give `delay` a prior, [prior.delay]"
+            return words, "give `delay` a prior, [prior.delay]"
         case "command offset":
-            words = f"an offset of the command {of} of about {size}"
-            return words, f"check the zero of {of}; `offset` in [import.map.{of}] corrects it"
+            return words, f"check the zero of {of}; `offset` of its channel in [import] corrects it"
         case "sensor offset":
-            words = f"an offset of {of}, a bias of the sensor or a current, of about {size}"
             return words, f'set sensors.{of}.bias = "own" or estimation.current = "own", with a prior'
         case "start":
-            words = f"a start that differs from what is assumed in {of} by about {size}"
             return words, 'set estimation.initial = "estimated"'
+
+
+def _name(effect: Effect) -> str:
+    return {
+        "force": f"a force {effect.of}",
+        "command lag": f"a lag of the actuator of {effect.of}",
+        "delay": "a delay of the actuators",
+        "command offset": f"an offset of the command {effect.of}",
+        "sensor offset": f"an offset of {effect.of}, a bias of the sensor or a current,",
+        "start": f"a start of {effect.of} that differs from the assumed one, by an error",
+    }[effect.kind]
