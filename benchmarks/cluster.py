@@ -31,7 +31,7 @@ from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.stored_result import Store
-from seatrial.core.progress import SILENT
+from seatrial.core.reporter import SILENT
 
 REPLICATES, WORKERS, REPEATS, IDLE = 400, (1, 2, 4), 2, 2000
 METHOD = "independence-metropolis"

@@ -12,7 +12,7 @@ from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.estimation.output_error import initial_name, output_error, own_name
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Prior, Uniform
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.estimation.simulation import CURRENT
 from seatrial.vehicles.simulate import simulate
 

@@ -23,7 +23,7 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.selection.library import TermLibrary, term_library
 from seatrial.selection.rules import compile_rules, parse_rules
 from seatrial.selection.screening import Screening, TermPrior, screen

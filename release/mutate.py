@@ -54,14 +54,14 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
     "np.asarray(_regressors(model, np.asarray(speed), control)[1]) => z = "
     "(np.asarray(_regressors(model, np.asarray(speed), control)[1]))": "the same regressors, computed twice",
-    "src/seatrial/estimation/sensors.py, lags_before: safe = jnp.where(small, 1.0, r) => safe = jnp.where(small, 1.5, r)": "what "
+    "src/seatrial/estimation/sensor_errors.py, lags_before: safe = jnp.where(small, 1.0, r) => safe = jnp.where(small, 1.5, r)": "what "
     "stands in for a divisor where the quotient is not used",
     "src/seatrial/estimation/rows.py, _depth: return int((row - column).max(initial=0)) + 1 => "
     "return int((row - column).max(initial=0)) + 2": "one diagonal more, of zeros",
     "src/seatrial/estimation/delayed_control.py, delay_control: here, before = (from_on(xp.maximum(start, 0)) for start in "
     "(first, first - 1)) => here, before = (from_on(xp.maximum(start, 1)) for start in (first, first - 1))": "the first value is "
     "there once more than is read",
-    "src/seatrial/estimation/sensors.py, Sensor.show: if memory is not None and lag is not None: => "
+    "src/seatrial/estimation/sensor_errors.py, Sensor.show: if memory is not None and lag is not None: => "
     "if memory is not None or lag is not None:": "a sensor has both or neither",
     "src/seatrial/estimation/delayed_control.py, delay_control.from_on: return held[start : start + n] if xp is np else "
     "jax.lax.dynamic_slice(held, (start,), (n,)) => return (jax.lax.dynamic_slice(held, (start,), (n,)))": "the same slice by JAX",

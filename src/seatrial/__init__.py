@@ -54,7 +54,7 @@ _HOME = {
     "Limits": "seatrial.manoeuvres.manoeuvre",
     "Schedule": "seatrial.manoeuvres.schedule",
     "simulate": "seatrial.estimation.simulated_record",
-    "Sensor": "seatrial.estimation.sensors",
+    "Sensor": "seatrial.estimation.sensor_errors",
     "read_log": "seatrial.logs.one_log:record_of_log",
     "Channel": "seatrial.core.record",
     "Provenance": "seatrial.core.record",
@@ -167,7 +167,7 @@ if TYPE_CHECKING:
     from seatrial.estimation.profile import profile_likelihood
     from seatrial.estimation.record_posterior import make_posterior
     from seatrial.estimation.sample_posterior import NestedSettings, sample
-    from seatrial.estimation.sensors import Sensor
+    from seatrial.estimation.sensor_errors import Sensor
     from seatrial.estimation.simulated_record import simulate
     from seatrial.export.to_target import export_to as export_vehicle
     from seatrial.logs.inspect import inspect_log

@@ -9,7 +9,7 @@ from pathlib import Path
 from seatrial import __version__
 from seatrial.core.errors import InputError
 from seatrial.core.files import remove_orphans, write_json
-from seatrial.core.progress import SILENT, Reporter, run_side_by_side
+from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
 from studies.remus100.registry import ENTRIES, PARTS
 from studies.remus100.study import Item, Sizes, Study
 from studies.remus100.vehicle_file import READINGS, Reading, read_vehicle

@@ -12,7 +12,7 @@ import xarray as xr
 from seatrial.campaign.store.stored_result import is_current, key_of, write_dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.files import sha256_of_json
-from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.reporter import SILENT, Progress, Reporter
 from studies.remus100.vehicle_file import Reading
 
 Verdict = Literal["reproduced", "reproduced in shape", "differs", "cannot hold"]

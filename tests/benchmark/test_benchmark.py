@@ -230,7 +230,7 @@ def test_a_method_sees_no_measurement_after_the_start_of_a_stretch(tmp_path):
     from seatrial.benchmark.simulated import make_records
     from seatrial.benchmark.tasks import SHORT, stretches
     from seatrial.campaign.data.import_logs import import_trials
-    from seatrial.core.progress import SILENT
+    from seatrial.core.reporter import SILENT
 
     found = read_set(str(write_set(tmp_path)))
     make_records(found, tmp_path / "data")

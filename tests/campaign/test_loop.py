@@ -12,7 +12,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.stored_result import Store, stamp_of
 from seatrial.campaign.workflow.loop import run_loop
 from seatrial.core.files import watching_files
-from seatrial.core.progress import SilentReporter
+from seatrial.core.reporter import SilentReporter
 from seatrial.report.page import write_report
 from tests.campaign.small import hearing_of_files, write_small
 

@@ -28,8 +28,8 @@ from seatrial.campaign.rehearsal.run import rehearsal_key
 from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import screening_key
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.progress import SILENT
 from seatrial.core.record import Channel, Provenance, make_record
+from seatrial.core.reporter import SILENT
 from tests.campaign.small import write_small
 from tests.campaign.tiny_work import mute, power, slowly
 

@@ -12,7 +12,7 @@ from seatrial.estimation.mode import find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 

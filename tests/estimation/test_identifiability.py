@@ -22,7 +22,7 @@ from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.estimation.remedies import listed, measured, percent, what_separates
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import DEDUCTION, MASS, TRUTH, U0, paper_model

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.estimation.short_horizon import short_horizons
 from seatrial.estimation.simulation import Simulator
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

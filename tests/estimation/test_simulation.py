@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from seatrial.estimation.delayed_control import delay_control
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.estimation.simulation import Feedback, Simulator
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

@@ -12,7 +12,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.pointwise import pointwise_log_likelihood
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.selection.criteria import mean_error
 from seatrial.selection.importance import ImportanceSettings, importance_evidence, importance_sample
 from seatrial.selection.leave_future_out import _complaints, block_edges, compare_futures, leave_future_out, past_of

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from seatrial.core.progress import Progress as Report
+from seatrial.core.reporter import Progress as Report
 
 EVERY = 10.0
 """Seconds between two lines of one piece of work, when piped."""

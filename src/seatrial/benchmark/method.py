@@ -14,8 +14,8 @@ from jaxtyping import Float
 from seatrial.benchmark.tasks import Stretch, leads
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.core.progress import Reporter
 from seatrial.core.record import Record
+from seatrial.core.reporter import Reporter
 
 SMALLEST = 1e-9
 """Least standard deviation that is stated, in ranges of the channel."""

@@ -17,7 +17,7 @@ from seatrial.benchmark.simulated import make_records
 from seatrial.benchmark.tasks import TASKS, stretches
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.core.errors import InputError, SeatrialError
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 
 SCHEMA = 1
 """Number of the format of `result.json`."""

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.design.free_form_climb import ROUNDING, Climb, gentled, ready_starts
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.manoeuvres.manoeuvre import Manoeuvre

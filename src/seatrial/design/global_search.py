@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 
 BatchedUtility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (P,), of settings, shape (P, s); NaN where a design is not allowed."""

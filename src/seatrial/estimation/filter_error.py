@@ -23,7 +23,7 @@ from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.estimation.disturbance import OverStep, disturbance_name, disturbance_time_name, over_step
 from seatrial.estimation.output_error import OutputError, output_error
-from seatrial.estimation.sensors import Sensor, noise_name
+from seatrial.estimation.sensor_errors import Sensor, noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import MOST_UNROLLED, extended_filter

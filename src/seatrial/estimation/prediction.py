@@ -23,7 +23,14 @@ from seatrial.estimation.prediction_scores import Score, SlowNoise, score_channe
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.record_posterior import start_of
 from seatrial.estimation.replicate import motions, replicate
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.sensor_errors import (
+    Sensor,
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    noise_name,
+)
 from seatrial.estimation.trial_data import TrialData, stack_trials
 from seatrial.sampling.run import Draws
 

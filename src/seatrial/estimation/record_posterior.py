@@ -33,7 +33,7 @@ from seatrial.estimation.output_error import (
 )
 from seatrial.estimation.posterior import Parameter, Posterior, check_priors
 from seatrial.estimation.priors import Normal, Prior
-from seatrial.estimation.sensors import (
+from seatrial.estimation.sensor_errors import (
     Sensor,
     bias_name,
     correlation_name,

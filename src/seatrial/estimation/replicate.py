@@ -10,7 +10,14 @@ from jaxtyping import Array, Float
 from seatrial.core.programs import program
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.sensor_errors import (
+    Sensor,
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    noise_name,
+)
 from seatrial.estimation.trial_data import ChannelData, TrialData
 
 

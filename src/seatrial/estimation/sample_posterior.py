@@ -10,7 +10,7 @@ import numpy as np
 
 from seatrial.core.argument_checks import check_choice, check_count
 from seatrial.core.errors import InputError
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, named_draws

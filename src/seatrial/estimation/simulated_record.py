@@ -26,7 +26,7 @@ from seatrial.estimation.record_posterior import (
     stated_sensors,
 )
 from seatrial.estimation.replicate import replicate
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, drift_time_name
+from seatrial.estimation.sensor_errors import Sensor, bias_name, correlation_name, dof_name, drift_time_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel

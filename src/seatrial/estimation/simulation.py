@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.estimation.delayed_control import DELAY, delay_control
-from seatrial.estimation.sensors import Memory, Sensor, lag_name, lags_before
+from seatrial.estimation.sensor_errors import Memory, Sensor, lag_name, lags_before
 from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by

@@ -15,7 +15,7 @@ from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
-from seatrial.logs.formats.text_signs import signs_of
+from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.source import (
     Clock,
     LogSource,

@@ -17,7 +17,7 @@ from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
 from seatrial.logs.curve import CellCurve
 from seatrial.logs.formats.protocol import LogFile, TextLayout
-from seatrial.logs.formats.text_signs import signs_of
+from seatrial.logs.formats.text_layout import signs_of
 
 Clock = Literal["as_stamped", "even", "drop_repeated"]
 

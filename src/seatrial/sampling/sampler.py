@@ -7,7 +7,7 @@ from typing import Any, Protocol, cast, get_args
 import jax
 from jaxtyping import Array, Float
 
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.names import SamplerName
 from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
 from seatrial.sampling.target import Target

@@ -26,8 +26,8 @@ from seatrial.core.argument_checks import check_count, check_number
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
-from seatrial.core.progress import Progress, no_progress
 from seatrial.core.random_keys import fold_in, split
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
 from seatrial.sampling.walk import log_ratio_of, mean_acceptance

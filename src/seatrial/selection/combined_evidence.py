@@ -21,9 +21,9 @@ from scipy.special import chdtri
 
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
-from seatrial.core.progress import Progress, no_progress
 from seatrial.core.pytrees import compiled_tree
 from seatrial.core.random_keys import fold_in, split
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.sampling.target import Target, evaluate

@@ -10,7 +10,7 @@ from scipy.special import ndtri, stdtrit
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.notebook import result_html
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode, follow
 from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
 from seatrial.estimation.posterior import Posterior, as_key

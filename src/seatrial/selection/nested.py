@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from seatrial.core.errors import NumericalError
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.nested import batch_of, sample_nested
 from seatrial.selection.evidence import Evidence

@@ -21,11 +21,11 @@ from scipy.special import logsumexp, softmax
 from seatrial.core.batching import lanes_at_once, map_lanes
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.programs import program
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.noise_models import White
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sensors import noise_name
+from seatrial.estimation.sensor_errors import noise_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import LANES

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError
 from seatrial.core.notebook import result_html
-from seatrial.core.progress import Progress, no_progress
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings

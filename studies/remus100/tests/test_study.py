@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.core.progress import run_side_by_side
+from seatrial.core.reporter import run_side_by_side
 from studies.remus100.run import run_paper
 from studies.remus100.study import Study
 from studies.remus100.tests.studies import TINY, A, B

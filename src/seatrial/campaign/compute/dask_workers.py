@@ -23,7 +23,7 @@ from seatrial.campaign.compute.machine import environment, processor
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
 from seatrial.core import engine
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
-from seatrial.core.progress import Reporter
+from seatrial.core.reporter import Reporter
 
 # What a process of the cluster runs: one piece of work, and what it reports sent on.
 

@@ -14,7 +14,7 @@ from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import SlurmJobs
 from seatrial.core.errors import InputError
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 
 # Workers that SLURM starts: dask-jobqueue submits a job for each group of processes; the scheduler is a part of this
 # process.

@@ -30,7 +30,7 @@ from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
 from seatrial.estimation.priors import Prior
-from seatrial.estimation.sensors import Sensor, bias_name
+from seatrial.estimation.sensor_errors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits

@@ -13,7 +13,7 @@ from seatrial.estimation.mounts import SCALE, mount_unit
 from seatrial.estimation.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import LogUniform, Normal, Prior, Uniform
-from seatrial.estimation.sensors import (
+from seatrial.estimation.sensor_errors import (
     Sensor,
     bias_name,
     correlation_name,

@@ -23,7 +23,7 @@ from seatrial.estimation.priors import (
     restricted,
     truncated_normal,
 )
-from seatrial.estimation.sensors import correlation_name, noise_name
+from seatrial.estimation.sensor_errors import correlation_name, noise_name
 
 _BOUNDS = ("lower", "upper")
 _NUMBERS = (*_BOUNDS, "mean", "sd", "scale", "median", "factor")

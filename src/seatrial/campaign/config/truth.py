@@ -12,7 +12,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.mounts import mount_names
-from seatrial.estimation.sensors import (
+from seatrial.estimation.sensor_errors import (
     bias_name,
     correlation_name,
     dof_name,

@@ -17,9 +17,9 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, located
-from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record, Role
 from seatrial.core.record_file import read_record, record_dataset
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body

@@ -25,9 +25,9 @@ from seatrial.campaign.store.stored_result import (
 )
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.files import depend_on
-from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.record_file import read_record, record_dataset
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.simulation import CURRENT

@@ -20,7 +20,15 @@ from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.replicate import draw_noise
-from seatrial.estimation.sensors import Sensor, bias_name, correlation_name, dof_name, drift_name, lag_name, noise_name
+from seatrial.estimation.sensor_errors import (
+    Sensor,
+    bias_name,
+    correlation_name,
+    dof_name,
+    drift_name,
+    lag_name,
+    noise_name,
+)
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
 from seatrial.estimation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control

@@ -12,7 +12,7 @@ from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.stored_result import Store
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.batch import Batch, plan_batch
 from seatrial.design.robust import information_table
 

@@ -18,7 +18,7 @@ from seatrial.campaign.store.designs import FreeTrial, read_free_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.free_form import FreeFormDesign, design_free_form
 from seatrial.design.free_form_problem import FreeFormProblem

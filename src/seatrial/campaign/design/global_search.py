@@ -16,7 +16,7 @@ from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import Searched, read_searched
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.global_search import search_globally
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety

@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.design.utility import UTILITY_DRAWS
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sensor_choice import SensorChoice, SensorWorth, sensor_worth

@@ -26,7 +26,7 @@ from seatrial.core.batching import on_accelerator
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan

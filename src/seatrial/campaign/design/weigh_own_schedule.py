@@ -18,7 +18,7 @@ from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import OwnTrial, read_own_trial
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.trial_plan import TrialPlan, plan_trial

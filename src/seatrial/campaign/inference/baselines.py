@@ -11,7 +11,7 @@ from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.acceleration_baseline import acceleration_baseline
 from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.baselines import BASELINES, FittedBaseline, fit_baselines

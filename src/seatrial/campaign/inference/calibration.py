@@ -22,7 +22,7 @@ from seatrial.core.batching import map_lanes
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
-from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.calibration import ranks_of, spread_evenly
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate

@@ -27,7 +27,7 @@ from seatrial.campaign.store.cross_validation import (
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.mode import find_mode
 from seatrial.selection.leave_one_run_out import LEAST_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
 from seatrial.selection.structures import Structure

@@ -18,7 +18,7 @@ from seatrial.core.signals import RATES, signal_unit
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.output_error import spread_name
-from seatrial.estimation.sensors import correlation_name, drift_name, drift_time_name
+from seatrial.estimation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel, outside_force
 

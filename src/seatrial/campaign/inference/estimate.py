@@ -21,8 +21,8 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, l
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.programs import program
-from seatrial.core.progress import SILENT, Progress, Reporter
 from seatrial.core.random_keys import fold_in
+from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior

@@ -16,7 +16,7 @@ from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import HasKey, read_profiles
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.profile import Profile, profile_likelihood

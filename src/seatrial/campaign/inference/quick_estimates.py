@@ -19,8 +19,8 @@ from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import with_model_error
 from seatrial.core.errors import NumericalError
-from seatrial.core.progress import SILENT, Progress, Reporter, run_side_by_side
 from seatrial.core.record import Record
+from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
 from seatrial.estimation.equation_error import (
     Accelerations,
     Regression,
@@ -32,7 +32,7 @@ from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prior_checks import check_prior_contains_data
 from seatrial.estimation.robust_errors import robust_errors
-from seatrial.estimation.sensors import correlation_name, dof_name, noise_name
+from seatrial.estimation.sensor_errors import correlation_name, dof_name, noise_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 

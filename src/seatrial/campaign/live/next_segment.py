@@ -15,7 +15,7 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.core.programs import program
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.robust import information_table
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan

@@ -25,12 +25,12 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import is_there
 from seatrial.core.programs import program
-from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record import Record
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
-from seatrial.estimation.sensors import bias_name, noise_name
+from seatrial.estimation.sensor_errors import bias_name, noise_name
 from seatrial.estimation.simulation import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits

@@ -29,8 +29,8 @@ from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_po
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
-from seatrial.core.progress import SILENT, Reporter, run_side_by_side
 from seatrial.core.record import Record
+from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
 from seatrial.estimation.mode import find_mode
 from seatrial.manoeuvres.family import Family
 

@@ -20,7 +20,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.estimation.output_error import initial_name
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
-from seatrial.estimation.sensors import noise_name
+from seatrial.estimation.sensor_errors import noise_name
 from seatrial.estimation.trial_data import FOREVER
 
 TRIES = 200

@@ -17,7 +17,7 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.progress import SILENT, Progress, Reporter
+from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import ALARM, FLOOR, EvidenceRun, Gathering, Keys, Piece, Weighed, do
 from seatrial.selection.evidence import Evidence, EvidenceSettings

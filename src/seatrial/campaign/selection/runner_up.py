@@ -23,12 +23,12 @@ from seatrial.campaign.store.structures import Contenders, largest_of, read_cont
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.prediction import noise_sd, slow_noise
-from seatrial.estimation.sensors import Sensor
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.estimation.simulation import Simulator
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.structures import Structure

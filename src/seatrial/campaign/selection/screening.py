@@ -13,8 +13,8 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened, read_screening
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
-from seatrial.core.progress import SILENT, Reporter
-from seatrial.estimation.delay_estimate import delayed, likely_delay
+from seatrial.core.reporter import SILENT, Reporter
+from seatrial.estimation.screening_delay import delayed, likely_delay
 from seatrial.estimation.weak_form import FEWEST, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.selection.structures import count_structures, label_structures

@@ -24,7 +24,7 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.campaign.workflow.whole_run import WholeRun
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.progress import SILENT, Reporter
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 
 

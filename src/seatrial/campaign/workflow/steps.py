@@ -16,8 +16,8 @@ from seatrial.campaign.store.stored_result import State, Store, StoredResult, ke
 from seatrial.campaign.store.structures import Summary, read_summary
 from seatrial.core.errors import InputError
 from seatrial.core.files import depend_on
-from seatrial.core.progress import SILENT, Reporter
 from seatrial.core.record_file import read_record
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.logs.formats.registry import hash_of_log
 from seatrial.selection.structures import Structure
 

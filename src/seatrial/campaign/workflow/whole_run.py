@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from seatrial.core.engine import cache_directory
-from seatrial.core.progress import Progress, Reporter
+from seatrial.core.reporter import Progress, Reporter
 
 TITLE = "whole run"
 USUAL = {

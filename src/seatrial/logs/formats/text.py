@@ -34,7 +34,7 @@ from seatrial.logs.formats.protocol import (
     clocks_among,
     unreadable,
 )
-from seatrial.logs.formats.text_signs import WHITESPACE, is_date, nanoseconds, signs_of, split_stamps
+from seatrial.logs.formats.text_layout import WHITESPACE, is_date, nanoseconds, signs_of, split_stamps
 
 TABLE = "rows"
 _ENOUGH = 10_000
