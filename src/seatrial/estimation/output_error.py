@@ -9,7 +9,7 @@ Trials fitted jointly share every parameter but those that are each trial's own 
 a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical model in which dev has the standard normal prior.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
 from seatrial.estimation.noise_models import Coloured, Drifting, Heavy, White
 from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
-from seatrial.estimation.simulation import CURRENT, Simulator
+from seatrial.estimation.simulation import CURRENT, Simulator, Watch
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel
 
@@ -126,8 +126,21 @@ class OutputError:
                 memory = jnp.exp(-data.gaps / values[drift_time_name(sensor.channel)])
                 return Drifting(sd, values[drift_name(sensor.channel)], memory)
 
+    def of_shown(self, values: Mapping[str, Any], trial: TrialData, shown: Float[Array, "n m"]) -> Float[Array, ""]:
+        """Return the log-likelihood of one trial if the sensors, but for their noise, had shown this at its samples, SI."""
+        absorb, begin, end = self._sums(values, trial)
+        columns = tuple(shown[:, i] for i in range(shown.shape[1]))
+        sums, _ = jax.lax.scan(lambda sums, sample: absorb(sums, *sample), begin, (columns, _measured(trial)))
+        return end(sums)
+
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""
+        absorb, begin, end = self._sums(values, trial)
+        followed = self.simulator.follow(values, start, trial.control, trial.step, absorb, begin, _measured(trial))
+        return end(followed.memory)
+
+    def _sums(self, values: Mapping[str, Any], trial: TrialData) -> tuple[Watch, tuple, Callable[[tuple], Any]]:
+        """Return what adds a sample's residuals to the running sums, these before the first sample, and the log-likelihood of the last."""
         noises = [
             self.noise(values, sensor, data)
             for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
@@ -140,10 +153,14 @@ class OutputError:
             )
             return sums, None
 
-        measured = tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
-        empty = tuple(noise.empty() for noise in noises)
-        sums = self.simulator.follow(values, start, trial.control, trial.step, absorb, empty, measured).memory
-        return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
+        def end(sums: tuple) -> Any:
+            return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
+
+        return absorb, tuple(noise.empty() for noise in noises), end
+
+
+def _measured(trial: TrialData) -> tuple:
+    return tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
 
 
 def initial_name(state: str, label: str) -> str:
