@@ -50,7 +50,7 @@ def test_truth_is_within_two_standard_deviations_in_twenty_bags(tmp_path):
     tried = np.arange(1100.0, 1901.0, 5.0)
     table = [f"{one:.0f},{force:.4f}" for one, force in zip(tried, bag["thrust_of"](tried), strict=True)]
     truth = {**bag["TRUTH"], "lag_f": bag["LAG"]}
-    off = []
+    off, attitude = [], []
     for seed in range(SEEDS):
         folder = tmp_path / str(seed)
         folder.mkdir()
@@ -62,7 +62,10 @@ def test_truth_is_within_two_standard_deviations_in_twenty_bags(tmp_path):
         mode = find_mode(posterior, random_key(seed, "mode"))
         at = [mode.names.index(name) for name in truth]
         off.append((mode.values[at] - list(truth.values())) / mode.sd[at])
+        attitude.append(np.mean([mode.by_name[f"sigma_q_{part}"] ** 2 for part in "wxyz"]))
         print(seed, np.round(off[-1], 2).tolist(), flush=True)
+    # An error of attitude has three directions, a quaternion four parts, each of half the angle.
+    assert 2.0 * np.sqrt(np.mean(attitude)) == pytest.approx(bag["NOISE"]["attitude"], rel=0.01)
     away = np.abs(np.array(off))
     for limit in (1.0, 2.0):
         share, count = float(stats.chi2.cdf(limit**2, 1)), away.size

@@ -27,6 +27,9 @@ from seatrial.estimation.simulation import CURRENT, Simulator, Watch
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel
 
+QUATERNION_SHARE = 0.75
+"""What each of four parts of a unit quaternion counts: its error has three directions, those along the sphere."""
+
 
 @dataclass(frozen=True)
 class OutputError:
@@ -114,14 +117,15 @@ class OutputError:
     ) -> White | Heavy | Coloured | Drifting:
         """Model of one channel's residuals under these parameters."""
         sd = values[noise_name(sensor.channel)]
+        counts = QUATERNION_SHARE * data.counts if sensor.channel in QUATERNION else data.counts
         match sensor.noise:
             case "white":
-                return White(sd, data.counts)
+                return White(sd, counts)
             case "heavy":
-                return Heavy(sd, values[dof_name(sensor.channel)], data.counts)
+                return Heavy(sd, values[dof_name(sensor.channel)], counts)
             case "coloured":
                 memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
-                return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
+                return Coloured(sd, counts, memory, 1.0 / (1.0 - memory * memory))
             case "drifting":
                 memory = jnp.exp(-data.gaps / values[drift_time_name(sensor.channel)])
                 return Drifting(sd, values[drift_name(sensor.channel)], memory)

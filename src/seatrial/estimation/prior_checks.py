@@ -177,4 +177,4 @@ def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: i
         if np.linalg.eigvalsh(curvature).min(initial=1.0) > FLAT:
             follow = np.linalg.solve(curvature, hessian[others, index] / size) / size * move[index]
             candidates.append(candidates[0] + np.insert(follow, index, 0.0))
-    return max(slopes_of_present(posterior, one).value for one in candidates) - here.value
+    return max(float(slopes_of_present(posterior, one).value) for one in candidates) - float(here.value)
