@@ -26,7 +26,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "known_from": (
             "",
-            "folders of earlier campaigns: a coefficient they found becomes a prior if it is estimated here, else a fixed value",
+            "folders of earlier campaigns: a coefficient they found becomes a prior if it is estimated here, else a fixed value; "
+            "gains and lags of thrusters, net weight and centre of buoyancy become priors",
         ),
         "thrust_deduction": ("1", "thrust deduction t_d: share of the thrust that the hull takes back"),
         "wake": ("1", "wake fraction: share by which the water reaches the propeller more slowly"),

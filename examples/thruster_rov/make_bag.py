@@ -1,6 +1,7 @@
 """A minute of a thruster-driven ROV as a ROS 2 bag holds them: `python make_bag.py FOLDER` writes FOLDER/pool and FOLDER/thrust.csv.
 
-Eight pulse widths in one message without a header, an IMU (gyro and attitude), a DVL and a depth cell, each at its own rate. The vehicle
+Eight pulse widths in one message without a header, an IMU (gyro and attitude), a DVL, a depth cell and motion capture, each at its own
+rate. The vehicle
 is the catalogue's BlueROV2 Heavy with damping, buoyancy and thrusters of its own; its thrusters push it along and about each axis in turn,
 through several turns of the heading and over the vertical.
 """
@@ -28,7 +29,7 @@ BEYOND = ("net_weight", "z_b", "gain_f_3")
 """What this vehicle has otherwise than the catalogue: thruster 3 is worn."""
 LAG = 0.15
 """Time constant of the thrusters, s."""
-NOISE = {"gyro": 0.005, "attitude": 0.01, "dvl": 0.01, "depth": 0.02}
+NOISE = {"gyro": 0.005, "attitude": 0.01, "dvl": 0.01, "depth": 0.02, "mocap": 0.005}
 FULL, DEAD = 40.0, 25.0
 """Thrust, N, at 400 us from neutral, and where it begins, us."""
 
@@ -59,7 +60,7 @@ def pulses() -> np.ndarray:
 def motion(pulse: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """States at each instant, and their names."""
     vehicle = load_vehicle("bluerov2_heavy")
-    model = vehicle.build(attitude="quaternion", positions=("z",), unknowns=BEYOND)
+    model = vehicle.build(attitude="quaternion", positions=("x", "y", "z"), unknowns=BEYOND)
     model = with_actuators(model, {name: Actuator(LAG) for name in model.controls})
     params, force = {**vehicle.coefficients, **TRUTH}, thrust_of(pulse)
     move = jax.jit(lambda state, control: rk4_step(lambda x: model.derivative(params, x, control), state, 1.0 / RATE))
@@ -82,9 +83,9 @@ def main(folder: Path) -> None:
     write_bag(folder / "pool", pulse, dict(zip(names, states.T, strict=True)))
 
 
-def write_bag(path: Path, pulse: np.ndarray, state: dict[str, np.ndarray]) -> None:
+def write_bag(path: Path, pulse: np.ndarray, state: dict[str, np.ndarray], seed: int = 8) -> None:
     """Write the messages of all sensors; axes of the messages are forward, left, up and east, north, up (REP 103)."""
-    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(8)
+    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(seed)
     types = store.types
     vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
     nothing, nine = vector(0.0, 0.0, 0.0), np.zeros(9)
@@ -93,6 +94,7 @@ def write_bag(path: Path, pulse: np.ndarray, state: dict[str, np.ndarray]) -> No
         "/imu/data": ("sensor_msgs/msg/Imu", 50),
         "/dvl/twist": ("geometry_msgs/msg/TwistStamped", 10),
         "/depth": ("std_msgs/msg/Float64", 10),
+        "/mocap/pose": ("geometry_msgs/msg/PoseStamped", 25),
     }
     turn = np.stack([state[name] for name in ("q_w", "q_x", "q_y", "q_z")])
     turn = turn / np.linalg.norm(turn, axis=0) + 0.5 * NOISE["attitude"] * rng.normal(size=turn.shape)
@@ -103,6 +105,7 @@ def write_bag(path: Path, pulse: np.ndarray, state: dict[str, np.ndarray]) -> No
     p, q, r = (state[name] + noise["gyro"][i] for i, name in enumerate("pqr"))
     u, v, w_ = (state[name] + noise["dvl"][i] for i, name in enumerate("uvw"))
     depth = state["z"] + noise["depth"][0]
+    north, east, down = (state[name] + NOISE["mocap"] * rng.normal(size=len(w)) for name in "xyz")
 
     def message(topic: str, k: int, stamp: int) -> object:
         if topic == "/thrusters/pwm":
@@ -111,8 +114,11 @@ def write_bag(path: Path, pulse: np.ndarray, state: dict[str, np.ndarray]) -> No
         if topic == "/depth":
             return types[kinds[topic][0]](float(depth[k]))
         header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9)), "body")
+        attitude = quaternion(*(float(turned[i][k]) for i in (1, 2, 3, 0)))
+        if topic == "/mocap/pose":
+            point = types["geometry_msgs/msg/Point"](float(east[k]), float(north[k]), -float(down[k]))
+            return types[kinds[topic][0]](header, types["geometry_msgs/msg/Pose"](point, attitude))
         if topic == "/imu/data":
-            attitude = quaternion(*(float(turned[i][k]) for i in (1, 2, 3, 0)))
             gyro = vector(float(p[k]), -float(q[k]), -float(r[k]))
             return types[kinds[topic][0]](header, attitude, nine, gyro, nine, nothing, nine)
         twist = types["geometry_msgs/msg/Twist"](vector(float(u[k]), -float(v[k]), -float(w_[k])), nothing)

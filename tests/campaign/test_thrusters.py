@@ -9,6 +9,7 @@ from seatrial.campaign.data.thruster_check import check_thrusters, thruster_line
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.core.errors import InputError
 from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.identifiability import identifiability_of_fit
 from seatrial.estimation.mode import find_mode
 
 PLACES = np.array([[-0.3, 0.2], [-0.3, -0.2], [0.1, 0.0]])
@@ -209,34 +210,69 @@ def test_refusals(tmp_path, log, what):
 MOUNTED = """
 [mounts.dvl]
 channels = ["u", "v"]
+"""
+SOUGHT = {
+    "x_dvl": 'distribution = "normal"\nmean = 0.0\nsd = 0.5',
+    "yaw_dvl": 'distribution = "normal"\nmean = 0.0\nsd = 10.0\nunit = "deg"',
+    "scale_dvl": 'distribution = "log-normal"\nmedian = 1.0\nfactor = 1.1',
+    "delay": 'distribution = "uniform"\nlower = 0.0\nupper = 0.5',
+}
+FAULTS = {"x_dvl": 0.3, "yaw_dvl": np.radians(5.0), "scale_dvl": 1.02, "delay": 0.2}
+"""A Doppler log 0.3 m ahead, turned by 5 degrees, that shows 2 % too much, and a clock of all sensors that is 0.2 s late."""
 
-[prior.x_dvl]
-distribution = "normal"
-mean = 0.0
-sd = 0.5
 
-[prior.yaw_dvl]
-distribution = "normal"
-mean = 0.0
-sd = 10.0
-unit = "deg"
+def faulty(folder, log, faults, *changes):
+    """The campaign, which seeks these faults, and a log that has them, after a second at rest."""
+    command, motion = (
+        np.concatenate([np.full((10, 3), rest), one]) for rest, one in zip((1500.0, 0.0), log, strict=True)
+    )
+    off = {"x_dvl": 0.0, "yaw_dvl": 0.0, "scale_dvl": 1.0, "delay": 0.0} | {name: FAULTS[name] for name in faults}
+    late = round(off["delay"] / 0.1)
+    u, v, r = np.concatenate([np.zeros((late, 3)), motion])[: len(motion)].T
+    v, cosine, sine = v + off["x_dvl"] * r, np.cos(off["yaw_dvl"]), np.sin(off["yaw_dvl"])
+    shown = np.stack([cosine * u + sine * v, cosine * v - sine * u], axis=1) * off["scale_dvl"]
+    shown = np.column_stack([shown, r]) + 0.005 * np.random.default_rng(3).normal(size=(len(r), 3))
+    priors = "\n".join(f"[prior.{name}]\n{SOUGHT[name]}\n" for name in faults)
+    return campaign(folder, (command, shown), ("[sensors.u]", f"{MOUNTED}\n{priors}\n[sensors.u]"), *changes)
 
-[sensors.u]"""
+
+def mode_of(found):
+    posterior = build_posterior(found, found.full, get_trials(found).fit)
+    return posterior, find_mode(posterior, random_key(1, "mode"))
 
 
 @pytest.mark.proof
-def test_a_doppler_log_off_the_origin_and_turned_is_found(tmp_path, log):
-    """0.3 m ahead, turned by 5 degrees: v + omega x r in axes that are turned."""
-    command, motion = log
-    u, v, r = motion.T
-    v, (cosine, sine) = v + 0.3 * r, (np.cos(np.radians(5.0)), np.sin(np.radians(5.0)))
-    shown = np.stack([cosine * u + sine * v, cosine * v - sine * u, r], axis=1)
-    shown += 0.005 * np.random.default_rng(3).normal(size=shown.shape)
-    found = campaign(tmp_path, (command, shown), ("[sensors.u]", MOUNTED))
-    mode = find_mode(build_posterior(found, found.full, get_trials(found).fit), random_key(1, "mode"))
+@pytest.mark.parametrize("faults", [*([name] for name in FAULTS), list(FAULTS)], ids=[*FAULTS, "together"])
+def test_what_is_wrong_with_a_doppler_log_is_found(tmp_path, log, faults):
+    """Each alone, and all at once where the vehicle turns and its mass and thrust are known."""
+    _, mode = mode_of(faulty(tmp_path, log, faults))
     values = dict(zip(mode.names, zip(mode.values, mode.sd, strict=True), strict=True))
-    for name, value in {**TRUTH, "gain_f_2": WORN, "x_dvl": 0.3, "yaw_dvl": np.radians(5.0)}.items():
+    for name, value in {**TRUTH, "gain_f_2": WORN, **{name: FAULTS[name] for name in faults}}.items():
         assert abs(values[name][0] - value) < 3.5 * values[name][1] + 0.002 * abs(value), (name, values[name])
+        assert name not in FAULTS or values[name][1] < 0.25 * FAULTS[name] + 0.01
+
+
+@pytest.mark.proof
+def test_what_cannot_be_told_apart_on_a_straight_line_is_said(tmp_path, log):
+    """There the scale is that of the thrust, and neither a lever arm nor a small turn shows; the clock still does."""
+    straight = (
+        ('moves = ["u", "v", "r"]', 'moves = ["u"]'),
+        ('always = ["X_u", "Y_v", "N_r"]', 'always = ["X_u"]'),
+        ('channels = ["u", "v"]', 'channels = ["u"]'),
+        (CAMPAIGN[CAMPAIGN.index("[prior.Y_v]") : CAMPAIGN.index("[prior.gain_f_2]")], ""),
+        ("[prior.gain_f_2]", "[prior.gain_f]"),
+        ('channels.v = { column = "v", unit = "m/s" }\nchannels.r = { column = "r", unit = "rad/s" }\n', ""),
+        ('[sensors.v]\nnoise = "0.005 m/s"\n\n[sensors.r]\nnoise = "0.005 rad/s"\n', ""),
+    )
+    posterior, mode = mode_of(faulty(tmp_path, log, list(FAULTS), *straight))
+    found = identifiability_of_fit(posterior, mode)
+    assert found.untouched == ("x_dvl", "yaw_dvl")
+    said = "\n".join(found.cautions())
+    assert {name for one in found.invisible for name in one.names} == {"gain_f", "scale_dvl"}
+    assert "bollard" in said
+    at = mode.names.index("delay")
+    assert mode.values[at] == pytest.approx(0.2, abs=4 * mode.sd[at] + 0.002)
+    assert mode.sd[at] < 0.02
 
 
 def test_a_mount_of_a_channel_without_a_sensor_is_refused(tmp_path, log):

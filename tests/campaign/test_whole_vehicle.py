@@ -1,5 +1,7 @@
 """Campaigns of whole vehicles: bodies of the catalogue and by hand, what moves, and coefficients known beforehand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -157,6 +159,26 @@ def test_what_an_earlier_campaign_found_is_a_prior_or_fixed(tmp_path):
     assert (prior.mean, prior.sd) == pytest.approx((22.5, 0.3))
     assert campaign.hull.fixed["M_uq"] == -2.2
     assert campaign.priors["M_uudelta_s"].mean == pytest.approx(-6.15)
+
+
+def test_what_an_earlier_campaign_found_of_thrusters_and_balance_is_sought_again(tmp_path):
+    """Each with its uncertainty, where this vehicle has it; a prior of its own counts more, and a vehicle without thrusters has no gain."""
+    found = {"M_q": (-0.6, 0.1), "gain_f_3": (0.8, 0.02), "z_b": (-0.008, 1e-4), "gain_f_9": (1.0, 0.1)}
+    write_summary(tmp_path / "first", ("M_q",), **found)
+    example = Path(__file__).parents[2] / "examples" / "thruster_rov"
+    (tmp_path / "second").mkdir()
+    (tmp_path / "second" / "thrust.csv").write_text("pulse_us,thrust_N\n1100,-32\n1500,0\n1900,40\n")
+    text = (example / "campaign.toml").read_text()
+    own = text[text.index("[prior.gain_f_3]") : text.index("[prior.net_weight]")]
+    text = text.replace(own, "").replace("published_to =", 'known_from = ["../first"]\npublished_to =')
+    (tmp_path / "second" / "campaign.toml").write_text(text)
+    campaign = load_campaign(tmp_path / "second")
+    assert "gain_f_9" not in campaign.priors
+    prior = campaign.priors["gain_f_3"]
+    assert float(prior.mean) == pytest.approx(0.8, rel=1e-3)
+    assert float(prior.sd) == pytest.approx(0.02, rel=0.05)
+    assert float(campaign.priors["z_b"].mean) == pytest.approx(-0.01)
+    assert {"gain_f_3", "z_b"} <= {one.name for one in campaign.model(campaign.full).unknowns}
 
 
 @pytest.mark.parametrize(

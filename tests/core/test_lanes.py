@@ -9,8 +9,8 @@ from seatrial.core import batching as lanes
 from seatrial.core import engine
 from seatrial.core.batching import backend, lanes_at_once, map_in_step, map_lanes
 from seatrial.design.sweep import in_blocks, sweep_family
-from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.pointwise import pointwise_log_likelihood
+from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.sampling.target import evaluate
@@ -152,10 +152,10 @@ def densities():
     )
 
 
-def expansion():
-    """Likelihood, gradients and Hessians at 11 draws."""
+def slopes():
+    """Likelihood, gradient and information at a draw."""
     target = surge("X_u", "T_nabsn")
-    return expand_likelihood(target, np.asarray(jax.vmap(target.constrain)(target.sample_prior(KEY, 11))))
+    return tuple(map(np.asarray, likelihood_slopes(target, target.constrain(target.sample_prior(KEY, 1)[0]))))
 
 
 def early():
@@ -186,7 +186,7 @@ CASES = {
     "densities": densities,
     "early stops": early,
     "sweep": lambda: sweep_of(None),
-    "expansion": expansion,
+    "slopes": slopes,
     "sweep, sigma points in a loop": lambda: sweep_of(UnscentedKalmanFilter()),
     "sweep, arrays": lambda: sweep_of(LargeUnscentedKalmanFilter()),
     "whole vehicle": whole_vehicle,

@@ -182,7 +182,9 @@ GYROS = {
     "as it is": (np.eye(3), ()),
     "in deg/s": (np.eye(3) * 180 / np.pi, ("degrees taken for radians",) * 3),
     "forward, left, up": (np.diag([1.0, -1.0, -1.0]), ("its opposite", "its opposite")),
-    "axes exchanged": (np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]), ("exchanged", "exchanged")),
+    "axes exchanged": (np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]), ("exchanged", "exchanged", "left-handed")),
+    "mirrored": (np.diag([1.0, -1.0, 1.0]), ("its opposite", "left-handed")),
+    "about another axis": (np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), ("exchanged", "exchanged")),
 }
 
 

@@ -1,8 +1,7 @@
-"""The fast answer: posterior mode by trust-region Newton with exact derivatives, and the normal approximation there.
+"""The fast answer: posterior mode by trust-region Newton, and the normal approximation there.
 
-Derivatives are forward: through thousands of time steps and a handful of parameters they cost a few simulations and no memory. A
-filter-error likelihood is climbed with the information in its innovations in place of second derivatives (Gauss and Newton's method),
-and expanded exactly at the mode alone.
+A likelihood of records is climbed with its information in place of second derivatives (Gauss and Newton's method), and expanded exactly
+at the mode alone.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,9 +20,9 @@ from seatrial.core.notebook import result_html
 from seatrial.core.programs import program
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.filter_slopes import filter_slopes
-from seatrial.estimation.information import expand_everywhere
+from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
+from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 
 if TYPE_CHECKING:
@@ -336,14 +335,14 @@ def _expand(posterior: Posterior, z: Float[np.ndarray, " d"], climbing: bool = F
     Args:
         posterior: to expand.
         z: point.
-        climbing: whether minus the information will do for the Hessian of a filter-error likelihood.
+        climbing: whether minus the information will do for the Hessian of the likelihood.
     """
     prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(posterior, z))
-    if climbing and isinstance(posterior.likelihood, FilterError):
-        value, gradient, information = map(np.asarray, filter_slopes(posterior, values))
+    if climbing:
+        value, gradient, information = map(np.asarray, likelihood_slopes(posterior, values))
         hessian = -information
     else:
-        value, gradient, hessian = (one[0] for one in expand_everywhere(posterior, values[None]))
+        value, gradient, hessian = expand_likelihood(posterior, values)
     return _Expansion(
         float(prior[0].sum() + value),
         prior[1] + slope * gradient,

@@ -9,7 +9,7 @@ Trials fitted jointly share every parameter but those that are each trial's own 
 a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical model in which dev has the standard normal prior.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,17 +22,13 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
 from seatrial.estimation.noise_models import Coloured, Drifting, Heavy, White
-from seatrial.estimation.sensor_errors import (
-    Sensor,
-    correlation_name,
-    dof_name,
-    drift_name,
-    drift_time_name,
-    noise_name,
-)
-from seatrial.estimation.simulation import CURRENT, Simulator
+from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.simulation import CURRENT, Simulator, Watch
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel
+
+QUATERNION_SHARE = 0.75
+"""What each of four parts of a unit quaternion counts: its error has three directions, those along the sphere."""
 
 
 @dataclass(frozen=True)
@@ -121,20 +117,34 @@ class OutputError:
     ) -> White | Heavy | Coloured | Drifting:
         """Model of one channel's residuals under these parameters."""
         sd = values[noise_name(sensor.channel)]
+        counts = QUATERNION_SHARE * data.counts if sensor.channel in QUATERNION else data.counts
         match sensor.noise:
             case "white":
-                return White(sd, data.counts)
+                return White(sd, counts)
             case "heavy":
-                return Heavy(sd, values[dof_name(sensor.channel)], data.counts)
+                return Heavy(sd, values[dof_name(sensor.channel)], counts)
             case "coloured":
                 memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
-                return Coloured(sd, data.counts, memory, 1.0 / (1.0 - memory * memory))
+                return Coloured(sd, counts, memory, 1.0 / (1.0 - memory * memory))
             case "drifting":
                 memory = jnp.exp(-data.gaps / values[drift_time_name(sensor.channel)])
                 return Drifting(sd, values[drift_name(sensor.channel)], memory)
 
+    def of_shown(self, values: Mapping[str, Any], trial: TrialData, shown: Float[Array, "n m"]) -> Float[Array, ""]:
+        """Return the log-likelihood of one trial if the sensors, but for their noise, had shown this at its samples, SI."""
+        absorb, begin, end = self._sums(values, trial)
+        columns = tuple(shown[:, i] for i in range(shown.shape[1]))
+        sums, _ = jax.lax.scan(lambda sums, sample: absorb(sums, *sample), begin, (columns, _measured(trial)))
+        return end(sums)
+
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""
+        absorb, begin, end = self._sums(values, trial)
+        followed = self.simulator.follow(values, start, trial.control, trial.step, absorb, begin, _measured(trial))
+        return end(followed.memory)
+
+    def _sums(self, values: Mapping[str, Any], trial: TrialData) -> tuple[Watch, tuple, Callable[[tuple], Any]]:
+        """Return what adds a sample's residuals to the running sums, these before the first sample, and the log-likelihood of the last."""
         noises = [
             self.noise(values, sensor, data)
             for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
@@ -147,10 +157,14 @@ class OutputError:
             )
             return sums, None
 
-        measured = tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
-        empty = tuple(noise.empty() for noise in noises)
-        sums = self.simulator.follow(values, start, trial.control, trial.step, absorb, empty, measured).memory
-        return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
+        def end(sums: tuple) -> Any:
+            return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
+
+        return absorb, tuple(noise.empty() for noise in noises), end
+
+
+def _measured(trial: TrialData) -> tuple:
+    return tuple((channel.measured, channel.present, channel.kind) for channel in trial.channels)
 
 
 def initial_name(state: str, label: str) -> str:

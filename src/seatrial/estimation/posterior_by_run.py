@@ -25,7 +25,7 @@ from seatrial.core.batching import lanes_at_once, map_lanes
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.information import expand_everywhere
+from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.pooled_coverage import RunResiduals, run_residuals
@@ -139,10 +139,10 @@ def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequenc
         if weight is not None and weight[r] == 0:
             continue
         at = runs.places(r)
-        found = expand_everywhere(one, values[at][None])
-        value[r] = found.value[0]
-        gradient[r, at] = slope[at] * found.gradient[0]
-        block = np.outer(slope[at], slope[at]) * found.hessian[0] + np.diag(curvature[at] * found.gradient[0])
+        found = expand_likelihood(one, values[at])
+        value[r] = found.value
+        gradient[r, at] = slope[at] * found.gradient
+        block = np.outer(slope[at], slope[at]) * found.hessian + np.diag(curvature[at] * found.gradient)
         hessian[r][np.ix_(at, at)] = block
     return RunExpansion(np.asarray(z), value, gradient, hessian, prior[0], prior[1], prior[2], slope)
 

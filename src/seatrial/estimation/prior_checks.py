@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from seatrial.core.errors import InputError
 from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.identifiability import identifiability_of_fit
-from seatrial.estimation.information import expand_likelihood
+from seatrial.estimation.information import slopes_of_present
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior, values_of
 from seatrial.estimation.priors import LogUniform
@@ -167,7 +167,8 @@ def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: i
     move = np.zeros(values.size)
     move[index] = beyond - values[index]
     others = np.arange(values.size) != index
-    hessian = expand_likelihood(posterior, values[None]).hessian[0]
+    here = slopes_of_present(posterior, values)
+    hessian = -here.information
     candidates = [values + move]
     if np.isfinite(hessian).all():
         size = np.sqrt(np.abs(np.diag(hessian)))[others]
@@ -176,5 +177,4 @@ def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: i
         if np.linalg.eigvalsh(curvature).min(initial=1.0) > FLAT:
             follow = np.linalg.solve(curvature, hessian[others, index] / size) / size * move[index]
             candidates.append(candidates[0] + np.insert(follow, index, 0.0))
-    here, *there = expand_likelihood(posterior, np.stack([values, *candidates])).value
-    return float(max(there) - here)
+    return max(float(slopes_of_present(posterior, one).value) for one in candidates) - float(here.value)

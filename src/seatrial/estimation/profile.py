@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_known, check_names
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.information import expand_likelihood
+from seatrial.estimation.information import slopes_of_present
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior, check_posterior
 
@@ -65,24 +65,25 @@ def bounded_slope(posterior: Posterior, mode: Mode) -> Slope:
 def climb(problem: Slope, starts: np.ndarray, held: Sequence[int | None]) -> Maxima:
     """Maximise over all parameters but the held one of each row; a row whose likelihood is zero at its start stays there."""
     points = np.clip(starts, problem.lower, problem.upper)
-    expansion = expand_likelihood(problem.posterior, points)
-    height, gradient, hessian = (np.array(part) for part in expansion)
+    height, gradient, information = _slopes_at(problem.posterior, points)
     height = np.where(np.isfinite(height), height, -np.inf)
     damping, active = np.full(len(points), 1e-6), np.isfinite(height)
     for _ in range(ITERATIONS):
         rows = np.flatnonzero(active).tolist()
         moved, promised = points.copy(), np.zeros(len(points))
         for row in rows:
-            step, promised[row] = _newton(problem, points[row], gradient[row], hessian[row], held[row], damping[row])
+            step, promised[row] = _newton(
+                problem, points[row], gradient[row], information[row], held[row], damping[row]
+            )
             moved[row] = np.clip(points[row] + step, problem.lower, problem.upper)
         active[rows] = promised[rows] > GAIN
         rows = np.flatnonzero(active).tolist()
         if not rows:
             break
-        tried = expand_likelihood(problem.posterior, moved[rows])
+        tried = _slopes_at(problem.posterior, moved[rows])
         for row, value, slope, bend in zip(rows, *tried, strict=True):
             if np.isfinite(value) and value >= height[row] and np.isfinite(bend).all():
-                points[row], height[row], gradient[row], hessian[row] = moved[row], value, slope, bend
+                points[row], height[row], gradient[row], information[row] = moved[row], value, slope, bend
                 damping[row] = max(damping[row] / 10, 1e-6)
             else:
                 damping[row] = max(10 * damping[row], 1e-2)
@@ -90,12 +91,18 @@ def climb(problem: Slope, starts: np.ndarray, held: Sequence[int | None]) -> Max
     return Maxima(points, height)
 
 
+def _slopes_at(posterior: Posterior, points: np.ndarray) -> tuple[np.ndarray, ...]:
+    return tuple(
+        np.stack(part) for part in zip(*(slopes_of_present(posterior, point) for point in points), strict=True)
+    )
+
+
 def _newton(
-    problem: Slope, point: np.ndarray, gradient: np.ndarray, hessian: np.ndarray, held: int | None, damping: float
+    problem: Slope, point: np.ndarray, gradient: np.ndarray, information: np.ndarray, held: int | None, damping: float
 ) -> tuple[np.ndarray, float]:
     """Step uphill in scaled parameters, those left out that are held or pushed against a bound, and the gain it promises."""
     scale = problem.scale
-    slope, bend = gradient * scale, -hessian * np.outer(scale, scale)
+    slope, bend = gradient * scale, information * np.outer(scale, scale)
     stuck = ((point <= problem.lower) & (slope < 0)) | ((point >= problem.upper) & (slope > 0))
     if held is not None:
         stuck[held] = True

@@ -1,6 +1,6 @@
 """Data that a likelihood would have made: the measurements of its trials replaced by simulated ones, gaps and times kept."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.programs import program
+from seatrial.core.signals import QUATERNION
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.sensor_errors import (
@@ -46,9 +47,22 @@ def replicate(
                 zip(output.simulator.sensors, trial.channels, shown.T, strict=True)
             )
         )
-        return trial._replace(channels=channels)
+        return trial._replace(channels=_on_the_sphere(output.channels, channels))
 
     return jax.vmap(of_trial)(output.apart(values), data, shown, noise_keys)
+
+
+def _on_the_sphere(names: Sequence[str], channels: tuple[ChannelData, ...]) -> tuple[ChannelData, ...]:
+    """Return the channels, of which those of a quaternion have length 1, as an attitude filter gives them."""
+    if not set(QUATERNION) <= set(names):
+        return channels
+    parts = [channels[names.index(name)].measured for name in QUATERNION]
+    length = jnp.sqrt(sum((part * part for part in parts), jnp.zeros(())))
+    length = jnp.where(length > 0, length, 1.0)
+    return tuple(
+        channel._replace(measured=channel.measured / length) if name in QUATERNION else channel
+        for name, channel in zip(names, channels, strict=True)
+    )
 
 
 def motions(

@@ -109,6 +109,14 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
             )
             found += f"{1 / row[i]:.3g} times it{unit}"
         said.append(found)
+    main = np.argmax(np.abs(matrix), axis=1)
+    signs = np.zeros((3, 3))
+    signs[range(3), main] = np.sign(matrix[range(3), main])
+    if np.linalg.det(signs) < -0.5:
+        said.append(
+            f'channels "p", "q", "r" of {gyro.source}: beside the attitude of {attitude.source} they are left-handed, as no mounting makes '
+            "them: one sign is wrong, or two axes are exchanged without one"
+        )
     return said
 
 

@@ -10,6 +10,8 @@ nothing. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd 
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from seatrial.core.array_module import array_module
 
 Vector = tuple[Any, Any, Any]
@@ -146,8 +148,11 @@ def angles_of_quaternion(q: Quaternion) -> Vector:
 def _sine_and_cosine(angle: Any) -> tuple[Any, Any]:
     if _is(angle, 0.0):
         return 0.0, 1.0
-    xp = array_module(angle)
-    return xp.sin(angle), xp.cos(angle)
+    if array_module(angle) is np:
+        return np.sin(angle), np.cos(angle)
+    from seatrial.numerics.sine import sine_and_cosine
+
+    return sine_and_cosine(angle)
 
 
 def _is(value: Any, number: float) -> bool:

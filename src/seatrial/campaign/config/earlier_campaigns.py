@@ -11,17 +11,18 @@ from pathlib import Path
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.schema import PriorTable, VehicleTable
+from seatrial.campaign.config.vehicle_table import UNKNOWN
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 
 Found = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation of coefficients, SI."""
+"""Mean and standard deviation of coefficients and of a vehicle's other unknowns, SI."""
 
 
 def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
-    """Return what earlier campaigns found of every coefficient; the last one counts.
+    """Return what earlier campaigns found of every coefficient, thruster and centre of buoyancy; the last one counts.
 
     Args:
         folder: of this campaign.
@@ -46,14 +47,37 @@ def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
         if store.summary.exists():  # a link may lead outside
             find(folder, str(Path(item) / store.summary.relative_to(there)), where)
         summary = read_summary(store.summary, f"seatrial run {there}")
-        found |= {row.name: (row.mean, row.sd) for row in summary.coefficients if row.name in summary.terms}
+        found |= {
+            row.name: (row.mean, row.sd)
+            for row in summary.coefficients
+            if row.name in summary.terms or UNKNOWN.fullmatch(row.name)
+        }
     return found
+
+
+def unknowns_before(found: Found) -> dict[str, PriorTable]:
+    """Return the priors of what no coefficient is: of a gain, a share or a lag log-normal, of what may have either sign normal.
+
+    Args:
+        found: by earlier campaigns.
+    """
+    return {
+        name: PriorTable(distribution="log-normal", median=mean, factor=1.0 + sd / mean)
+        if name.startswith(("gain_", "reverse_", "lag_")) and mean > 0
+        else PriorTable(distribution="normal", mean=mean, sd=sd)
+        for name, (mean, sd) in found.items()
+        if UNKNOWN.fullmatch(name)
+    }
 
 
 def with_fixed(table: VehicleTable, found: Found, terms: Sequence[str]) -> VehicleTable:
     """Return `[vehicle]` with what earlier campaigns found and this one does not seek fixed."""
     sought = {CoefficientName.parse(term) for term in terms}
-    fixed = {name: mean for name, (mean, _) in found.items() if CoefficientName.parse(name) not in sought}
+    fixed = {
+        name: mean
+        for name, (mean, _) in found.items()
+        if not UNKNOWN.fullmatch(name) and CoefficientName.parse(name) not in sought
+    }
     return table.model_copy(update={"fixed": {**fixed, **table.fixed}}) if fixed else table
 
 
@@ -81,6 +105,8 @@ def with_known(
     sought = {CoefficientName.parse(term): CoefficientName.parse(term).text for term in terms}
     priors = dict(tables)
     for name, (mean, sd) in found.items():
+        if UNKNOWN.fullmatch(name):
+            continue
         text = sought.get(CoefficientName.parse(name))
         if text is not None and text not in priors:
             priors[text] = PriorTable(distribution="normal", mean=mean, sd=sd)

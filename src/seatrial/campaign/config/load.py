@@ -7,7 +7,7 @@ from pathlib import Path
 
 from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
-from seatrial.campaign.config.earlier_campaigns import found_before, with_fixed, with_known
+from seatrial.campaign.config.earlier_campaigns import found_before, unknowns_before, with_fixed, with_known
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
@@ -98,10 +98,12 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     terms = rules.always + rules.optional
     angles = tuple(angle for angle in ANGLES if angle in (*measured_angles(file.sensors, file.mounts), *file.limits))
     table = with_attitude(with_fixed(file.vehicle, found, terms), file.sensors, keys)
-    vehicle = read_vehicle(table, keys, terms, angles, tuple(file.prior))
-    tables = with_known(file.prior, found, vehicle.published, file.vehicle.published_to, keys, terms)
+    before = unknowns_before(found)
+    vehicle = read_vehicle(table, keys, terms, angles, tuple(dict.fromkeys((*file.prior, *before))))
     with located(keys.where("vehicle")):
         model = vehicle.model(Structure("full", terms))
+    before = {one.name: before[one.name] for one in model.unknowns if one.name in before}
+    tables = with_known({**before, **file.prior}, found, vehicle.published, file.vehicle.published_to, keys, terms)
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     sensors = with_mounts(read_sensors(file.sensors, keys, model), file.mounts, file.prior, keys)
     estimation = _estimation(file.estimation, keys, units, model, sensors)

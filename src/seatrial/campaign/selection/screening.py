@@ -6,17 +6,19 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.inference.quick_estimates import ignored
+from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.quick_estimates import left_out
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened, read_screening
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
-from seatrial.core.reporter import SILENT, Reporter
-from seatrial.estimation.screening_delay import delayed, likely_delay
+from seatrial.core.progress import SILENT, Reporter
+from seatrial.estimation.delay_estimate import delayed, likely_delay
+from seatrial.estimation.mode import find_mode
 from seatrial.estimation.weak_form import FEWEST, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
+from seatrial.selection.screening_about_mode import ModeScreening, screen_about_mode
 from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist
 
@@ -43,7 +45,8 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     def compute() -> Dataset:
         progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
         progress(0, 1)
-        dataset = _dataset(campaign, *_screen(campaign, trials))
+        coupled = not campaign.vehicle.equations(campaign.full)
+        dataset = (_screen_about_mode if coupled else _screen_rows)(campaign, trials)
         progress(1, 1)
         return dataset
 
@@ -51,10 +54,15 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
 
 
 def can_be_screened(campaign: Campaign) -> bool:
-    """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose velocities are measured."""
-    linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
+    """Whether there is something to decide, about a vehicle that is linear in its coefficients and whose velocities are measured.
+
+    One whose axes are coupled is screened where it has too many structures to simulate each.
+    """
     rates = {equation.rate for equation in campaign.vehicle.equations(campaign.full)}
-    return bool(campaign.rules.optional) and linear and bool(rates) and rates <= set(campaign.channels)
+    if not rates:
+        return campaign.is_large
+    linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
+    return bool(campaign.rules.optional) and linear and rates <= set(campaign.channels)
 
 
 def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> tuple[Screened | None, list[str]]:
@@ -106,16 +114,9 @@ def screening_key(campaign: Campaign, trials: HasKey) -> str:
     return key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
 
 
-def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None]:
-    """The screening, and the delay of the commands for which it is made."""
+def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
+    """Screen the equations of single axes, by regression rows."""
     equations = campaign.vehicle.equations(campaign.full)
-    if not equations:
-        raise InputError(
-            campaign.where("structure.optional"),
-            found=f"{count_structures(campaign.rules)} structures of a whole vehicle",
-            expected="at most 64: its axes are coupled, and only equations of single axes are screened in closed form",
-            remedy="move terms to `always`, state rules, or select axis by axis",
-        )
     rates = [equation.rate for equation in equations]
     if missing := [rate for rate in rates if rate not in campaign.channels]:
         raise InputError(
@@ -137,27 +138,56 @@ def _screen(campaign: Campaign, trials: Trials) -> tuple[Screening, float | None
         delay = likely_delay(records, equations, narrowest, *campaign.prior("delay").bounds)
         records = [delayed(record, delay) for record in records]
     key, g = random_key(campaign.seed, "screening"), campaign.structure.g
-    return screen(equations, campaign.rules, records, noise, believed, key, narrowest, g), delay
+    found = screen(equations, campaign.rules, records, noise, believed, key, narrowest, g)
+    columns = [found.rows.names.index(name) for name in found.posterior.names]
+    by_term = {
+        "fit": found.fit.values[columns],
+        "fit_sd": found.fit.sd[columns],
+        "bias": found.bias.bias[columns],
+        "bias_error": found.bias.error[columns],
+    }
+    said = {
+        "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
+        "rows": found.fit.status,
+        "noise": found.bias.status,
+        "left_out": left_out(campaign, campaign.full),
+        "r2": float(found.rows.r2[0]),
+    }
+    return _dataset(campaign, found, by_term, said)
 
 
-def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> Dataset:
+def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
+    """Screen a vehicle whose axes are coupled, about the mode of all terms; noise is in the sensors alone there."""
+    posterior = build_posterior(campaign, campaign.full, trials.fit)
+    mode = find_mode(posterior, random_key(campaign.seed, "screening"))
+    found = screen_about_mode(posterior, mode, campaign.rules, campaign.structure.g)
+    nothing = np.zeros(found.values.size)
+    by_term = {"fit": found.values, "fit_sd": found.sd, "bias": nothing, "bias_error": nothing}
+    said = {
+        "delay": "about the mode of all terms, all other unknowns integrated out",
+        "rows": "",
+        "noise": "",
+        "left_out": "",
+    }
+    return _dataset(campaign, found, by_term, {**said, "r2": np.nan})
+
+
+def _dataset(
+    campaign: Campaign, found: Screening | ModeScreening, by_term: dict[str, np.ndarray], said: dict[str, str | float]
+) -> Dataset:
     posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
     names = list(posterior.names)
-    columns = [found.rows.names.index(name) for name in names]
     member = np.array([[name in posterior.terms(rank) for name in names] for rank in range(best)])
     averaged = posterior.coefficients()
     factor = found.sensitivity.log_bayes_factor
     return Dataset(
         {
-            "always": ("term", [name in found.rules.always for name in names]),
+            "always": ("term", [name in campaign.rules.always for name in names]),
             "inclusion": ("term", posterior.inclusion),
             "mean": ("term", averaged.mean),
             "within": ("term", averaged.within),
             "between": ("term", averaged.between),
-            "fit": ("term", found.fit.values[columns]),
-            "fit_sd": ("term", found.fit.sd[columns]),
-            "bias": ("term", found.bias.bias[columns]),
-            "bias_error": ("term", found.bias.error[columns]),
+            **{name: ("term", values) for name, values in by_term.items()},
             "joint": (("term", "other"), posterior.joint),
             "probability": ("model", posterior.probability[:best]),
             "log_evidence": ("model", posterior.log_evidence[:best]),
@@ -170,12 +200,8 @@ def _dataset(campaign: Campaign, found: Screening, delay: float | None) -> Datas
         coords={"term": names, "other": names, "scale": found.sensitivity.scales},
         attrs={
             "count": posterior.count,
-            "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
             "prior": "" if campaign.structure.g is None else f"under a g-prior, g = {campaign.structure.g}",
-            "rows": found.fit.status,
-            "noise": found.bias.status,
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,
-            "left_out": ignored(campaign, campaign.full),
-            "r2": float(found.rows.r2[0]),
+            **said,
         },
     )

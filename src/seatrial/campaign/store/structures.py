@@ -1,6 +1,7 @@
 """Stored results about structures: the selection, the summary, the screening, the two contenders, information criteria."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -207,7 +208,30 @@ class Screened:
         ]
         best = range(min(SHOWN, data.sizes["model"]))
         said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
-        return [*said, SCREENING]
+        return [*said, *verdicts_by_axis(dict(zip(optional, here, strict=True))), SCREENING]
+
+
+def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
+    """Return a line for each axis of several: which terms it needs, which not, and about which these data leave doubt.
+
+    Args:
+        inclusion: probability of each optional term.
+    """
+    from seatrial.core.coefficients import CoefficientName
+    from seatrial.selection.verdict import DECIDED
+
+    axes: dict[str, dict[str, list[str]]] = {}
+    for term, p in inclusion.items():
+        verdict = "needed" if p >= DECIDED else "not needed" if p <= 1 - DECIDED else "open"
+        axes.setdefault(CoefficientName.parse(term).axis, {}).setdefault(verdict, []).append(term)
+    if len(axes) < 2:
+        return []
+    order = ("needed", "not needed", "open")
+    return [
+        f"  axis {axis}: "
+        + "; ".join(f"{verdict}: {', '.join(found[verdict])}" for verdict in order if verdict in found)
+        for axis, found in axes.items()
+    ]
 
 
 ENOUGH = 3.0

@@ -1,12 +1,18 @@
-"""Slopes of a filter-error likelihood and the information in its innovations, in one pass along each trial.
+"""Slopes of a log-likelihood, and its curvature without what vanishes on average where residuals are noise: Gauss and Newton's method.
 
-With e_k the innovation of a measurement given all before it and v_k its variance, the log-likelihood -1/2 sum (e_k^2 / v_k + log 2 pi v_k)
-has the exact gradient, and the information (Klein and Morelli, Aircraft System Identification, 2nd ed., 2016, section 6.1),
+Output error, y what the sensors show, J its derivatives and L(theta, y) the log density of the measurements about it: the gradient is
+exact, and the curvature leaves out dL/dy d^2y/dtheta^2 alone (Schraudolph, Neural Computation 14, 2002),
+
+    (d/dtheta + J^T d/dy) L,    (d/dtheta + J^T d/dy)^2 L  at constant J
+
+Filter error, e_k the innovation of a measurement given all before it and v_k its variance: the log-likelihood
+-1/2 sum (e_k^2 / v_k + log 2 pi v_k) has the exact gradient, and the information (Klein and Morelli, Aircraft System Identification,
+2nd ed., 2016, section 6.1),
 
     I = sum_k (de_k de_k^T / v_k + 1/2 dv_k dv_k^T / v_k^2)
 
-which is minus its Hessian on average over data that the model makes. Derivatives travel with the filter's belief: they cost as many
-filters side by side as there are parameters, where second derivatives cost the square of that.
+Both cost as many simulations or filters side by side as there are parameters, where second derivatives cost the square of that. A log
+density of one's own has its second derivatives.
 """
 
 from dataclasses import replace
@@ -18,11 +24,12 @@ from jaxtyping import Array, Float
 
 from seatrial.core.programs import program
 from seatrial.estimation.filter_error import FilterError
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 
 
 class Slopes(NamedTuple):
-    """Log-likelihood at one point, -inf where the filter diverges, its gradient and the information, in the parameters' own units."""
+    """Log-likelihood at one point, -inf where it diverges, its gradient and the information, in the parameters' own units."""
 
     value: Float[Array, ""]
     gradient: Float[Array, " d"]
@@ -30,17 +37,20 @@ class Slopes(NamedTuple):
 
 
 @program
-def filter_slopes(posterior: Posterior, point: Float[Array, " d"]) -> Slopes:
-    """Return the slopes of a filter-error likelihood.
+def likelihood_slopes(posterior: Posterior, point: Float[Array, " d"]) -> Slopes:
+    """Return the slopes of a posterior's likelihood.
 
     Args:
         posterior: whose likelihood it is.
         point: values of all parameters, in their own units.
     """
     likelihood, data = posterior.likelihood, posterior.data
+    if not isinstance(likelihood, OutputError | FilterError):
+        return _of_density(posterior, point)
+    along_trial = _along_filter if isinstance(likelihood, FilterError) else _along_simulation
 
     def add(total: Slopes, index: Array) -> tuple[Slopes, None]:
-        of_trial = _along_trial(likelihood, posterior.names, point, data, index)
+        of_trial = along_trial(likelihood, posterior.names, point, data, index)
         return Slopes(*(a + b for a, b in zip(total, of_trial, strict=True))), None
 
     d = len(posterior.names)
@@ -49,8 +59,50 @@ def filter_slopes(posterior: Posterior, point: Float[Array, " d"]) -> Slopes:
     return found._replace(value=jnp.where(jnp.isfinite(found.value), found.value, -jnp.inf))
 
 
-def _along_trial(likelihood: FilterError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
-    """Return the slopes of one trial."""
+def _of_density(posterior: Posterior, point: Array) -> Slopes:
+    def value_twice(theta: Array) -> tuple[Array, Array]:
+        value = posterior.likelihood(dict(zip(posterior.names, theta, strict=True)), posterior.data)
+        return value, value
+
+    def gradient_twice(theta: Array) -> tuple[Array, tuple[Array, Array]]:
+        gradient, value = jax.jacfwd(value_twice, has_aux=True)(theta)
+        return gradient, (gradient, value)
+
+    hessian, (gradient, value) = jax.jacfwd(gradient_twice, has_aux=True)(point)
+    return Slopes(value, gradient, -0.5 * (hessian + hessian.T))
+
+
+def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
+    """Return the slopes of one trial that is simulated."""
+    trial = jax.tree.map(lambda x: x[index], data)
+    along = jnp.eye(len(names))
+
+    def values_at(theta: Array) -> dict[str, Any]:
+        named = dict(zip(names, theta, strict=True))
+        return {**named, **{name: of_all[index] for name, of_all in likelihood.apart(named).items()}}
+
+    def shown_at(theta: Array) -> Array:
+        start = likelihood.starts(dict(zip(names, theta, strict=True)), data)[index]
+        return likelihood.simulator.outputs(values_at(theta), start, trial.control, trial.step)
+
+    def density(theta: Array, shown: Array) -> Array:
+        return likelihood.of_shown(values_at(theta), trial, shown)
+
+    def with_slopes(theta: Array, shown: Array) -> tuple[tuple[Array, Array], Array]:
+        value, slopes = jax.value_and_grad(density, (0, 1))(theta, shown)
+        return slopes, value
+
+    shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, 0))(along)
+    (own, through), bend, value = jax.vmap(
+        lambda *way: jax.jvp(with_slopes, (point, shown), way, has_aux=True), out_axes=(None, 0, None)
+    )(along, by_theta)
+    flat = by_theta.reshape(len(names), -1)
+    curvature = bend[0] + bend[1].reshape(len(names), -1) @ flat.T
+    return Slopes(value, own + flat @ through.ravel(), -0.5 * (curvature + curvature.T))
+
+
+def _along_filter(likelihood: FilterError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
+    """Return the slopes of one trial that a filter follows; they travel with its belief."""
     output, method = likelihood.output, likelihood.method
     trial = jax.tree.map(lambda x: x[index], data)
     along, d = jnp.eye(len(names)), len(names)

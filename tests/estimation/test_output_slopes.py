@@ -1,0 +1,61 @@
+"""Slopes of an output-error likelihood against derivatives by JAX, and its information against the Hessian of data without residuals."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seatrial.estimation.information import _simulated_data, expand_likelihood
+from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.priors import Normal
+from seatrial.estimation.slopes import likelihood_slopes
+from tests.cases import U0
+from tests.estimation.test_output_error import VALUES, made, trial
+
+KINDS = {
+    "white": {},
+    "heavy": {"dof_u": 5.0, "dof_udot": 9.0},
+    "coloured": {"tau_u": 0.4, "tau_udot": 1.5},
+    "drifting": {"drift_u": 0.03, "drift_udot": 0.02, "drift_time_u": 0.7, "drift_time_udot": 2.0},
+}
+
+
+@pytest.fixture(params=KINDS)
+def case(request):
+    """Two trials, one with gaps and both with a start of their own, at a point off the mode."""
+    values = {**VALUES, **KINDS[request.param], "u_0[a]": U0 + 0.01, "u_0[b]": U0}
+    values["X_u"] *= 1.05
+    records = [trial(label="a", gaps=(3, 17, 18)), trial(seed=1, label="b")]
+    likelihood, data = made(records, initial=[(U0,)] * 2, noise=request.param, free_initial=True)
+    parameters = tuple(Parameter(name, "1", name, Normal(0.0, 1.0)) for name in values)
+    return Posterior(parameters, likelihood, data), np.array(list(values.values()))
+
+
+def exact(posterior, point):
+    """Value, gradient and Hessian, scaled to curvature 1."""
+
+    def value(x):
+        return posterior.likelihood(dict(zip(posterior.names, x, strict=True)), posterior.data)
+
+    return (np.asarray(jax.jit(f)(point)) for f in (value, jax.jacfwd(value), jax.hessian(value)))
+
+
+def test_value_gradient_and_hessian(case):
+    posterior, point = case
+    value, gradient, hessian = exact(posterior, point)
+    found = expand_likelihood(posterior, point)
+    size = np.sqrt(np.abs(np.diag(hessian)))
+    assert found.value == pytest.approx(value, abs=1e-9)
+    np.testing.assert_allclose(found.gradient / size, gradient / size, atol=1e-9)
+    np.testing.assert_allclose(found.hessian / np.outer(size, size), hessian / np.outer(size, size), atol=1e-6)
+
+
+def test_information_is_minus_the_hessian_where_no_residual_is_left(case):
+    posterior, point = case
+    still = replace(posterior, data=_simulated_data(posterior, jnp.asarray(point)))
+    information = likelihood_slopes(still, point).information
+    hessian = tuple(exact(still, point))[2]
+    size = np.sqrt(np.abs(np.diag(hessian)))
+    np.testing.assert_allclose(information / np.outer(size, size), -hessian / np.outer(size, size), atol=1e-9)
