@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
-from seatrial.estimation.sensor_errors import Sensor, lags_before
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.output_error import output_error
+from seatrial.estimation.sensor_errors import Sensor, lags_before
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import make_trial, naive_speed
 

@@ -22,7 +22,7 @@ from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sensors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.slopes import Slopes, likelihood_slopes
 from seatrial.estimation.trial_data import TrialData
 from seatrial.vehicles.model import VehicleModel

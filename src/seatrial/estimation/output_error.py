@@ -22,7 +22,14 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
 from seatrial.estimation.noise_models import Coloured, Drifting, Heavy, White
-from seatrial.estimation.sensors import Sensor, correlation_name, dof_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.sensor_errors import (
+    Sensor,
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    noise_name,
+)
 from seatrial.estimation.simulation import CURRENT, Simulator, Watch
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel

@@ -7,15 +7,15 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior, random_key
-from seatrial.campaign.inference.quick_estimates import left_out
+from seatrial.campaign.inference.quick_estimates import ignored
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened, read_screening
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
-from seatrial.core.progress import SILENT, Reporter
-from seatrial.estimation.delay_estimate import delayed, likely_delay
+from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.mode import find_mode
+from seatrial.estimation.screening_delay import delayed, likely_delay
 from seatrial.estimation.weak_form import FEWEST, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.selection.screening_about_mode import ModeScreening, screen_about_mode
@@ -150,7 +150,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
         "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
         "rows": found.fit.status,
         "noise": found.bias.status,
-        "left_out": left_out(campaign, campaign.full),
+        "left_out": ignored(campaign, campaign.full),
         "r2": float(found.rows.r2[0]),
     }
     return _dataset(campaign, found, by_term, said)
