@@ -153,6 +153,12 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "decided": ("", "whether one structure must hold 95 % of the probability"),
         "trials": ("", "most trials to run"),
     },
+    "PlanTable": {
+        "time": ("time", "time on the water, all trials with their turnaround"),
+        "battery": ("energy", "energy for all trials, by [power]"),
+        "turnaround": ("time", "what each trial takes beside its own duration, such as the way back"),
+        "chance": ("1", "chance of meeting all goals from which on no trial is added"),
+    },
     "ImportTable": {
         "fit": ("", "labels of the runs that are fitted jointly"),
         "predict": ("", "labels of the runs that are only predicted"),

@@ -274,6 +274,16 @@ class GoalTable(Table):
     trials: int = Field(default=5, ge=1, le=100)
 
 
+class PlanTable(Table):
+    """`[plan]`: what a day at sea allows: `time` on the water and the `battery`, the `turnaround` that each trial takes beside its own
+    duration, and the `chance` of meeting the goals from which on `seatrial plan` adds no further trial."""
+
+    time: Quantity | None = None
+    battery: Quantity | None = None
+    turnaround: Quantity = "0 s"
+    chance: float = Field(default=0.9, gt=0.0, lt=1.0)
+
+
 class TimeTable(Table):
     """The column that holds time, and its unit."""
 
@@ -436,6 +446,7 @@ class CampaignFile(Table):
     design: DesignTable
     power: PowerTable | None = None
     goal: GoalTable | None = None
+    plan: PlanTable | None = None
     truth: dict[str, float] = {}
     imported: ImportTable | None = Field(default=None, alias="import")
     filter: FilterTable = FilterTable()
