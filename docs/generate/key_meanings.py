@@ -71,6 +71,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "pitch": ("angle", "turn about the y axis"),
         "yaw": ("angle", "turn about the z axis; an unknown with `[prior.yaw_NAME]`"),
         "scale": ("1", "shown value over true value; an unknown with `[prior.scale_NAME]`"),
+        "late": (
+            "time",
+            "time by which it shows the past, such as a clock that is behind; an unknown with `[prior.late_NAME]`",
+        ),
     },
     "StructureTable": {
         "always": ("", "terms that every structure has, by name"),

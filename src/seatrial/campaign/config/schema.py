@@ -167,8 +167,8 @@ class MountTable(Table):
     """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
 
     `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
-    `scale` is what it shows of what is there. Each is an unknown where it has a prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`,
-    `[prior.scale_NAME]`.
+    `scale` is what it shows of what is there; `late` is how long its clock is behind, 1 s at most. Each is an unknown where it has a
+    prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.late_NAME]`.
     """
 
     channels: list[str] = Field(min_length=1)
@@ -177,6 +177,7 @@ class MountTable(Table):
     pitch: Quantity = "0 deg"
     yaw: Quantity = "0 deg"
     scale: float = Field(default=1.0, gt=0.0)
+    late: Quantity = "0 s"
 
 
 class LimitsTable(Table):
