@@ -19,6 +19,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "given": ("", "velocities and angles that are taken from the record instead of simulated"),
         "positions": ("", "positions that are simulated too"),
         "attitude": ("", "how the attitude is simulated; quaternions also work at a pitch of 90 degrees"),
+        "current": (
+            "",
+            "whether the velocity of the water over the earth is a state of each trial; sensors of `u_g`, `v_g`, `x` and `y` show it",
+        ),
         "actuators": ("", "`published` for those of the catalogue, or a table for each control"),
         "published_to": (
             "percentage",

@@ -1,6 +1,6 @@
 """Where a sensor of several channels sits in the body, how it is turned there, its scale, and how late its clock is: stated, or sought.
 
-    velocity   s R^T (v + omega x r)        of u, v, w by a Doppler log at r, whose axes R takes to those of the body
+    velocity   s R^T (v + omega x r)        of u, v, w by a Doppler log at r, whose axes R takes to those of the body; likewise over ground
     rotation   s R^T omega                  of p, q, r by a gyro
     force      s R^T (a + domega/dt x r + omega x (omega x r))    of a_x, a_y, a_z by an accelerometer
     position   s (x + R_body r)             of x, y, z by motion capture or a pressure cell
@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from seatrial.core.signals import ANGLES, POSITIONS, RATES, SPECIFIC_FORCE
+from seatrial.core.signals import ANGLES, OVER_GROUND, POSITIONS, RATES, SPECIFIC_FORCE
 from seatrial.numerics.rotations import cross, dot, matrix_of_angles, times, total
 
 PLACE, TURN, SCALE, LATE = ("x", "y", "z"), ("roll", "pitch", "yaw"), "scale", "late"
 """Parts of a mount, of which each may be an unknown: `x_dvl`, m, `yaw_dvl`, rad, `scale_dvl`, `late_dvl`, s."""
 MOST_LATE = 1.0
 """Seconds by which a sensor may show the past, at most."""
-MOUNTED = (*RATES, *POSITIONS, *SPECIFIC_FORCE)
+MOUNTED = (*RATES, *OVER_GROUND, *POSITIONS, *SPECIFIC_FORCE)
 """Channels that a mount knows."""
 
 
@@ -67,13 +67,14 @@ class Mount:
             row = matrix_of_angles(*map(known, ANGLES))[POSITIONS.index(channel)]
             return times(scale, total((known(channel), dot(row, place))))
         vector = omega
-        if channel in RATES[:3]:
-            vector = tuple(total(parts) for parts in zip(map(known, RATES[:3]), cross(omega, place), strict=True))
+        for velocity in (RATES[:3], OVER_GROUND):
+            if channel in velocity:
+                vector = tuple(total(parts) for parts in zip(map(known, velocity), cross(omega, place), strict=True))
         if channel in SPECIFIC_FORCE:
             faster = cross(tuple(known(f"{rate}dot") for rate in RATES[3:]), place)
             inward = cross(omega, cross(omega, place))
             vector = tuple(total(parts) for parts in zip(map(known, SPECIFIC_FORCE), faster, inward, strict=True))
-        axis = (*RATES, *SPECIFIC_FORCE).index(channel) % 3
+        axis = (*RATES, *OVER_GROUND, *SPECIFIC_FORCE).index(channel) % 3
         column = [row[axis] for row in matrix_of_angles(*turn)]
         return times(scale, dot(column, vector))
 

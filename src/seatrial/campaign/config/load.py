@@ -148,6 +148,13 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         folder=folder,
         text=keys.text,
     )
+    if file.vehicle.current and file.imported is not None and estimation.initial != "estimated":
+        raise InputError(
+            keys.where("estimation.initial"),
+            found=f'"{estimation.initial}" with a current that is a state of each trial',
+            expected='"estimated": no log says the velocity of the water at the start',
+            remedy='set initial = "estimated", or remove vehicle.current',
+        )
     _ = campaign.full, campaign.families, campaign.prediction(model)
     check_truth(campaign)
     _check_start(campaign, is_trim_stated=file.design.trim is not None)

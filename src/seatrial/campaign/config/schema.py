@@ -91,6 +91,7 @@ class VehicleTable(Table):
     given: list[str] = []
     positions: list[Literal["x", "y", "z"]] = []
     attitude: Literal["quaternion", "euler"] = "euler"
+    current: bool = False
     actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
     thrusters: list[ThrusterTable] = Field(default=[], max_length=64)
     thrust_laws: dict[str, ThrustLawTable] = {}
