@@ -26,6 +26,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[design.prediction]": schema.PredictionTable,
     "[power]": schema.PowerTable,
     "[goal]": schema.GoalTable,
+    "[plan]": schema.PlanTable,
     "[import]": schema.ImportTable,
     "[[import.files]]": schema.FileTable,
     "[import.trim.RUN]": schema.TrimTable,

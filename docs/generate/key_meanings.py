@@ -19,6 +19,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "given": ("", "velocities and angles that are taken from the record instead of simulated"),
         "positions": ("", "positions that are simulated too"),
         "attitude": ("", "how the attitude is simulated; quaternions also work at a pitch of 90 degrees"),
+        "current": (
+            "",
+            "whether the velocity of the water over the earth is a state of each trial; sensors of `u_g`, `v_g`, `x` and `y` show it",
+        ),
         "actuators": ("", "`published` for those of the catalogue, or a table for each control"),
         "published_to": (
             "percentage",
@@ -72,6 +76,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "pitch": ("angle", "turn about the y axis"),
         "yaw": ("angle", "turn about the z axis; an unknown with `[prior.yaw_NAME]`"),
         "scale": ("1", "shown value over true value; an unknown with `[prior.scale_NAME]`"),
+        "late": (
+            "time",
+            "time by which it shows the past, such as a clock that is behind; an unknown with `[prior.late_NAME]`",
+        ),
     },
     "StructureTable": {
         "always": ("", "terms that every structure has, by name"),
@@ -153,6 +161,12 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "sd": ("that of the coefficient, or percentage", "standard deviation wanted of each coefficient"),
         "decided": ("", "whether one structure must hold 95 % of the probability"),
         "trials": ("", "most trials to run"),
+    },
+    "PlanTable": {
+        "time": ("time", "time on the water, all trials with their turnaround"),
+        "battery": ("energy", "energy for all trials, by [power]"),
+        "turnaround": ("time", "what each trial takes beside its own duration, such as the way back"),
+        "chance": ("1", "chance of meeting all goals from which on no trial is added"),
     },
     "ImportTable": {
         "fit": ("", "labels of the runs that are fitted jointly"),

@@ -11,7 +11,7 @@ from seatrial.apps.answer import plain
 from seatrial.apps.cli import COMMANDS, main
 from seatrial.apps.running import NO_RESULT, Exit
 from seatrial.campaign.store.stored_result import Store
-from tests.campaign.small import write_small
+from tests.campaign.small import NO_X_U, write_small
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 from generate import result_schema
@@ -122,6 +122,18 @@ def test_a_campaign_says_what_its_lines_say(ask, tmp_path):
     assert record["measured"] == ["u"]
     checked = ask("check", folder, code=None)[0]["result"]["records"]
     assert checked[0]["label"] == record["label"]
+
+
+def test_a_plan_is_of_the_trials_that_remain(ask, tmp_path):
+    folder = write_small(tmp_path / "small", *NO_X_U)
+    file = folder / "campaign.toml"
+    file.write_text(f'{file.read_text()}\n[goal]\nsd = {{ X_uabsu = 0.07 }}\ntrials = 9\n[plan]\ntime = "10 min"\n')
+    before = ask("plan", folder)[0]["result"]
+    ask("simulate", folder)
+    after = ask("plan", folder)[0]["result"]
+    assert (before["basis"], after["basis"]) == ("the priors", "1 trial so far")
+    assert len(after["trials"]) < len(before["trials"])
+    assert json.loads((folder / "results" / "plan_1_schedule.json").read_text())["control"] == "n"
 
 
 @pytest.mark.proof

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior, initial_state
+from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.core.errors import InputError
 from seatrial.estimation.first_guess import first_guess
 from seatrial.vehicles.simulate import simulate
@@ -143,6 +144,18 @@ def test_attitude_is_continuous_and_a_tumbling_body_is_identified(folder):
     turns, names = tumble()[2], list(model.states)
     simulated = Rotation.from_quat(states[:, [names.index(name) for name in ("q_x", "q_y", "q_z", "q_w")]])
     assert (turns.inv() * simulated).magnitude().max() < 0.01
+
+
+@pytest.mark.thorough
+def test_the_posterior_of_a_tumbling_body_holds_the_truth(folder):
+    """Over the vertical and through full turns, from the campaign file to the mode."""
+    campaign = load_campaign(folder)
+    (answer,) = posterior_modes(campaign, get_trials(campaign))
+    found = {name: pair for name, _, (pair,) in answer.rows}
+    for name, value in TRUTH.items():
+        mean, sd = found[name]
+        assert abs(mean - value) < 3.3 * sd, (name, mean, sd, value)
+        assert sd < 0.1 * abs(value), name
 
 
 def test_angles_beyond_half_a_turn_are_only_refused_where_a_sensor_reads_them(folder, tmp_path):

@@ -7,6 +7,9 @@ from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.log_campaign import log_campaign_text
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.core.errors import InputError
+from tests.campaign.small import write_small
+from tests.cases import RPM
+from tests.logs.log_writers import json_mcap, mavlink_json, ros_store
 
 COLUMNS = {
     "u": "mps",
@@ -75,3 +78,60 @@ def test_a_run_is_kept_while_its_conditions_hold(tmp_path):
     campaign_file.write_text(campaign_file.read_text().replace("armed == 1 and", "armed or"))
     with pytest.raises(InputError, match="comparisons of a column with a number"):
         load_campaign(tmp_path)
+
+
+def test_two_bags_of_one_run_are_on_one_clock_and_cut_by_the_name_of_a_mode(tmp_path):
+    """The computer's bag has the speed, the autopilot's recording the propeller and the mode, 0.35 s later and at other times."""
+    pytest.importorskip("rosbags.rosbag2")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    start, rate, store = 1_700_000_000_000_000_000, 20, ros_store(False)
+    types, times = store.types, np.arange(400) / rate
+    with Writer(tmp_path / "computer", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topic = writer.add_connection("/dvl", "geometry_msgs/msg/TwistStamped", typestore=store)
+        for t in times:
+            stamp = start + int(t * 1e9)
+            header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9)), "body")
+            zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+            speed = types["geometry_msgs/msg/Vector3"](1.0 + 0.1 * t, 0.0, 0.0)
+            message = types["geometry_msgs/msg/TwistStamped"](header, types["geometry_msgs/msg/Twist"](speed, zero))
+            writer.write(topic, stamp + 40_000_000, store.serialize_cdr(message, "geometry_msgs/msg/TwistStamped"))
+    rows = []
+    for t in times:
+        stamp = start + int((t + 0.35) * 1e9)
+        rows += [
+            ("mavlink/1/1/RPM", stamp, mavlink_json("RPM", rpm1=1000 + 10 * (t + 0.35))),
+            ("mavlink/1/1/HEARTBEAT", stamp + 5, mavlink_json("HEARTBEAT", custom_mode=19 if 4 <= t < 12 else 2)),
+        ]
+    json_mcap(tmp_path / "autopilot.mcap", rows)
+    write_small(tmp_path / "c")
+    text = (tmp_path / "c" / "campaign.toml").read_text()
+    head, tail = text.split("[truth]")
+    imports = """
+[import]
+fit = ["computer"]
+step = "0.05 s"
+
+[[import.files]]
+path = "../{run}"
+table = "/dvl"
+channels.u = { column = "twist.linear.x", unit = "m/s" }
+
+[[import.files]]
+path = "../autopilot.mcap"
+table = "mavlink/1/1/RPM"
+channels.n = { column = "message.rpm1", unit = "rpm" }
+
+[[import.keep]]
+path = "../autopilot.mcap"
+table = "mavlink/1/1/HEARTBEAT"
+when = 'message.custom_mode == "MANUAL"'
+"""
+    (tmp_path / "c" / "campaign.toml").write_text(
+        head + tail[tail.index("[estimation]") :].replace("chains", 'initial = "measured"\nchains') + imports
+    )
+    (record,) = import_trials(load_campaign(tmp_path / "c")).fit
+    assert record.time[-1] == pytest.approx(8.0, abs=0.11)
+    seconds = record.time + 4.35  # the mode is said from here on, on the clock of both
+    np.testing.assert_allclose(record.channel("u"), 1.0 + 0.1 * seconds, atol=0.006)
+    np.testing.assert_allclose(record.channel("n") / RPM, 1000 + 10 * seconds, atol=0.6)

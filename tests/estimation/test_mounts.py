@@ -35,7 +35,9 @@ def test_what_is_sought_takes_the_place_of_what_is_stated():
     names = ("x_dvl", "yaw_dvl", "scale_dvl")
     sought = dict(zip(names, (0.5, -0.3, 0.9), strict=True))
     whole = Mount("dvl", (0.5, *PLACE[1:]), (*TURN[:2], -0.3), 0.9)
-    np.testing.assert_allclose(shown(Mount("dvl", PLACE, TURN, SCALE, names), "uvw", sought), shown(whole, "uvw"))
+    np.testing.assert_allclose(
+        shown(Mount("dvl", PLACE, TURN, SCALE, unknown=names), "uvw", sought), shown(whole, "uvw")
+    )
     assert shown(Mount("at the origin"), "uvw") == pytest.approx([BODY[name] for name in "uvw"])
 
 

@@ -249,7 +249,7 @@ def test_a_delay_needs_steps_that_differ_by_less_than_a_millionth(change, even):
     time = 5.0 + 0.02 * np.arange(50) + 0.02 * change * (np.arange(50) > 20)
     record = make_trial(time, np.full(50, 10.0), u=np.linspace(1.0, 1.5, 50))
     if even:
-        _check_even(record)
+        _check_even(record, "the delay is a parameter")
     else:
         with pytest.raises(InputError, match="uniform step"):
-            _check_even(record)
+            _check_even(record, "the delay is a parameter")

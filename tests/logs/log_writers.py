@@ -1,5 +1,6 @@
 """One short voyage written in every format, each by the format's own writer library."""
 
+import json
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -116,6 +117,66 @@ def mcap(folder: Path) -> Written:
     written = ros_2(folder, "MCAP")
     (path,) = written.path.glob("*.mcap")
     return Written(path, "/state", "velocity.x", "rpm[0]", "header.stamp", "ns", STAMPS)
+
+
+def json_mcap(path: Path, messages: list[tuple[str, int, Any]], compression: str = "zstd", chunk: int = 16) -> Path:
+    """Write messages (topic, ns, content) as the recorder of BlueOS does: JSON on channels of a JSON schema, in compressed chunks."""
+
+    def record(kind: int, body: bytes) -> bytes:
+        return struct.pack("<BQ", kind, len(body)) + body
+
+    def text(words: str) -> bytes:
+        return struct.pack("<I", len(words.encode())) + words.encode()
+
+    def packed(data: bytes) -> bytes:
+        if compression == "zstd":
+            from backports import zstd
+
+            return zstd.compress(data)
+        if compression == "lz4":
+            import lz4.frame
+
+            return lz4.frame.compress(data)
+        return data
+
+    topics = list(dict.fromkeys(topic for topic, _, _ in messages))
+    out = [b"\x89MCAP0\r\n", record(1, text("") + text("mcap-rs-0.23"))]
+    for start in range(0, len(messages), chunk):
+        inner = b""
+        for number, topic in enumerate(topics, 1):
+            schema = json.dumps({"type": "object"}).encode()
+            inner += record(
+                3,
+                struct.pack("<H", number)
+                + text(topic.replace("/", "."))
+                + text("jsonschema")
+                + struct.pack("<I", len(schema))
+                + schema,
+            )
+            inner += record(4, struct.pack("<HH", number, number) + text(topic) + text("json") + struct.pack("<I", 0))
+        for topic, time, content in messages[start : start + chunk]:
+            data = json.dumps(content).encode()
+            inner += record(5, struct.pack("<HIQQ", topics.index(topic) + 1, start, time, time) + data)
+        data = packed(inner)
+        head = struct.pack("<QQQI", messages[start][1], messages[start][1], len(inner), 0) + text(compression)
+        out.append(record(6, head + struct.pack("<Q", len(data)) + data))
+    out += [record(15, b"\0\0\0\0"), record(2, b"\0" * 20), b"\x89MCAP0\r\n"]
+    path.write_bytes(b"".join(out))
+    return path
+
+
+def mavlink_json(kind: str, **fields: Any) -> dict[str, Any]:
+    """Return a MAVLink message as BlueOS writes it."""
+    header = {"system_id": 1, "component_id": 1, "sequence": 0}
+    return {"header": header, "message": {"type": kind, **fields}}
+
+
+def blueos(folder: Path) -> Written:
+    topic = "mavlink/1/1/NAMED"
+    rows = [(topic, int(STAMPS[k]), mavlink_json("NAMED", vx=float(SURGE[k]), rpm=[RPM[k], 0.0])) for k in range(ROWS)]
+    other = [("mavlink/1/1/OTHER", int(STAMPS[k]) + 5, mavlink_json("OTHER", a=k)) for k in range(ROWS)]
+    path = json_mcap(folder / "recorder.mcap", [one for pair in zip(rows, other, strict=True) for one in pair])
+    return Written(path, topic, "message.vx", "message.rpm[0]", "log_time", "ns", STAMPS)
 
 
 def parquet(folder: Path) -> Written:
@@ -342,6 +403,7 @@ WRITERS = {
     "ros 2, mcap": lambda folder: ros_2(folder, "MCAP"),
     "ros 2, big-endian": lambda folder: ros_2(folder, little_endian=False),
     "mcap": mcap,
+    "blueos mcap": blueos,
     "parquet": parquet,
     "netcdf 4": netcdf_4,
     "netcdf 3": netcdf_3,

@@ -28,6 +28,7 @@ COMMANDS = {
     "init": Command("init:init"),
     "prior": Command("plan:prior", "what the priors mean as speeds"),
     "design": Command("plan:design", "the most informative trial"),
+    "plan": Command("plan:plan_campaign", "all trials of a day, and the chance of meeting the goals"),
     "rehearse": Command("rehearse:rehearse", "how many trials the goal will take"),
     "simulate": Command("data:simulate", "the trial on the simulated vehicle"),
     "inspect": Command("logs:inspect"),

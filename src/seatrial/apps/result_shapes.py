@@ -318,6 +318,53 @@ class Designs(_Design, total=False):
     rankings: list[Ranking]
 
 
+class Stage(TypedDict):
+    """Coefficients that are sought together: the velocities that move, those that are given, and the earlier stages it needs, from 1."""
+
+    axes: str
+    sought: list[str]
+    moves: list[str]
+    given: list[str]
+    needs: list[int]
+
+
+class PlannedTrial(TypedDict):
+    """One trial: its stage, from 1, the design in words, and the chance of meeting the goals if it alone is dropped."""
+
+    stage: int
+    words: str
+    control: str
+    schedule: str
+    without: Number
+
+
+class Further(TypedDict):
+    """What the chance asked for would take: trials, s and J."""
+
+    trials: int
+    seconds: Number
+    joules: Number | None
+
+
+class Plan(TypedDict):
+    """`plan`: trials in their order, the chance that all goals are met, that of each, and that of all others if one goal is dropped.
+
+    Time is in s, energy in J; `ended_by` says what keeps the plan from going on.
+    """
+
+    basis: str
+    stages: list[Stage]
+    trials: list[PlannedTrial]
+    chance: Number
+    chance_error: Number
+    goals: dict[str, Number]
+    without_goal: dict[str, Number]
+    seconds: Number
+    joules: Number | None
+    ended_by: str
+    further: Further | None
+
+
 class Believed(TypedDict):
     """One prior, SI: 5, 50 and 95 % quantiles, and the steady speeds that it allows where it alone varies, m/s; null if none."""
 
@@ -597,6 +644,7 @@ RESULTS = {
     "init": Init,
     "prior": Prior,
     "design": Designs,
+    "plan": Plan,
     "rehearse": Rehearsal,
     "simulate": Records,
     "inspect": Log,

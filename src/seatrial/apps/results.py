@@ -162,6 +162,14 @@ def sensor_rows(found: Any) -> list[dict[str, Any]]:
     ]
 
 
+def plan(found: Any) -> dict[str, Any]:
+    """Return the plan of a campaign."""
+    stages = [picked(one, shapes.Stage, needs=[number + 1 for number in one.before]) for one in found.stages]
+    trials = [picked(one, shapes.PlannedTrial, stage=one.stage + 1) for one in found.steps]
+    further = dict(zip(shapes.Further.__annotations__, found.further, strict=True)) if found.further else None
+    return picked(found, shapes.Plan, stages=stages, trials=trials, further=further)
+
+
 def prior(found: Any) -> dict[str, Any]:
     """Return what the priors expect."""
     return {

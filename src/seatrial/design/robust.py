@@ -84,6 +84,27 @@ def information_table(
     plan: TrialPlan, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
 ) -> Float[np.ndarray, "D S k k"]:
     """Fisher information of every design at every draw, SI; arguments and errors as `utility_table`."""
+    information = information_or_nan(plan, controls, draws)
+    finite = np.isfinite(information).all((2, 3))
+    if not finite.all():
+        lost, worst = ~finite.all(0), int(np.argmin(finite.sum(1)))
+        at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(plan.names, draws[np.argmax(lost)], strict=True))
+        raise NumericalError(
+            f"the simulation diverges for {lost.sum()} of {len(draws)} draws of the coefficients in {(~finite).any(1).sum()} of "
+            f"{len(controls)} designs, most often in design {worst}; the first is {at} (SI): narrow the prior to damping that "
+            "dissipates, or excite less"
+        )
+    return information
+
+
+def information_or_nan(
+    plan: TrialPlan, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
+) -> Float[np.ndarray, "D S k k"]:
+    """Fisher information as `information_table`, not finite where the simulation diverges.
+
+    Raises:
+        InputError: shapes that do not fit the plan.
+    """
     controls, draws = np.asarray(controls, float), np.asarray(draws, float)
     expected = (plan.step.shape[0], len(plan.model.controls))
     if controls.ndim != 3 or controls.shape[1:] != expected:
@@ -94,15 +115,6 @@ def information_table(
     design, draw = (index.ravel() for index in np.indices(shape))
     held = jax.device_put(controls)
     information = in_blocks(lambda which, values: (_information(plan, held, which, values),), design, draws[draw])[0]
-    finite = np.isfinite(information).all((1, 2)).reshape(shape)
-    if not finite.all():
-        lost, worst = ~finite.all(0), int(np.argmin(finite.sum(1)))
-        at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(plan.names, draws[np.argmax(lost)], strict=True))
-        raise NumericalError(
-            f"the simulation diverges for {lost.sum()} of {shape[1]} draws of the coefficients in {(~finite).any(1).sum()} of "
-            f"{shape[0]} designs, most often in design {worst}; the first is {at} (SI): narrow the prior to damping that "
-            "dissipates, or excite less"
-        )
     return information.reshape(*shape, *information.shape[1:])
 
 

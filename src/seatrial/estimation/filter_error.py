@@ -194,11 +194,11 @@ def filter_error(
     options = {"delay": delay, "current": current, "own": own, "varying": varying}
     output, data = output_error(model, records, sensors, initial, **options, starts_over_ground=starts_over_ground)
     for sensor in output.simulator.sensors:
-        if sensor.lag or sensor.noise != "white":
+        if sensor.lag or sensor.is_late or sensor.noise != "white":
             raise InputError(
                 f"filter error, sensor {sensor.channel}",
-                found="a lag" if sensor.lag else f"{sensor.noise} noise",
-                expected="white noise and no lag",
+                found="a lag" if sensor.lag else "a clock that is late" if sensor.is_late else f"{sensor.noise} noise",
+                expected="white noise, no lag and a clock that is right",
                 remedy="use the output-error likelihood for these, or leave them out: process noise takes up what is slow",
             )
     if not all(np.isfinite(initial_sd)) or min(initial_sd) <= 0:

@@ -30,7 +30,7 @@ from seatrial.estimation.sensor_errors import (
     drift_time_name,
     noise_name,
 )
-from seatrial.estimation.simulation import CURRENT, Simulator, Watch
+from seatrial.estimation.simulation import CURRENT, Simulator, Watch, samples_remembered
 from seatrial.estimation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel
 
@@ -246,15 +246,16 @@ def output_error(
             remedy="rename the records: initial states are told apart by these labels",
         )
     data = stack_trials(records, model, [sensor.channel for sensor in chosen], initial)
-    for record in records if delay else ():
-        _check_even(record)
+    late = samples_remembered(chosen, min(float(np.diff(record.time).min()) for record in records))
+    for record in records if delay or late else ():
+        _check_even(record, "the delay is a parameter" if delay else "a sensor is late")
     if current:
         _check_current(model, chosen)
-    simulator = Simulator(model, chosen, delay, current)
+    simulator = Simulator(model, chosen, delay, current, late)
     return OutputError(simulator, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
 
 
-def _check_even(record: Record) -> None:
+def _check_even(record: Record, because: str) -> None:
     """Refuse a record whose time step varies.
 
     Raises:
@@ -265,8 +266,8 @@ def _check_even(record: Record) -> None:
         raise InputError(
             f'record "{record.label}"',
             found=f"time steps from {step.min():g} to {step.max():g} s",
-            expected="a uniform step, since the delay is a parameter",
-            remedy="import the record with a fixed `step`, or estimate without `delay`",
+            expected=f"a uniform step, since {because}",
+            remedy="import the record with a fixed `step`, or estimate without it",
         )
 
 

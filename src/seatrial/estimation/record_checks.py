@@ -26,6 +26,8 @@ CONFUSED = {
     "minutes taken for seconds, or the reverse": 60.0,
 }
 """Factors of unit errors."""
+APART = 0.1
+"""Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
 SPIKE = 8.0
 """Robust standard deviations beyond its neighbours from which a sample stands out."""
 SPIKES = 0.002
@@ -111,6 +113,71 @@ def check_motion(
     value, remedy = f"{ratio:.3g} times the motion expected", "" if fits else _unit_guess(ratio)
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected), has_delay)]
+
+
+def check_turn(
+    names: Sequence[str], measured: Float[np.ndarray, "n k"], expected: Float[np.ndarray, "n k"]
+) -> list[RecordFinding]:
+    """Say whether two or three channels of one sensor show the expected motion turned or mirrored (Kabsch, Acta Cryst. A32, 1976).
+
+    Of the orthogonal Q with measured = Q expected, the best rotation and the best mirror are weighed by the share of both motions that
+    they bring together, tr(Q^T C) / (|measured| |expected|), C = sum measured expected^T.
+
+    Args:
+        names: channels along the axes of the body, such as u, v and w.
+        measured: SI, NaN where not measured.
+        expected: of the vehicle at the prior means, SI.
+    """
+    there = np.isfinite(measured).all(1)
+    size = np.linalg.norm(measured[there]) * np.linalg.norm(expected[there])
+    if there.sum() < 25 or not size > 0:
+        return []
+    left, worth, right = np.linalg.svd(measured[there].T @ expected[there] / size)
+    flip = np.ones(len(names))
+    flip[-1] = -1.0
+    ways = {(np.linalg.det(left * s @ right) < 0): (left * s @ right, float(worth @ s)) for s in (np.abs(flip), flip)}
+    (turn, turned), (mirror, mirrored) = ways[False], ways[True]
+    is_mirror = mirrored > turned + APART
+    best, plain = max(turned, mirrored), float(np.trace(left * worth @ right))
+    limit = f"as it is they agree by {plain:+.2f}; told from {APART:g} more"
+    if best < RELATED or best < plain + 2 * APART:
+        return (
+            [RecordFinding(", ".join(names), "axes", "pass", "as the channel map says", limit)]
+            if plain > RELATED
+            else []
+        )
+    if is_mirror:
+        value = f"mirrored: {_axes_words(names, mirror)} would agree by {mirrored:+.2f}"
+        remedy = "the sensor's axes are left-handed, or one is reversed: correct columns and signs (scale = -1) in the channel map"
+    else:
+        value = f"turned: {_axes_words(names, turn)} would agree by {turned:+.2f}"
+        remedy = f"swap columns in the channel map, or state how it is mounted, about {_mount_words(names, turn)} under [mounts.NAME]"
+    return [RecordFinding(", ".join(names), "axes", "fail", value, limit, remedy)]
+
+
+def _axes_words(names: Sequence[str], way: Float[np.ndarray, "k k"]) -> str:
+    """Say what each channel shows: `u = v, v = -u` for a quarter turn, `u = 0.87 u + 0.50 v, ...` for others."""
+    said = []
+    for name, row in zip(names, way, strict=True):
+        large = [(x, other) for x, other in zip(row, names, strict=True) if abs(x) > 0.17]
+        parts = [f"{x:+.2f} {other}" if abs(x) < 0.98 else f"{'-' if x < 0 else '+'}{other}" for x, other in large]
+        said.append(f"{name} = {' '.join(parts).removeprefix('+')}")
+    return ", ".join(said)
+
+
+def _mount_words(names: Sequence[str], way: Float[np.ndarray, "k k"]) -> str:
+    """Return the angles of a mount whose sensor shows R^T of what is there, for the channels along some of the axes."""
+    places = ["uvw".find(name) if name in "uvw" else "pqr".find(name) for name in names]
+    full = np.eye(3)
+    full[np.ix_(places, places)] = way
+    r = full.T
+    angles = {
+        "roll": np.arctan2(r[2, 1], r[2, 2]),
+        "pitch": -np.arcsin(np.clip(r[2, 0], -1.0, 1.0)),
+        "yaw": np.arctan2(r[1, 0], r[0, 0]),
+    }
+    told = [f'{name} = "{np.degrees(value):.0f} deg"' for name, value in angles.items() if abs(value) > np.radians(10)]
+    return ", ".join(told)
 
 
 def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.argument_checks import check_choice, check_kind, check_text
-from seatrial.estimation.mounts import Mount
+from seatrial.estimation.mounts import LATE, Mount
 
 Noise = Literal["white", "coloured", "heavy", "drifting"]
 """Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t; the first two added."""
@@ -64,6 +64,16 @@ class Sensor:
         names += [name(self.channel) for name in of_kind[self.noise]]
         names += [bias_name(self.channel)] * self.bias + [lag_name(self.channel)] * self.lag
         return tuple(names)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether it shows the motion of some time before."""
+        return self.mount is not None and self.mount.is_late
+
+    def samples_late(self, values: Mapping[str, Any], step: Any) -> Any:
+        """Return by how many samples, for even steps of so many seconds."""
+        assert self.mount is not None
+        return values.get(f"{LATE}_{self.mount.name}", self.mount.late) / step
 
     def show(self, values: Mapping[str, Any], x: Any, memory: "Memory | None", lag: "Lag | None") -> tuple:
         """Return what it shows without noise where the channel is `x`, and what it remembers."""

@@ -3,16 +3,21 @@
 An actuator that follows a held command c late, da/dt = (c - a) / T, is, from a at a sample, after the step h and on average over it
 
     a' = c + (a - c) e,  mean = c + (a - c) (1 - e) T / h,  e = exp(-h / T)
+
+A sensor whose clock is late shows at a sample what was true some time before, on a straight line between the samples about that time;
+what was true at the first sample is taken to have been so before.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.estimation.delayed_control import DELAY, delay_control
+from seatrial.estimation.mounts import MOST_LATE
 from seatrial.estimation.sensor_errors import Memory, Sensor, lag_name, lags_before
 from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel
@@ -72,12 +77,14 @@ class Simulator:
         sensors: what is measured.
         delay: whether a delay between command and action is a parameter, `delay`, s; needs a uniform time step.
         current: whether a constant current along the course is a parameter, `current`, m/s.
+        late: samples that sensors whose clock is late remember, see `samples_remembered`; needs a uniform time step.
     """
 
     model: VehicleModel
     sensors: tuple[Sensor, ...]
     delay: bool = False
     current: bool = False
+    late: int = 0
 
     def outputs(
         self,
@@ -118,11 +125,21 @@ class Simulator:
             command = past[1][0] if past else ()
             return (tuple(after for _, after in shown), past, memory), (kept, command)
 
+        first = jnp.arange(step.shape[0]) == 0
         lags = tuple(
-            lags_before(step, values[lag_name(sensor.channel)]) if sensor.lag else None for sensor in self.sensors
+            (
+                lags_before(step, values[lag_name(sensor.channel)]) if sensor.lag else None,
+                (first, jnp.broadcast_to(sensor.samples_late(values, step[0]), first.shape))
+                if sensor.is_late
+                else None,
+            )
+            for sensor in self.sensors
         )
         zero, clock, past = jnp.zeros(()), None, ()
-        memories = tuple(Memory(zero, zero) if sensor.lag else None for sensor in self.sensors)
+        memories = tuple(
+            (Memory(zero, zero) if sensor.lag else None, jnp.zeros(self.late) if sensor.is_late else None)
+            for sensor in self.sensors
+        )
         if isinstance(control, Feedback):
             clock = control.time, control.error
             drive, past = self._closed(values, control, step)
@@ -140,10 +157,14 @@ class Simulator:
 
     def show(self, values: Mapping[str, Any], state: tuple, held: tuple, memories: tuple, lags: tuple) -> list[tuple]:
         """Return what each sensor shows at a sample without its noise, and what it remembers."""
-        return [
-            sensor.show(values, self._true(sensor, values, state, held), memory, lag)
-            for sensor, memory, lag in zip(self.sensors, memories, lags, strict=True)
-        ]
+        shown = []
+        for sensor, (memory, past), (lag, late) in zip(self.sensors, memories, lags, strict=True):
+            x = self._true(sensor, values, state, held)
+            if late is not None:
+                x, past = _before(x, past, *late)
+            y, memory = sensor.show(values, x, memory, lag)
+            shown.append((y, (memory, past)))
+        return shown
 
     def _true(self, sensor: Sensor, values: Mapping[str, Any], state: tuple, held: tuple) -> Any:
         def known(name: str) -> Any:
@@ -177,3 +198,17 @@ class Simulator:
             return in_force(commands), (memories, (decided, commands), memory)
 
         return law, (feedback.begin, (feedback.command(feedback.begin),) * (whole + 2))
+
+
+def samples_remembered(sensors: Sequence[Sensor], step: float) -> int:
+    """Return how many samples of even steps sensors remember, whose clock is late by `MOST_LATE` at most; 0 where none is."""
+    return ceil(MOST_LATE / step) + 2 if any(sensor.is_late for sensor in sensors) else 0
+
+
+def _before(x: Any, past: Array, is_first: Any, samples: Any) -> tuple[Any, Array]:
+    """Return what was true some samples ago, and all that is remembered, the newest first."""
+    past = jnp.where(is_first, x, jnp.concatenate([jnp.reshape(x, (1,)), past[:-1]]))
+    at = jnp.clip(samples, 0.0, past.shape[0] - 2.0)
+    whole = jnp.floor(at)
+    share, place = at - whole, whole.astype(int)
+    return (1.0 - share) * past[place] + share * past[place + 1], past

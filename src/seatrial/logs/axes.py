@@ -18,7 +18,7 @@ Axes = Literal["NED", "ENU"]
 
 _TURNED = {
     *("v", "w", "q", "r", "vdot", "wdot", "qdot", "rdot", "theta", "z", "v_down"),
-    *("tau_Y", "tau_Z", "tau_M", "tau_N", "a_y", "a_z"),
+    *("tau_Y", "tau_Z", "tau_M", "tau_N", "a_y", "a_z", "v_g", "w_g"),
 }
 """Signals whose sign differs between the two; x and v_north are along north, y and v_east along east in both."""
 

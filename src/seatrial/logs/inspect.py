@@ -166,6 +166,9 @@ def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
             yield f"  {base}[…], {len(columns)} elements: {_range_text(columns)}; `--table {info.name}` lists each"
         else:
             yield from (f"  {column.name:<{width}}  {text}" for column, text in zip(columns, texts, strict=True))
+    if info.words:
+        more = f" and {len(info.words) - _LISTED} more" if len(info.words) > _LISTED else ""
+        yield f"  words, for conditions of [[import.keep]]: {', '.join(info.words[:_LISTED])}{more}"
 
 
 def _array(column: ColumnSummary) -> str:

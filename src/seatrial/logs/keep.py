@@ -1,10 +1,12 @@
 """When a run is what it is taken for, by columns of its logs: armed, in a mode, above a voltage.
 
 condition  = comparison { "and" comparison }
-comparison = column ( "==" | "!=" | "<" | "<=" | ">" | ">=" ) number
+comparison = column ( "==" | "!=" | "<" | "<=" | ">" | ">=" ) number | column ( "==" | "!=" ) word
 column     = letters, digits, and . _ / [ ], or anything between single quotes
+word       = anything between double quotes, such as "MANUAL"
 
-Numbers are held from their stamp to the next; one that is missing holds nothing.
+What a row says holds from its stamp to the next; a cell that is missing holds nothing. The modes of ArduSub may be named where the log
+numbers them.
 """
 
 import operator
@@ -14,10 +16,11 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from seatrial.core.errors import InputError
-from seatrial.logs.read import read_stamped
+from seatrial.core.errors import InputError, nearest
+from seatrial.logs.known_messages import ARDUSUB_MODES, MODE_MESSAGES, autopilot_message
+from seatrial.logs.read import Stamped, read_stamped
 from seatrial.logs.source import LogSource
 
 _RELATIONS = {
@@ -30,20 +33,22 @@ _RELATIONS = {
 }
 _COMPARISON = re.compile(
     r"""\s* (?: '(?P<quoted>[^']+)' | (?P<bare>[A-Za-z_/][\w./\[\]]*) ) \s* (?P<relation>[=!<>]=|[<>]) \s*
-        (?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) \s*""",
+        (?: (?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) | "(?P<word>[^"]+)" ) \s*""",
     re.VERBOSE,
 )
+_AND = re.compile(r"""\band\b(?=(?:[^"]*"[^"]*")*[^"]*$)""")
+"""Between two comparisons, not inside a word."""
 _MOST = 16
 """Comparisons of a condition."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A column, a relation and the number that it is compared with."""
+    """A column, a relation and the number or word that it is compared with."""
 
     column: str
     relation: str
-    number: float
+    value: float | str
 
 
 Span = tuple[Decimal, Decimal]
@@ -61,17 +66,18 @@ def parse_condition(text: str, where: str) -> tuple[Comparison, ...]:
         InputError: something else than comparisons of columns with numbers.
     """
     found = []
-    for part in re.split(r"\band\b", text):
+    for part in _AND.split(text):
         match = _COMPARISON.fullmatch(part)
-        if match is None or len(found) == _MOST:
+        if match is None or len(found) == _MOST or (match["word"] and match["relation"] not in ("==", "!=")):
             raise InputError(
                 where,
                 found=f'"{part.strip()[:60]}"',
-                expected=f"at most {_MOST} comparisons of a column with a number, joined by and",
-                remedy='write for example "armed == 1 and voltage > 14.5"; put names with other signs between single quotes; '
-                "`seatrial inspect` lists the columns that hold numbers",
+                expected=f"at most {_MOST} comparisons of a column with a number or a word, joined by and",
+                remedy='write for example armed == 1 and voltage > 14.5 and mode == "MANUAL"; put names of columns with other signs '
+                "between single quotes; `seatrial inspect` lists the columns",
             )
-        found.append(Comparison(match["quoted"] or match["bare"], match["relation"], float(match["number"])))
+        value = match["word"] or float(match["number"])
+        found.append(Comparison(match["quoted"] or match["bare"], match["relation"], value))
     return tuple(found)
 
 
@@ -81,13 +87,51 @@ def spans_of(source: LogSource, condition: Sequence[Comparison]) -> tuple[Span, 
     Raises:
         InputError: a log or column that cannot be read.
     """
-    read = read_stamped(source, [one.column for one in condition])
-    holds = np.all([_RELATIONS[one.relation](read.numbers(one.column), one.number) for one in condition], axis=0)
+    words = [one.column for one in condition if isinstance(one.value, str)]
+    read = read_stamped(source, [one.column for one in condition if not isinstance(one.value, str)], words)
+    holds = np.all([_holds(read, one, source) for one in condition], axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     last = read.time.size - 1
     return tuple(
         (_instant(read.epoch, read.time, begin), _instant(read.epoch, read.time, min(end, last)))
         for begin, end in edges.reshape(-1, 2).tolist()
+    )
+
+
+def _holds(read: Stamped, one: Comparison, source: LogSource) -> Bool[np.ndarray, " n"]:
+    """Return in which rows a comparison holds.
+
+    Raises:
+        InputError: a word that the column never says, or a column of numbers that stand for no words.
+    """
+    relation = _RELATIONS[one.relation]
+    if not isinstance(one.value, str):
+        return relation(read.numbers(one.column), one.value)
+    said = read.words(one.column)
+    if said.dtype.kind != "O":
+        said = _modes(said, read.info.name if read.info else "", one, source)
+    if one.value not in said:
+        there = sorted({str(word) for word in said if word})
+        raise InputError(
+            f'{read.where}, column "{one.column}"',
+            found=f'no "{one.value}" in any row',
+            expected="one of " + ", ".join(there[:20]) if there else "words",
+            remedy=nearest(one.value, there) if there else "compare it with a number",
+        )
+    return (said != "") & relation(said, one.value)
+
+
+def _modes(numbers: np.ndarray, table: str, one: Comparison, source: LogSource) -> np.ndarray:
+    """Return the names of ArduSub's modes, where a message numbers them."""
+    if autopilot_message(table) not in MODE_MESSAGES:
+        raise InputError(
+            f'{source.path}, column "{one.column}"',
+            found=f'numbers, compared with "{one.value}"',
+            expected="a column of words, or one that numbers the modes of ArduSub: MODE or HEARTBEAT",
+            remedy="compare it with a number",
+        )
+    return np.array(
+        [ARDUSUB_MODES.get(int(number), str(number)) if number == number else "" for number in numbers], object
     )
 
 

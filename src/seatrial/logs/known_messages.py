@@ -94,6 +94,24 @@ AUTOPILOT: dict[str, dict[str, Known]] = {
 """For each type of message of ArduPilot, MAVLink and PX4, whose axes are seatrial's, its columns."""
 
 
+ARDUSUB_MODES = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    4: "GUIDED",
+    7: "CIRCLE",
+    9: "SURFACE",
+    16: "POSHOLD",
+    19: "MANUAL",
+    20: "MOTOR_DETECT",
+    21: "SURFTRAK",
+}
+"""Number to name of ArduSub's modes. Source: ArduPilot, ArduSub/mode.h."""
+MODE_MESSAGES = ("MODE", "HEARTBEAT")
+"""Messages in which a column numbers the mode."""
+
+
 def autopilot_message(table: str) -> str:
     """Return the type of an autopilot's message by the name of its table: `IMU` of `IMU[0]`, `ATTITUDE` of `mavlink/1/1/ATTITUDE`."""
     return table.split("[")[0].split(" of ")[0].rpartition("/")[2]

@@ -234,9 +234,18 @@ class Stamped:
         """
         return _finite(self.raw, column, self.where)[self.kept]
 
+    def words(self, column: str) -> np.ndarray:
+        """Return a column of words, empty where a row has none; of numbers as they are."""
+        return self.raw.columns[column][self.kept]
 
-def read_stamped(source: LogSource, columns: Sequence[str]) -> Stamped:
+
+def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str] = ()) -> Stamped:
     """Read some columns of one table with their time; the channels of the source are not looked at.
+
+    Args:
+        source: log, table and clock.
+        columns: that hold numbers.
+        words: columns that may hold words.
 
     Raises:
         InputError: as `read_log`.
@@ -246,11 +255,18 @@ def read_stamped(source: LogSource, columns: Sequence[str]) -> Stamped:
     info = _table(source, form)
     where = str(source.path) if form.is_text or info is None else f'{source.path}, table "{info.name}"'
     clocks = _clocks(source, info, where)
-    for name in (*clocks, *columns):
+    for name in (*clocks, *columns, *words):
         if info is not None and not form.is_text and not info.has(name):
             raise _no_column(name, info, where)
-    table = info.name if info else ""
-    raw = read_columns(log_file(source), table, list(dict.fromkeys((*clocks, *columns))), tuple(clocks))
+        if info is not None and name in info.words and name in columns:
+            raise InputError(
+                f'{where}, column "{name}"',
+                found="words",
+                expected="a column of numbers",
+                remedy="words may stand in conditions of [[import.keep]] only; map another column",
+            )
+    table, every = info.name if info else "", list(dict.fromkeys((*clocks, *columns, *words)))
+    raw = read_columns(log_file(source), table, every, tuple(clocks), words)
     clock = next((name for name in clocks if _moves(raw.columns[name])), next(iter(clocks)))
 
     time_where = f'{where}, column "{clock}"'

@@ -1,4 +1,4 @@
-"""Before the trial: what the priors mean, the most informative trial."""
+"""Before the trial: what the priors mean, the most informative trial, the plan of all trials."""
 
 from collections.abc import Callable
 from functools import partial
@@ -109,6 +109,39 @@ def design(
         return answer.finish([] if own is None else own.alarms, [])
 
     with_campaign(folder, quiet, work, context)
+
+
+def plan_campaign(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Plan all trials of a campaign: their order, the chance of meeting the goals, and what to drop first.
+
+    After a trial it plans the rest, from the posterior mode.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.apps import results
+        from seatrial.campaign.workflow.steps import Workflow
+
+        found = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
+        answer.say("\n".join(found.lines()))
+        answer.give(**results.plan(found))
+        return answer.finish([], [])
+
+    with_campaign(folder, quiet, work, context)
+
+
+def _so_far(campaign: Any, reporter: Any) -> Any:
+    """Return what the records taught, by the mode; None where there are none yet."""
+    from seatrial.campaign.design.plan import SoFar
+    from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
+    from seatrial.campaign.workflow.steps import Workflow
+
+    flow = Workflow(campaign, reporter)
+    if campaign.imports is None and flow.state("trials") != "current":
+        return None
+    trials = flow.get("trials")
+    candidates = flow.get("candidates")
+    first = best_mode(posterior_modes(candidates, trials, reporter))
+    return SoFar(first.drawn, trials.fit)
 
 
 def _check_options(

@@ -14,6 +14,7 @@ from seatrial.apps.dashboard.run_bar import RunBar
 VIEWS = {
     "import": "Records",
     "design": "Design",
+    "live": "Live",
     "run": "Run",
     "results": "Results",
     "compare": "Compare",

@@ -21,7 +21,7 @@ from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
 from seatrial.apps.dashboard.page_layout import frame
-from seatrial.apps.dashboard.pages import compare, design, new_campaign, overview, records, report, results, work
+from seatrial.apps.dashboard.pages import compare, design, live, new_campaign, overview, records, report, results, work
 from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, is_loopback
 from seatrial.apps.dashboard.throttling import Throttle, punctual
 from seatrial.apps.dashboard.view_models import words_of
@@ -42,6 +42,7 @@ REPORT_POLICY = (
 VIEWS = {
     "import": records.build,
     "design": design.build,
+    "live": live.build,
     "run": work.build,
     "results": results.build,
     "compare": compare.build,

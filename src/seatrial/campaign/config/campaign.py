@@ -15,6 +15,7 @@ from seatrial.campaign.config.settings import (
     EstimationSettings,
     Goal,
     Imports,
+    PlanSettings,
     Power,
     Residuals,
     SelectionSettings,
@@ -58,6 +59,7 @@ class Campaign:
         motion_limits: of the motion.
         power: what a trial draws; None where nobody asks.
         goal: what ends the campaign; None where nothing is said.
+        plan: what a day at sea allows.
         truth: of a simulated vehicle, by coefficient, and beside them its current and lag, SI; empty for real ones.
         imports: runs and their logs; None where trials are simulated, or none has been run.
         process_noise: standard deviation that a state or coefficient gains in one second, SI; 0 where nothing is said.
@@ -82,6 +84,7 @@ class Campaign:
     motion_limits: tuple[MotionLimit, ...] = ()
     power: Power | None = None
     goal: Goal | None = None
+    plan: PlanSettings = PlanSettings()
     truth: Mapping[str, float] = field(default_factory=dict)
     imports: Imports | None = None
     process_noise: Mapping[str, float] = field(default_factory=dict)

@@ -20,6 +20,7 @@ from seatrial.campaign.config.schema import (
     EstimationTable,
     FilterTable,
     GoalTable,
+    PlanTable,
     StructureTable,
 )
 from seatrial.campaign.config.sensor_table import measured_angles, read_sensors, with_attitude, with_mounts
@@ -27,6 +28,7 @@ from seatrial.campaign.config.settings import (
     ComputeSettings,
     EstimationSettings,
     Goal,
+    PlanSettings,
     SelectionSettings,
     SlurmJobs,
     StructureSettings,
@@ -137,6 +139,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         motion_limits=motion_limits,
         power=read_power(file.power, keys, file.design.control) if is_powered else None,
         goal=None if file.goal is None else _goal(file.goal, keys, units),
+        plan=PlanSettings() if file.plan is None else _plan(file.plan, keys, is_power_known=file.power is not None),
         truth=file.truth,
         imports=None if file.imported is None else read_imports(file.imported, keys, recorded, _laws(vehicle)),
         process_noise=process_noise,
@@ -147,6 +150,13 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         folder=folder,
         text=keys.text,
     )
+    if file.vehicle.current and file.imported is not None and estimation.initial != "estimated":
+        raise InputError(
+            keys.where("estimation.initial"),
+            found=f'"{estimation.initial}" with a current that is a state of each trial',
+            expected='"estimated": no log says the velocity of the water at the start',
+            remedy='set initial = "estimated", or remove vehicle.current',
+        )
     _ = campaign.full, campaign.families, campaign.prediction(model)
     check_truth(campaign)
     _check_start(campaign, is_trim_stated=file.design.trim is not None)
@@ -239,6 +249,29 @@ def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:
             )
         (shares if relative else sds)[name] = value
     return Goal(shares, sds, table.decided, table.trials)
+
+
+def _plan(table: PlanTable, keys: FileKeys, is_power_known: bool) -> PlanSettings:
+    """Read what a day at sea allows."""
+    found = {}
+    for key, unit in (("time", "s"), ("battery", "J"), ("turnaround", "s")):
+        written = getattr(table, key)
+        found[key] = inf if written is None else keys.si(written, unit, f"plan.{key}")
+        if not (found[key] > 0 or (key == "turnaround" and found[key] == 0)):
+            raise InputError(
+                keys.where(f"plan.{key}"),
+                found=f"{written}",
+                expected="more than 0" if key != "turnaround" else "0 or more",
+                remedy='for example time = "4 h", battery = "500 W h", turnaround = "3 min"',
+            )
+    if table.battery is not None and not is_power_known:
+        raise InputError(
+            keys.where("plan.battery"),
+            found="a battery without [power]",
+            expected="what a trial draws from it",
+            remedy='add [power] with hotel = "20 W", propulsion = "60 W" and at = "1500 rpm", say',
+        )
+    return PlanSettings(**found, chance=table.chance)
 
 
 def _percentage(written: str) -> float:

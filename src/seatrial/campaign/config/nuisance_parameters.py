@@ -9,7 +9,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import SIGNALS, signal_unit
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
-from seatrial.estimation.mounts import SCALE, mount_unit
+from seatrial.estimation.mounts import LATE, SCALE, mount_unit
 from seatrial.estimation.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import LogUniform, Normal, Prior, Uniform
@@ -106,7 +106,7 @@ def nuisances(
         yield Nuisance(one.name, one.unit, one.label, signed=one.signed)
     for name in dict.fromkeys(name for sensor in sensors if sensor.mount for name in sensor.mount.unknown):
         part, _, whose = name.partition("_")
-        yield Nuisance(name, mount_unit(name), rf"{part}_{{\mathrm{{{whose}}}}}", signed=part != SCALE)
+        yield Nuisance(name, mount_unit(name), rf"{part}_{{\mathrm{{{whose}}}}}", signed=part not in (SCALE, LATE))
     for sensor in sensors:
         yield from _of_sensor(sensor, noise[sensor.channel])
     if estimation.likelihood == "filter-error":

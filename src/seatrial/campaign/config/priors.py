@@ -12,6 +12,7 @@ from seatrial.campaign.config.schema import PriorTable
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
+from seatrial.estimation.mounts import LATE, MOST_LATE
 from seatrial.estimation.priors import (
     LogNormal,
     LogUniform,
@@ -86,6 +87,14 @@ def read_priors(
             expected="a uniform prior from 0 s",
             remedy="give lower and upper",
         )
+    for name in found:
+        if name.startswith(f"{LATE}_") and found[name].bounds[1] > MOST_LATE:
+            raise InputError(
+                keys.where(f"prior.{name}"),
+                found="a support that reaches beyond 1 s",
+                expected=f"a prior of how late the sensor is, from 0 s to {MOST_LATE:g} s at most",
+                remedy='for example distribution = "uniform", lower = 0.0 and upper = 0.5',
+            )
     for one in unknown:
         if not one.signed and one.name in found and found[one.name].bounds[0] < 0:
             raise InputError(

@@ -91,6 +91,7 @@ class VehicleTable(Table):
     given: list[str] = []
     positions: list[Literal["x", "y", "z"]] = []
     attitude: Literal["quaternion", "euler"] = "euler"
+    current: bool = False
     actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
     thrusters: list[ThrusterTable] = Field(default=[], max_length=64)
     thrust_laws: dict[str, ThrustLawTable] = {}
@@ -167,8 +168,8 @@ class MountTable(Table):
     """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
 
     `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
-    `scale` is what it shows of what is there. Each is an unknown where it has a prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`,
-    `[prior.scale_NAME]`.
+    `scale` is what it shows of what is there; `late` is how long its clock is behind, 1 s at most. Each is an unknown where it has a
+    prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.late_NAME]`.
     """
 
     channels: list[str] = Field(min_length=1)
@@ -177,6 +178,7 @@ class MountTable(Table):
     pitch: Quantity = "0 deg"
     yaw: Quantity = "0 deg"
     scale: float = Field(default=1.0, gt=0.0)
+    late: Quantity = "0 s"
 
 
 class LimitsTable(Table):
@@ -272,6 +274,16 @@ class GoalTable(Table):
     sd: dict[str, Quantity | float] = {}
     decided: bool = False
     trials: int = Field(default=5, ge=1, le=100)
+
+
+class PlanTable(Table):
+    """`[plan]`: what a day at sea allows: `time` on the water and the `battery`, the `turnaround` that each trial takes beside its own
+    duration, and the `chance` of meeting the goals from which on `seatrial plan` adds no further trial."""
+
+    time: Quantity | None = None
+    battery: Quantity | None = None
+    turnaround: Quantity = "0 s"
+    chance: float = Field(default=0.9, gt=0.0, lt=1.0)
 
 
 class TimeTable(Table):
@@ -436,6 +448,7 @@ class CampaignFile(Table):
     design: DesignTable
     power: PowerTable | None = None
     goal: GoalTable | None = None
+    plan: PlanTable | None = None
     truth: dict[str, float] = {}
     imported: ImportTable | None = Field(default=None, alias="import")
     filter: FilterTable = FilterTable()

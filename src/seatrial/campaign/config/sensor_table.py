@@ -9,7 +9,7 @@ from seatrial.campaign.config.schema import MountTable, SensorTable, VehicleTabl
 from seatrial.campaign.config.settings import SensorSettings
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, SPECIFIC_FORCE, signal_unit
-from seatrial.estimation.mounts import MOUNTED, TURN, Mount, mount_names
+from seatrial.estimation.mounts import MOST_LATE, MOUNTED, TURN, Mount, mount_names
 from seatrial.vehicles.model import VehicleModel
 
 ATTITUDE = "attitude"
@@ -97,8 +97,16 @@ def with_mounts(
                 )
             x, y, z = (keys.si(text, "m", f"{key}.place") for text in table.place or ("0 m",) * 3)
             roll, pitch, yaw = (keys.si(getattr(table, part), "rad", f"{key}.{part}") for part in TURN)
+            late = keys.si(table.late, "s", f"{key}.late")
+            if not 0 <= late <= MOST_LATE:
+                raise InputError(
+                    keys.where(f"{key}.late"),
+                    found=f"{late:g} s",
+                    expected=f"0 s to {MOST_LATE:g} s by which the sensor shows the past",
+                    remedy="a clock that is ahead, or far behind: shift its stamps with the log, or split the run",
+                )
             unknown = tuple(one for one in mount_names(name) if one in stated)
-            mount = Mount(name, (x, y, z), (roll, pitch, yaw), table.scale, unknown)
+            mount = Mount(name, (x, y, z), (roll, pitch, yaw), table.scale, late, unknown)
             found[channel] = replace(found[channel], mount=mount)
     return found
 

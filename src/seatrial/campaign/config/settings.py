@@ -188,6 +188,23 @@ class Goal:
 
 
 @dataclass(frozen=True)
+class PlanSettings:
+    """What a day at sea allows.
+
+    Attributes:
+        time: on the water, s; infinite where nothing is said.
+        battery: energy of it, J; infinite where nothing is said.
+        turnaround: time that a trial takes beside its own, s.
+        chance: of meeting the goals from which on no trial is added.
+    """
+
+    time: float = inf
+    battery: float = inf
+    turnaround: float = 0.0
+    chance: float = 0.9
+
+
+@dataclass(frozen=True)
 class LogColumn:
     """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off.
 

@@ -123,6 +123,7 @@ class WholeVehicle:
         catalogue: its name there; empty for one by hand.
         laws: of thrust, one of each thruster of `body`; none where nothing is said of them.
         unknowns: numbers beside the coefficients that are sought.
+        current: whether the water's velocity over the earth is a state of each trial, which stays as it is.
     """
 
     body: PublishedVehicle
@@ -136,6 +137,7 @@ class WholeVehicle:
     catalogue: str = ""
     laws: tuple[ThrustLaw, ...] = ()
     unknowns: tuple[str, ...] = ()
+    current: bool = False
 
     @property
     def published(self) -> Mapping[str, float]:
@@ -161,6 +163,7 @@ class WholeVehicle:
             thrusters=self.body.thrusters,
             actuators=dict(self.actuators),
             unknowns=self.unknowns,
+            current="state" if self.current else None,
         )
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:

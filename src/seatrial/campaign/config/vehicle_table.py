@@ -138,6 +138,7 @@ def _whole_vehicle(
         table.catalogue or "",
         laws,
         tuple(name for name in stated if UNKNOWN.fullmatch(name)),
+        table.current,
     )
 
 

@@ -14,6 +14,7 @@ from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.programs import program
 from seatrial.core.record import Record
+from seatrial.core.signals import RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
@@ -23,10 +24,13 @@ from seatrial.estimation.record_checks import (
     check_excitation,
     check_motion,
     check_samples,
+    check_turn,
     not_judged,
     says_direction,
 )
 
+SENSORS = (RATES[:3], RATES[3:])
+"""Channels that one sensor has: a Doppler log, a gyro."""
 DRAWS = 32
 """Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way."""
 
@@ -102,6 +106,11 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             findings += check_motion(name, usual, column, expected[:, index], campaign.has_delay)
         else:
             unsaid.append(name)
+    for group in SENSORS:
+        said = [name for name in group if name in measured and name not in unsaid]
+        if len(said) > 1:
+            places = [campaign.channels.index(name) for name in said]
+            findings += check_turn(said, np.column_stack([measured[name] for name in said]), expected[:, places])
     if unsaid:
         findings += [not_judged(unsaid), *_excitation_as_moved(record, plan, priors, control)]
     else:

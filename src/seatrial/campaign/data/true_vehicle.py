@@ -29,7 +29,7 @@ from seatrial.estimation.sensor_errors import (
     lag_name,
     noise_name,
 )
-from seatrial.estimation.simulation import CURRENT, Feedback, Simulator
+from seatrial.estimation.simulation import CURRENT, Feedback, Simulator, samples_remembered
 from seatrial.estimation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
 from seatrial.manoeuvres.schedule import Schedule
@@ -115,7 +115,13 @@ def true_vehicle(campaign: Campaign) -> TrueVehicle:
     model = with_actuators(model, {name: Actuator(time) for name, time in times.items() if time > 0})
     sensors = tuple(_true_sensor(sensor, truth) for sensor in campaign.sensor_models)
     return TrueVehicle(
-        Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth),
+        Simulator(
+            model,
+            sensors,
+            truth.get(DELAY, 0.0) > 0,
+            CURRENT in truth,
+            samples_remembered(sensors, campaign.family.sample_time),
+        ),
         {**noise, **truth, **true_coefficients(campaign, model)},
         campaign.state_trim(model),
         campaign.control_trim(model),

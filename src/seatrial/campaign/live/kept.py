@@ -1,21 +1,30 @@
-"""What a live session keeps: everything as it came, and the samples in SI as a table that the same campaign imports."""
+"""What a live session keeps: everything as it came, the samples in SI as a table that the same campaign imports, and its last look."""
 
+import json
 import os
 import time
 from collections.abc import Mapping, Sequence
 from io import FileIO
 from pathlib import Path
+from typing import Any
 
 import tomlkit
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.core.errors import InputError
+from seatrial.core.files import write_json
 from seatrial.core.signals import signal_unit
 
 SYNC = 1.0
 """Seconds after which everything is on the disk."""
 FOLDER = Path("results") / "live"
 """Of the sessions, in a campaign's folder."""
+LAST_LOOK = FOLDER / "now" / "look.json"
+"""What the session that runs, or ran last, said last; in a folder of its own, so that the others do not change with it."""
+LOOK = {"run", "at", "time_s", "samples", "coefficients", "innovations", "kind", "advice"}
+"""Keys of a look."""
+SHOWN = 0.5
+"""Seconds between two looks that are shown."""
 
 
 class Kept:
@@ -39,6 +48,7 @@ class Kept:
         self.rows: list[str] = []
         self.last = -1.0
         self.synced = time.monotonic()
+        self.shown = -SHOWN
 
     @property
     def path(self) -> Path:
@@ -66,6 +76,14 @@ class Kept:
                 os.fsync(stream.fileno())
             self.synced = time.monotonic()
 
+    def show(self, look: Mapping[str, Any], force: bool = False) -> None:
+        """Put a look where the dashboard finds it, unless another one was put there just now."""
+        now = time.monotonic()
+        if force or now - self.shown >= SHOWN:
+            self.shown = now
+            (self.folder / "now").mkdir(exist_ok=True)
+            write_json(self.folder / "now" / LAST_LOOK.name, {"run": self.run, "at": time.time(), **look})
+
     def close(self) -> None:
         """Write what is left."""
         self.flush(force=True)
@@ -80,6 +98,15 @@ def sessions(folder: Path) -> list[str]:
     """Return the sessions of a campaign's folder by name, the oldest first."""
     found = sorted((folder / FOLDER).glob("*.csv"))
     return [path.stem for path in found if not path.name.endswith(".received.csv")]
+
+
+def last_look(folder: Path) -> dict[str, Any] | None:
+    """Return what the last session of a campaign's folder said last, with `run` and the time `at`; None where there is none."""
+    try:
+        found = json.loads((folder / LAST_LOOK).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) and found.keys() >= LOOK else None
 
 
 def import_lines(campaign: Campaign, run: str) -> str:

@@ -132,6 +132,8 @@ class Session:
         look = self.adviser.look(self.clock.time, self.samples, self.coefficients, self.memory)
         if self.adviser.failure is not None:
             self.notes.say("library", f"other designs could not be weighed: {self.adviser.failure}")
+        if self.kept is not None:
+            self.kept.show(look.as_json())
         return look
 
     def _step(self, values: dict[str, float], step: float, begins: bool) -> None:

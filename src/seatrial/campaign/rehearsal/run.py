@@ -21,6 +21,7 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials
+from seatrial.campaign.design.plan import goal_of
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.rehearsal.designs import RANDOM, Design, DesignSpace, design_space
@@ -71,7 +72,7 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
     """
     campaign.check_surge("a rehearsal")
     check_whole_trials(campaign, "a rehearsal", joules=True)
-    goal = _goal(campaign)
+    goal = goal_of(campaign)
     if truths < FEWEST_VEHICLES:
         raise InputError(
             "rehearsal", found=f"{truths} vehicles", expected=f"{FEWEST_VEHICLES} at least", remedy="ask for more"
@@ -100,7 +101,7 @@ def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
 
 def rehearsal_key(campaign: Campaign) -> str:
     """Key of a rehearsal of any number of vehicles."""
-    goal = _goal(campaign)
+    goal = goal_of(campaign)
     return key_of(
         "rehearsal",
         design_key(campaign),
@@ -108,19 +109,6 @@ def rehearsal_key(campaign: Campaign) -> str:
         campaign.estimation,
         campaign.seed,
     )
-
-
-def _goal(campaign: Campaign) -> Goal:
-    goal = campaign.goal
-    if goal is None or not (goal.shares or goal.sds):
-        names = [term.text for term in campaign.model(campaign.full).coefficients]
-        raise InputError(
-            campaign.where("goal.sd"),
-            found="nothing",
-            expected="how well each coefficient is to be known, which is what ends a campaign",
-            remedy=f'add, for example, [goal] with sd = {{ {names[0]} = "10 %" }} and trials = 6',
-        )
-    return goal
 
 
 def _rehearse_one(

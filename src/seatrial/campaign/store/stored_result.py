@@ -77,6 +77,10 @@ class Store:
         """Schedule of one of the trials that are planned together."""
         return self.results / f"batch_{number}_schedule.csv"
 
+    def plan_schedule(self, number: int) -> Path:
+        """Schedule of one trial of the plan of the campaign."""
+        return self.results / f"plan_{number}_schedule.csv"
+
     @property
     def searched(self) -> Path:
         """The design found by a global search."""

@@ -38,6 +38,7 @@ batch = _Module("design.batch")
 compare_utilities = _Module("design.compare_utilities")
 free_form = _Module("design.free_form")
 global_search = _Module("design.global_search")
+plan = _Module("design.plan")
 weigh_own_schedule = _Module("design.weigh_own_schedule")
 relay = _Module("design.relay")
 sensor_choice = _Module("design.sensor_choice")
@@ -408,6 +409,7 @@ BESIDE = (
         "measures.nc",
     ),
     Step("batch", ("campaign", "together", "reporter"), batch.plan_together),
+    Step("plan", ("campaign", "so_far", "reporter"), plan.plan_trials),
     Step("sensors", ("campaign", "reporter"), sensor_choice.sensor_table),
     Step(
         "rehearsal",

@@ -73,6 +73,7 @@ class TableInfo:
         kind: type of the messages, for example `nav_msgs/msg/Odometry`.
         trouble: why its columns cannot be read, if they cannot.
         notes: what was passed over in the log, for the user.
+        words: columns that hold words, such as the mode; for conditions, not for channels.
     """
 
     name: str
@@ -82,6 +83,7 @@ class TableInfo:
     kind: str = ""
     trouble: str = ""
     notes: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
 
     def unit(self, column: str) -> str | None:
         """Return the unit of a column as the log states it."""
@@ -89,12 +91,12 @@ class TableInfo:
 
     def has(self, column: str) -> bool:
         """Return whether a column can be read, elements of arrays beyond the listed ones included."""
-        names = {info.name for info in self.columns}
+        names = {*(info.name for info in self.columns), *self.words}
         return column in names or re.sub(r"\[\d+\]", "[0]", column) in names
 
 
 class Block(NamedTuple):
-    """Some rows of one table: int64 or float64 columns, NaN where a value is missing; `done` is the share of the log."""
+    """Some rows of one table: int64 or float64 columns, NaN where a value is missing, or words; `done` is the share of the log."""
 
     table: str
     columns: Mapping[str, np.ndarray]
@@ -129,7 +131,7 @@ class LogFormat:
         catalogue: tables of a log, found without keeping its data.
         blocks: wanted columns as a stream, each table's rows in the order of the log.
         read: one table whole, where that can be done better than by collecting blocks; the last argument is the
-            column of stamps.
+            columns of stamps, and those whose cells are words.
         is_text: whether a `TextLayout` means anything.
         memory: bytes that the process of its own may take in which it is read, four times those of the file apart, where a library
             reads it that damaged bytes can bring to abort, to walk in circles or to take gigabytes; 0 where it is read in this one.
@@ -140,7 +142,7 @@ class LogFormat:
     recognises: Callable[[Path, bytes], bool]
     catalogue: Callable[[LogFile], tuple[TableInfo, ...]]
     blocks: Callable[[LogFile, Wanted], Iterator[Block]]
-    read: Callable[[LogFile, str, Sequence[str], Sequence[str]], RawTable] | None = None
+    read: Callable[[LogFile, str, Sequence[str], Sequence[str], Sequence[str]], RawTable] | None = None
     is_text: bool = False
     memory: int = 0
 

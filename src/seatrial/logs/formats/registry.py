@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import depend_on, sha256_of, sha256_of_json
 from seatrial.core.processes import Elsewhere, apart
-from seatrial.logs.formats import dataflash, matlab, moos, netcdf, npz, parquet, ros, telemetry, text, ulog
+from seatrial.logs.formats import dataflash, matlab, mcap_json, moos, netcdf, npz, parquet, ros, telemetry, text, ulog
 from seatrial.logs.formats.protocol import Block, LogFile, LogFormat, RawTable, TableInfo, Wanted, unreadable
 
 Answer = TypeVar("Answer")
@@ -22,6 +22,7 @@ FORMATS: tuple[LogFormat, ...] = (
     npz.FORMAT,
     ros.BAG,
     ros.FOLDER,
+    mcap_json.FORMAT,
     ros.MCAP,
     ros.SQLITE,
     dataflash.FORMAT,
@@ -87,7 +88,9 @@ def stream(log: LogFile, wanted: Wanted) -> Iterator[Block]:
         yield from _asked(form, form.blocks, log, wanted)
 
 
-def read_columns(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str] = ()) -> RawTable:
+def read_columns(
+    log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str] = (), words: Sequence[str] = ()
+) -> RawTable:
     """Read some columns of one table, keeping nothing else.
 
     Args:
@@ -95,6 +98,7 @@ def read_columns(log: LogFile, table: str, columns: Sequence[str], stamps: Seque
         table: its name in the catalogue.
         columns: to read; those of the catalogue, or other elements of its arrays.
         stamps: those of them that hold time stamps, which stay exact.
+        words: those of them that hold words.
 
     Raises:
         InputError: a log that cannot be read.
@@ -102,7 +106,7 @@ def read_columns(log: LogFile, table: str, columns: Sequence[str], stamps: Seque
     form = format_of(log.path)
     if form.read is not None:
         with reading(log.path, form.name):
-            return form.read(log, table, columns, stamps)
+            return form.read(log, table, columns, stamps, words)
     parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
     for block in stream(log, {table: columns}):
         for name, part in parts.items():

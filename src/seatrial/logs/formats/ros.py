@@ -31,6 +31,7 @@ from seatrial.logs.formats.ros_messages import (
     has_sequences,
     lengths_of,
     steps_of,
+    words_of,
 )
 
 _SQLITE = b"SQLite format 3\0"
@@ -195,7 +196,8 @@ def _table(topic: _Topic, lengths: dict[str, int]) -> TableInfo:
     columns = (ColumnInfo(LOG_TIME, "ns"), *columns_of(topic.steps, lengths))
     stamps = [column.name for column in columns if column.name in ("header.stamp", "stamp")]
     rows = sum(connection.msgcount for connection in topic.connections)
-    return TableInfo(topic.name, columns, (*stamps, LOG_TIME), rows, topic.kind, topic.trouble)
+    clocks, words = (*stamps, LOG_TIME), words_of(topic.steps)
+    return TableInfo(topic.name, columns, clocks, rows, topic.kind, topic.trouble, words=words)
 
 
 def _recognises(magic: bytes) -> Any:

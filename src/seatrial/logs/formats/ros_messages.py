@@ -61,7 +61,9 @@ class Leaf(NamedTuple):
 
 
 class Text(NamedTuple):
-    """A string."""
+    """A string, and its path."""
+
+    path: str
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,11 @@ def columns_of(steps: Sequence[Step], lengths: Mapping[str, int], prefix: str = 
             count = max(lengths.get(path, 1), 1) if step.count is None else step.count
             for k in range(min(count, MOST_ELEMENTS)):
                 yield from columns_of(step.steps, lengths, f"{path}[{k}]")
+
+
+def words_of(steps: Sequence[Step]) -> tuple[str, ...]:
+    """Return the strings of a message, by path; those of elements are left out."""
+    return tuple(step.path for step in steps if isinstance(step, Text))
 
 
 def has_sequences(steps: Sequence[Step]) -> bool:
@@ -185,7 +192,12 @@ class Decoder:
             is_alike = (messages[left[:, None], places] == messages[left[0], places]).all(axis=1)
             alike, left = left[is_alike], left[~is_alike]
             for name, (at, code) in walk.numbers.items():
-                raw = np.ascontiguousarray(messages[alike, at : at + code.itemsize]).view(code)[:, 0]
+                cells = np.ascontiguousarray(messages[alike, at : at + code.itemsize])
+                if code.kind == "S":
+                    words = [row.tobytes().rstrip(b"\0").decode("utf-8", "replace") for row in cells]
+                    parts[name].append((rows[alike], np.array(words, object)))
+                    continue
+                raw = cells.view(code)[:, 0]
                 values = raw if code.names is None else raw["s"].astype(np.int64) * 10**9 + raw["ns"]
                 parts[name].append((rows[alike], as_column(values)))
 
@@ -218,6 +230,8 @@ class _Walk:
         for step in steps:
             if isinstance(step, Text):
                 length = self._length()
+                if (name := _joined(prefix, step.path)) in self.wanted and self.at + length <= len(self.data):
+                    self.numbers[name] = self.at, np.dtype(f"S{length}")
                 self.at += length
             elif isinstance(step, Many):
                 self._many(step, _joined(prefix, step.path))
@@ -272,8 +286,13 @@ def _kind(code: str, order: str, is_cdr: bool) -> np.dtype:
 
 def _filled(parts: Sequence[tuple[np.ndarray, np.ndarray]], rows: int) -> np.ndarray:
     """Return one column of its parts, NaN where none has a row."""
-    is_whole = sum(at.size for at, _ in parts) == rows and all(values.dtype.kind == "i" for _, values in parts)
-    column = np.empty(rows, np.int64) if is_whole else np.full(rows, np.nan)
+    kinds = {values.dtype.kind for _, values in parts}
+    is_whole = sum(at.size for at, _ in parts) == rows and kinds == {"i"}
+    column = (
+        np.empty(rows, np.int64)
+        if is_whole
+        else np.full(rows, "" if "O" in kinds else np.nan, object if "O" in kinds else float)
+    )
     for at, values in parts:
         column[at] = values
     return column
@@ -325,7 +344,7 @@ def _single(
     if node == NAME:
         yield from _steps(detail, definitions, is_cdr, path, depth + 1, budget)
     elif detail[0] == "string":
-        yield Text()
+        yield Text(path)
     elif detail[0] == "byte" and not is_cdr:
         yield Leaf(path, "b")
     elif detail[0] in _CODES:

@@ -113,11 +113,18 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
         clocks = tuple(name for name in names if name in numeric and (np.diff(numeric[name]) > 0).all())[:1]
         columns = tuple(ColumnInfo(name, "s" if name in clocks else unit) for name, unit in columns)
     columns = (*(ColumnInfo(name, "ns") for name in whole), *columns)
-    return (TableInfo(TABLE, columns, (*whole, *clocks), notes=notes),)
+    words = tuple(
+        names[at] for at in single if names[at] not in numeric and names[at] not in dates and _has_words(cells[at])
+    )
+    return (TableInfo(TABLE, columns, (*whole, *clocks), notes=notes, words=words),)
 
 
 def _are_dates(cells: np.ndarray) -> bool:
     return cells.dtype.kind not in "iuf" and cells.size > 0 and is_date(str(cells[0]))
+
+
+def _has_words(cells: np.ndarray) -> bool:
+    return cells.dtype.kind == "O" and any(isinstance(cell, str) for cell in cells)
 
 
 def _unit_of_stamps(name: str, values: np.ndarray) -> str | None:
@@ -148,23 +155,32 @@ def _whole(name: str, columns: Mapping[str, np.ndarray], pairs: Mapping[str, tup
     return seconds * 10**9 + nanos
 
 
-def _read(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str]) -> RawTable:
-    """Read columns, refusing cells that are not numbers; stamps stay whole numbers, or decimal ones as text."""
+def _read(
+    log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str], words: Sequence[str] = ()
+) -> RawTable:
+    """Read columns, refusing cells that are not numbers; stamps stay whole numbers, or decimal ones as text, and words words."""
     layout = _survey(log)
     pairs = split_stamps(layout.names)
     at = {name: _find(name, layout.names, log) for name in _parts(columns, pairs)}
     stamps = _parts(stamps, pairs)
+    said = {at[name]: str for name in words}
     try:
-        values, decimals = _columns(log, layout, at, stamps, {})
+        values, decimals = _columns(log, layout, at, stamps, said, words)
     except _Rounded:
-        values, decimals = _columns(log, layout, at, stamps, {at[name]: f"S{_LONGEST_STAMP + 1}" for name in stamps})
+        kinds = {at[name]: f"S{_LONGEST_STAMP + 1}" for name in stamps}
+        values, decimals = _columns(log, layout, at, stamps, kinds | said, words)
     notes = (f"{layout.empty} rows at the end have no cell filled and were left out",) if layout.empty else ()
     values = {name: _whole(name, values, pairs) for name in columns}
     return RawTable(values, lambda row: _row(log, row)[0], notes, decimals)
 
 
 def _columns(
-    log: LogFile, layout: _Layout, at: dict[str, int], stamps: Sequence[str], kinds: dict[int, str]
+    log: LogFile,
+    layout: _Layout,
+    at: dict[str, int],
+    stamps: Sequence[str],
+    kinds: dict[int, Any],
+    words: Sequence[str],
 ) -> tuple[dict[str, np.ndarray], dict[str, int]]:
     """Return all rows of some columns, of which stamps may be kept as text, and the decimals of the stamps.
 
@@ -175,7 +191,12 @@ def _columns(
     first = 0
     for found, _ in _frames(log, layout, sorted(set(at.values())), kinds):
         for name, place in at.items():
-            if name in stamps and found[place].dtype.kind not in "iu" and not kinds:
+            if name in words:
+                parts[name].append(
+                    np.array([cell.strip() if isinstance(cell, str) else "" for cell in found[place]], object)
+                )
+                continue
+            if name in stamps and found[place].dtype.kind not in "iu" and place not in kinds:
                 raise _Rounded
             read = _stamps if name in stamps else _checked
             parts[name].append(read(found[place], log, first, place, name))

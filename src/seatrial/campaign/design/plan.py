@@ -1,0 +1,436 @@
+"""The plan of a campaign: which trials in which order, the chance that they meet the goals, and what to drop first.
+
+Designs are those of `[design]` on its control, and the same shapes and periods on every other control with two limits, each amplitude
+the same share of the room that its control has. The plan is made from what is believed: the priors, or the mode after a trial.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.settings import Goal
+from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
+from seatrial.campaign.design.found_noise import with_found_noise
+from seatrial.campaign.design.prior_state_space import HALF, prior_draws
+from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.sweep import coefficient_draws
+from seatrial.campaign.design.utility import UTILITY_DRAWS
+from seatrial.campaign.store.estimates import Drawn
+from seatrial.campaign.store.stored_result import Store
+from seatrial.core.coefficients import AXES
+from seatrial.core.errors import InputError
+from seatrial.core.record import Record
+from seatrial.core.reporter import SILENT, Reporter
+from seatrial.design.cost import PropellerPower
+from seatrial.design.goal_plan import PlannedTrial, StageGoal, choose_trials, goals_met
+from seatrial.design.limit_conflicts import check_some_allowed
+from seatrial.design.robust import information_or_nan
+from seatrial.design.safety import judge_safety
+from seatrial.design.stages import Stage, find_stages
+from seatrial.design.sweep import all_controls, inside_limits
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.family import Family
+
+MOST = 30
+"""Trials that are thought of beyond what the day allows."""
+ROOM = 0.75
+"""Share of the room of another control that the largest amplitude takes where the designed control has no two limits."""
+
+
+@dataclass(frozen=True, eq=False)
+class SoFar:
+    """What has been learnt: draws about the mode of the posterior, and the records behind it."""
+
+    drawn: Drawn
+    records: tuple[Record, ...]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One trial of the plan.
+
+    Attributes:
+        stage: its number, from 0.
+        words: of the design.
+        control: that it drives.
+        schedule: that the vehicle runs.
+        without: chance of meeting the goals if this trial alone is dropped.
+    """
+
+    stage: int
+    words: str
+    control: str
+    schedule: Path
+    without: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign planned.
+
+    Attributes:
+        basis: what it is planned from.
+        stages: which coefficients are sought together, in order.
+        steps: trials, in the order in which they are run.
+        chance: that all goals are met after them.
+        chance_error: its Monte Carlo standard error.
+        goals: chance of each goal, by coefficient, the least first.
+        without_goal: chance that all others are met, by coefficient.
+        seconds: that it takes.
+        joules: that it takes; None where nobody asks.
+        ended_by: what keeps it from going on; empty where nothing does.
+        further: trials, time and energy that would do; None where the plan does, or nothing in reason would.
+        asked: chance from which on no trial is added.
+    """
+
+    basis: str
+    stages: tuple[Stage, ...]
+    steps: tuple[Step, ...]
+    chance: float
+    chance_error: float
+    goals: dict[str, float]
+    without_goal: dict[str, float]
+    seconds: float
+    joules: float | None
+    ended_by: str
+    further: tuple[int, float, float | None] | None
+    asked: float
+
+    def lines(self) -> list[str]:
+        """Return it in words."""
+        several = len(self.stages) > 1
+        takes = _cost_words(self.seconds, self.joules)
+        said = [f"plan from {self.basis}: {_trials(len(self.steps))}, {takes}"]
+        for number, stage in enumerate(self.stages):
+            said += [self._head(number, stage)] * several
+            said += [
+                f"  {place}. {step.words}; schedule in {step.schedule}"
+                for place, step in enumerate(self.steps, 1)
+                if step.stage == number
+            ]
+        if not (self.steps or self.ended_by):
+            return [f"plan from {self.basis}: no further trial: the goals are met with chance {self.chance:.2f}"]
+        said.append(f"chance that all goals are met after it: {self.chance:.2f} ± {self.chance_error:.2f}")
+        said.append("of each goal: " + ", ".join(f"{name} {chance:.2f}" for name, chance in self.goals.items()))
+        return [*said, *self._what_it_takes(), *self._drops()]
+
+    def _head(self, number: int, stage: Stage) -> str:
+        names = ", ".join(AXES[axis][1].rpartition(" ")[0] for axis in stage.axes)
+        earlier = [f'"../stage_{one + 1}"' for one in stage.before]
+        keys = [f"moves = {_list(stage.moves)}", *([f"given = {_list(stage.given)}"] if stage.given else [])]
+        keys += [f"known_from = [{', '.join(earlier)}]"] if earlier else []
+        return f"stage {number + 1}, {names}: {', '.join(stage.sought)}; {'; '.join(keys)}"
+
+    def _what_it_takes(self) -> list[str]:
+        if not self.ended_by:
+            return []
+        if self.further is None:
+            reach = f"{MOST} trials of these designs would not reach {self.asked:g} either"
+            return [f"{self.ended_by}; {reach}: change goals, sensors or designs"]
+        trials, seconds, joules = self.further
+        return [f"{self.ended_by}; {self.asked:g} would take {_trials(trials)}, {_cost_words(seconds, joules)}"]
+
+    def _drops(self) -> list[str]:
+        if not self.steps:
+            return []
+        at, step = max(enumerate(self.steps, 1), key=lambda one: one[1].without)
+        name = max(self.without_goal, key=lambda one: self.without_goal[one])
+        return [
+            f"if time runs short, drop trial {at} first: the chance is then {step.without:.2f}",
+            f"if a goal must go, drop that of {name}: all others are met with chance {self.without_goal[name]:.2f}",
+        ]
+
+
+def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Reporter = SILENT) -> Plan:
+    """Plan the trials of a campaign, or those that remain.
+
+    Args:
+        campaign: goals, limits, designs, and what a day allows.
+        so_far: what earlier trials taught; None before the first one.
+        reporter: told how far the work has come.
+
+    Raises:
+        InputError: no goal, designs that are ended early, or none inside the limits.
+    """
+    check_whole_trials(campaign, "a plan", joules=True)
+    goal = goal_of(campaign)
+    if so_far is None:
+        known, structure, basis = campaign, campaign.full, "the priors"
+        draws = prior_draws(campaign, campaign.model(structure))
+    else:
+        known, structure = with_found_noise(campaign, so_far.drawn), so_far.drawn.structure
+        draws, basis = coefficient_draws(so_far.drawn, campaign.seed), f"{_trials(len(so_far.records))} so far"
+    plan = plan_of(known, known.model(structure))
+    stages = find_stages(plan.names, [name for name in plan.names if name in {**goal.shares, **goal.sds}])
+    designs, information = _designs(known, plan, draws[:HALF], reporter)
+    goals = _stage_goals(stages, goal, plan.names, np.linalg.inv(np.atleast_2d(np.cov(draws, rowvar=False))))
+    seconds = np.array([one.family.end + campaign.plan.turnaround for one in designs])
+    joules = np.array([_joules(campaign, one.control(), one.family.end) for one in designs])
+    spent = _spent(campaign, () if so_far is None else so_far.records)
+    judge = _Judge(campaign, plan, goals, draws, designs)
+    few = draws[:UTILITY_DRAWS]
+    chosen = choose_trials(
+        goals,
+        few,
+        information,
+        seconds,
+        MOST,
+        lambda trials: judge.chance(trials, slice(0, HALF)) >= campaign.plan.chance,
+    )
+    most = max(goal.trials - (0 if so_far is None else len(so_far.records)), 0)
+    inside, ended_by = _inside(campaign, chosen, seconds, joules, spent, most)
+    is_enough = judge.chance(chosen, slice(0, HALF)) >= campaign.plan.chance
+    if not is_enough and len(inside) == len(chosen):
+        ended_by = "no design teaches what is missing" if len(chosen) < MOST else f"{MOST} trials do not do"
+    further = (len(chosen), _sum(seconds, chosen), _energy(campaign, joules, chosen)) if is_enough else None
+    return _told(campaign, basis, stages, designs, sorted(inside), judge, seconds, joules, ended_by, further)
+
+
+def goal_of(campaign: Campaign) -> Goal:
+    """Return the standard deviations that are asked for.
+
+    Raises:
+        InputError: none is.
+    """
+    goal = campaign.goal
+    if goal is None or not (goal.shares or goal.sds):
+        names = [term.text for term in campaign.model(campaign.full).coefficients]
+        raise InputError(
+            campaign.where("goal.sd"),
+            found="nothing",
+            expected="how well each coefficient is to be known, which is what ends a campaign",
+            remedy=f'add, for example, [goal] with sd = {{ {names[0]} = "10 %" }} and trials = 6',
+        )
+    return goal
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """One member of a family, and all controls over time, SI."""
+
+    family: Family
+    amplitude: float
+    period: float
+    controls: Float[np.ndarray, "n c"]
+    names: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        return design_words(self.family, self.amplitude, self.period)
+
+    def control(self) -> dict[str, np.ndarray]:
+        return dict(zip(self.names, self.controls.T, strict=True))
+
+
+def _families(campaign: Campaign, names: Sequence[str]) -> Iterator[tuple[Family, np.ndarray]]:
+    """Yield families with their amplitudes, SI: those of `[design]`, and for every other control with two limits those of the same room."""
+    amplitudes, model_trim = campaign.design.grid()[0], dict(campaign.control_trim(campaign.model(campaign.full)))
+    for family in campaign.families:
+        yield family, amplitudes
+    driven = _room(campaign, campaign.family.control, campaign.family.trim)
+    largest = ROOM if driven == 0 else min(float(amplitudes.max()) / driven, 1.0)
+    for name in names:
+        room = _room(campaign, name, model_trim[name])
+        if name != campaign.family.control and room > 0:
+            scaled = amplitudes / amplitudes.max() * largest * room
+            for family in campaign.families:
+                yield replace(family, control=name, trim=model_trim[name], beside=()), scaled
+
+
+def _room(campaign: Campaign, control: str, trim: float) -> float:
+    """Return how far a control may go from trim to both sides, SI; 0 where it has no two limits."""
+    limits = campaign.control_limits.get(control)
+    if limits is None or limits.lower is None or limits.upper is None:
+        return 0.0
+    return max(min(trim - limits.lower, limits.upper - trim), 0.0)
+
+
+def _designs(
+    campaign: Campaign, plan: TrialPlan, draws: np.ndarray, reporter: Reporter
+) -> tuple[list[_Design], Float[np.ndarray, "D S k k"]]:
+    """Return the designs that keep all limits, and the information of each at the first draws; those that diverge at one are left out."""
+    trim, found = campaign.control_trim(plan.model), []
+    names = tuple(name for name, _ in trim)
+    for family, amplitudes in _families(campaign, names):
+        periods = campaign.design.grid()[1]
+        rows, columns = (grid.ravel() for grid in np.meshgrid(amplitudes, periods[family.fits(periods)], indexing="ij"))
+        if not rows.size:
+            continue
+        controls = all_controls(family, trim, rows, columns)
+        kept = inside_limits(family, controls, trim, campaign.control_limits)
+        found += [_Design(family, float(rows[i]), float(columns[i]), controls[i], names) for i in np.flatnonzero(kept)]
+    if not found:
+        raise InputError(
+            campaign.where("design"),
+            found="no design that fits and keeps the limits of the controls",
+            expected="one at least",
+            remedy="lower the amplitudes or lengthen `ramp`; `seatrial design` says which limit is broken",
+        )
+    report = reporter.progress(f"plan: {len(found)} designs")
+    report(0, 2)
+    if campaign.motion_limits:
+        every, limits = np.stack([one.controls for one in found]), campaign.motion_limits
+        safety = judge_safety(plan, every, draws, limits, campaign.design.probability)
+        check_some_allowed(replace(safety, names=tuple(one.words for one in found)))
+        found = [one for one, allowed in zip(found, safety.allowed, strict=True) if allowed]
+    report(1, 2)
+    information = information_or_nan(plan, np.stack([one.controls for one in found]), draws[:UTILITY_DRAWS])
+    finite = np.isfinite(information).all((1, 2, 3))
+    if not finite.any():
+        raise InputError(
+            campaign.where("design.amplitude"),
+            found="designs under each of which the motion of some vehicle that the priors allow diverges",
+            expected="one design at least that none of them diverges under",
+            remedy="narrow the priors to damping that dissipates, or excite less; `seatrial prior` shows why",
+        )
+    report(2, 2)
+    return [one for one, there in zip(found, finite, strict=True) if there], information[finite]
+
+
+def _stage_goals(
+    stages: Sequence[Stage], goal: Goal, names: Sequence[str], precision: np.ndarray
+) -> tuple[StageGoal, ...]:
+    share = np.array([goal.shares.get(name, inf) for name in names])
+    sd = np.array([goal.sds.get(name, inf) for name in names])
+    return tuple(
+        StageGoal(np.array([names.index(name) for name in stage.sought]), share, sd, precision) for stage in stages
+    )
+
+
+class _Judge:
+    """Says which goals are met after some trials, over all draws; the information of a design is computed when it is first chosen."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        plan: TrialPlan,
+        goals: Sequence[StageGoal],
+        draws: np.ndarray,
+        designs: Sequence[_Design],
+    ):
+        self._plan, self._goals, self._draws, self._designs = plan, goals, draws, designs
+        self._normal = np.random.default_rng(campaign.seed).standard_normal(draws.shape)
+        self._known: dict[int, np.ndarray] = {}
+        self.names = plan.names
+
+    def met(self, trials: Sequence[PlannedTrial], which: slice) -> Bool[np.ndarray, "S k"]:
+        """Return whether each goal is met at some of the draws; where the motion diverges none is."""
+        for number in {trial.design for trial in trials} - self._known.keys():
+            self._known[number] = information_or_nan(self._plan, self._designs[number].controls[None], self._draws)[0]
+        used = {trial.design: self._known[trial.design][which] for trial in trials}
+        lost = ~np.all([np.isfinite(one).all((1, 2)) for one in used.values()], axis=0) if used else np.array(False)
+        used = {number: np.where(np.isfinite(one), one, 0.0) for number, one in used.items()}
+        found = goals_met(self._goals, self._draws[which], used, trials, self._normal[which])
+        found[np.broadcast_to(lost, found.shape[:1])] = False
+        return found
+
+    def chance(self, trials: Sequence[PlannedTrial], which: slice = slice(HALF, None)) -> float:
+        """Return the share of the draws at which all goals are met; the second half has no part in the choice."""
+        return float(self.met(trials, which).all(1).mean())
+
+
+def _inside(
+    campaign: Campaign,
+    chosen: Sequence[PlannedTrial],
+    seconds: np.ndarray,
+    joules: np.ndarray,
+    spent: tuple[float, float],
+    most: int,
+) -> tuple[list[PlannedTrial], str]:
+    """Return the first of the trials, as many as the day allows, and what ends them."""
+    time, energy, inside = *spent, []
+    for trial in chosen:
+        time, energy = time + seconds[trial.design], energy + joules[trial.design]
+        if time > campaign.plan.time:
+            return inside, f"the {campaign.plan.time / 3600:.3g} h of [plan] end it"
+        if energy > campaign.plan.battery:
+            return inside, f"the battery of {campaign.plan.battery / 3600:.3g} Wh ends it"
+        if len(inside) == most:
+            return inside, f"[goal] trials = {campaign.goal.trials if campaign.goal else most} ends it"
+        inside.append(trial)
+    return inside, ""
+
+
+def _told(
+    campaign: Campaign,
+    basis: str,
+    stages: tuple[Stage, ...],
+    designs: Sequence[_Design],
+    trials: Sequence[PlannedTrial],
+    judge: _Judge,
+    seconds: np.ndarray,
+    joules: np.ndarray,
+    ended_by: str,
+    further: tuple[int, float, float | None] | None,
+) -> Plan:
+    met = judge.met(trials, slice(HALF, None))
+    chance, goal = float(met.all(1).mean()), goal_of(campaign)
+    spread = (chance * len(met) + 1) / (len(met) + 2)  # not zero where all draws agree (Laplace)
+    asked = [name for name in judge.names if name in {**goal.shares, **goal.sds}]
+    each = {name: float(met[:, judge.names.index(name)].mean()) for name in asked}
+    others = {name: float(np.delete(met, judge.names.index(name), 1).all(1).mean()) for name in asked}
+    steps = []
+    for place, trial in enumerate(trials, 1):
+        design = designs[trial.design]
+        rest = [*trials[: place - 1], *trials[place:]]
+        manoeuvre = design.family.manoeuvre(design.amplitude, design.period)
+        path = write_schedule(Store(campaign.folder).plan_schedule(place), manoeuvre, campaign.family.sample_time)
+        steps.append(Step(trial.stage, design.words, design.family.control, path, judge.chance(rest)))
+    return Plan(
+        basis,
+        stages,
+        tuple(steps),
+        chance,
+        sqrt(spread * (1 - spread) / (len(met) + 2)),
+        dict(sorted(each.items(), key=lambda one: one[1])),
+        others,
+        _sum(seconds, trials),
+        _energy(campaign, joules, trials),
+        ended_by,
+        further if ended_by else None,
+        campaign.plan.chance,
+    )
+
+
+def _joules(campaign: Campaign, controls: dict[str, np.ndarray], duration: float) -> float:
+    """Return what a trial and its turnaround draw, J: the hotel load, and in the trial the propulsion; 0 where no power is stated."""
+    power = campaign.power
+    if power is None:
+        return 0.0
+    propeller = PropellerPower(power.propulsion, power.at, campaign.family.control)
+    driven = float(np.nanmean(propeller.watts(controls))) * duration
+    return driven + power.hotel * (duration + campaign.plan.turnaround)
+
+
+def _spent(campaign: Campaign, records: Sequence[Record]) -> tuple[float, float]:
+    """Return time, s, and energy, J, that the records took."""
+    lengths = [float(record.time[-1] - record.time[0]) for record in records]
+    controls = [dict(zip(record.controls, record.control.T, strict=True)) for record in records]
+    joules = [_joules(campaign, one, length) for one, length in zip(controls, lengths, strict=True)]
+    return sum(lengths) + campaign.plan.turnaround * len(records), sum(joules)
+
+
+def _sum(each: np.ndarray, trials: Sequence[PlannedTrial]) -> float:
+    return float(sum(each[trial.design] for trial in trials))
+
+
+def _energy(campaign: Campaign, joules: np.ndarray, trials: Sequence[PlannedTrial]) -> float | None:
+    return None if campaign.power is None else _sum(joules, trials)
+
+
+def _trials(count: int) -> str:
+    return f"{count} trial{'s' * (count != 1)}"
+
+
+def _list(words: Sequence[str]) -> str:
+    return "[" + ", ".join(f'"{word}"' for word in words) + "]"
+
+
+def _cost_words(seconds: float, joules: float | None) -> str:
+    time = f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
+    return time if joules is None else f"{time} and {joules / 3600:.3g} Wh"
