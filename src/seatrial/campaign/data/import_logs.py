@@ -303,6 +303,7 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
         file.time_unit,
         channels,
         clock=file.clock,
+        shift=file.shift,
         delimiter=file.delimiter,
         encoding=file.encoding,
         skip_rows=file.skip_rows,
