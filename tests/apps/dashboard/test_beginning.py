@@ -121,3 +121,90 @@ def test_another_map_of_a_run_leaves_runs_and_ends_as_they_are(tmp_path):
     assert found.pop("files")[0]["channels"]["u"]["unit"] == "m/s"
     assert found == {"fit": ["a", "b"], "predict": ["c"], "step": "0.1 s", "trim": {"b": {"start": "2 s"}}}
     assert tomllib.loads(with_map(tmp_path, text, "d", new))["import"]["fit"] == ["d"]
+
+
+COMMENTED = """# of the whole file
+[truth]
+X_u = -3.0  # gone when a log is there
+[import]  # of the import
+fit = ["a"]  # the best run
+own = 3  # a key of somebody's own
+# why this step
+step = "0.1 s"
+
+# the motor
+[[import.files]]
+path = "a.csv"  # from the motor
+clock = "even"  # it came in bursts
+channels.n = { column = "rpm", unit = "rpm", own = 3 }  # shaft, not propeller
+channels.u = { column = "v", unit = "kn" }  # over ground?
+
+# the logger
+[[import.files]]
+path = "b.csv"
+[import.files.channels]
+# reversed mount
+r = { column = "yaw", unit = "deg/s", scale = -1.0 }  # port
+
+# cuts
+[import.trim.a]
+start = "2 s"  # after the dive
+
+# the end
+[limits.n]
+upper = "9 rpm"  # asked for by the owner
+"""
+
+
+def comments(text):
+    return [line.partition("#")[2].strip() for line in text.splitlines() if "#" in line]
+
+
+def test_comments_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
+    from seatrial.apps.dashboard.edits import Mapped, channel_map_of, with_channel, with_map, with_shift
+
+    there = channel_map_of(COMMENTED)
+    assert there.startswith("# the motor\n[[import.files]]")
+    assert with_map(tmp_path, COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3"), "a", there) == (
+        COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
+    )
+    edited = with_channel(there, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
+    edited = with_channel(edited, "r", Mapped("r", '[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
+    edited = with_channel(edited, "psi", Mapped("psi", '[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
+    edited = with_shift(edited, "b.csv", None, 12.5)
+    assert comments(edited) == comments(there)
+    text = with_map(tmp_path, COMMENTED, "a", edited)
+    assert [one.removeprefix("X_u = -3.0  # ") for one in comments(text) if one != "[truth]"] == comments(COMMENTED)
+    found, expected = tomllib.loads(text), tomllib.loads(COMMENTED)
+    expected.pop("truth")
+    first, second = expected["import"]["files"]
+    first["channels"]["n"] |= {"column": "rps", "unit": "Hz", "scale": -1.0}
+    second["channels"] = {
+        "r": {"column": "yaw", "unit": "rad/s"},
+        "psi": {"column": "head", "unit": "deg"},
+    }
+    second["shift"] = "12.5 s"
+    assert found == expected
+    assert with_shift(edited, "b.csv", None, 0.0) == with_shift(
+        with_shift(edited, "b.csv", None, 3.0), "b.csv", None, 0
+    )
+    assert 'path = "b.csv"\nshift = "12.5 s"\n' in edited
+
+    other = with_map(
+        tmp_path, COMMENTED, "c", '[[import.files]]\npath = "c.csv"\nchannels.u = { column = "u", unit = "m/s" }\n'
+    )
+    new = tomllib.loads(other)
+    assert new["import"]["fit"] == ["c"]
+    assert (new["import"]["own"], new["import"]["step"]) == (3, "0.1 s")
+    assert "trim" not in new["import"]
+    assert {"of the import", "a key of somebody's own", "asked for by the owner"} <= set(comments(other))
+    assert '# start = "2 s"  # after the dive' in other
+
+
+def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path):
+    from seatrial.apps.dashboard.edits import with_map
+    from seatrial.core.errors import InputError
+
+    text = 'import = { fit = ["a"], files = [{ path = "a.csv", channels = {} }] }\n'
+    with pytest.raises(InputError, match="cannot be edited where it stands"):
+        with_map(tmp_path, text, "a", '[[import.files]]\npath = "c.csv"\nchannels = {}\n')
