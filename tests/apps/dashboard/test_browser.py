@@ -100,7 +100,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
     with served(tmp_path / "served") as (address, _):
         page.goto(f"{address}run?campaign=boat")
         page.get_by_text("report: ").first.wait_for()
-        page.get_by_role("link", name="Results").click()
+        page.get_by_role("link", name="Results", exact=True).click()
         for words in ("Parameters of M-0", "How well each record is predicted", "Run a repeated doublet"):
             page.get_by_text(words).first.wait_for()
         for title in ("Autocorrelation of the residuals", "Posterior of X_uabsu", "measured, predicted, and residuals"):
@@ -185,6 +185,52 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.get_by_role("button", name="Check and save", exact=True).click()
         page.get_by_text("Re-import to cut the record").wait_for()
         assert "start = " in (folder / "campaign.toml").read_text()
+    assert page.said == []
+
+
+def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    time = [0.1 * i for i in range(600)]
+    level = [(7 * (i // 40) ** 2) % 11 for i in range(600)]
+    motor = [f"{t:.1f},{1200 + 20 * one},{one}" for t, one in zip(time, level, strict=True)]
+    (folder / "logs" / "motor.csv").write_text("time_s,rpm,yaw_rate\n" + "\n".join(motor) + "\n")
+    doppler = [f"{5000 + t:.1f},{1.5 + 0.02 * one},{one}" for t, one in zip(time[100:], level[100:], strict=True)]
+    (folder / "logs" / "doppler.csv").write_text("time_s,speed,yaw_rate\n" + "\n".join(doppler) + "\n")
+    before = (folder / "campaign.toml").read_text()
+
+    def choose(field, option):
+        page.get_by_role("combobox", name=field, exact=True).click()
+        page.get_by_role("option", name=option, exact=True).click()
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        for log, what in (("logs/doppler.csv", "speed"), ("logs/motor.csv", "rpm")):
+            choose("A log in the campaign's folder", log)
+            page.get_by_role("button", name="Preview log").click()
+            page.get_by_role("combobox", name="n: column" if what == "rpm" else "u: column").wait_for()
+        page.get_by_role("button", name="Show before saving").click()
+        page.get_by_text("The logs do not overlap").wait_for()
+        choose("Column of the log that stays", "yaw_rate · logs/motor.csv")
+        choose("Same quantity in the log that moves", "yaw_rate · logs/doppler.csv")
+        page.get_by_role("button", name="Line up by correlation").click()
+        page.get_by_text("Correlation 1.000 with logs/doppler.csv shifted by -5000 s").wait_for()
+        page.locator('[aria-label="All channels over time"] svg').wait_for()
+        shift = page.get_by_label("logs/doppler.csv: shift [s]")
+        assert float(shift.input_value()) == -5000
+        assert (folder / "campaign.toml").read_text() == before
+
+        shift.fill("-4999.5")
+        shift.press("Enter")
+        page.get_by_text("doppler.csv: 10.5 s to 60.4 s").wait_for()
+        shift.fill("-5000")
+        shift.press("Enter")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records above").wait_for()
+        assert 'path = "logs/doppler.csv"\nshift = "-5000 s"\n' in (folder / "campaign.toml").read_text()
+        page.reload()
+        page.get_by_role("button", name="Check the records").click()
+        page.get_by_text(re.compile("500 samples over 49.9 s")).first.wait_for()
     assert page.said == []
 
 
