@@ -268,7 +268,7 @@ def _check_map(folder: Path, run: str, channel_map: str) -> None:
         alone = set(content) == {"import"} and set(content["import"]) == {"files"}
     except (KeyError, TypeError, AttributeError) as cause:
         raise InputError(
-            where, found=f"{cause}", expected="[[import.files]] tables, each with a path", remedy="mend it"
+            where, found=f"{cause}", expected="[[import.files]] tables, each with a path", remedy="correct it"
         ) from cause
     if not alone:
         raise InputError(

@@ -114,17 +114,22 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
     """Say so where the results no longer belong to the campaign file, or where others are being made."""
 
     def build(steps: Any) -> None:
-        old = [one.name for one in steps if one.state != "current" and one.name != "report"]
+        old, missing = (
+            [one.name for one in steps if one.state == state and one.name != "report"] for state in ("stale", "missing")
+        )
         if context.jobs.look(folder).running:
             words = '<p class="note" role="status">A command is at work. These are the results from before it; the page follows.</p>'
             markup(words)
         elif old:
-            words = "These results are from before the campaign file or its logs were changed: {} {} stale or missing. "
+            words = "These results are from before the campaign file or its logs were changed: {} {} stale. "
             markup(
                 Markup('<p class="alarm">▲ ' + words + '<a href="{}">Run it again</a>.</p>').format(
                     ", ".join(old), "is" if len(old) == 1 else "are", link("run", campaign)
                 )
             )
+        elif missing:
+            words = '<p class="note">Not made yet: {}. <a href="{}">Run the rest</a>.</p>'
+            markup(Markup(words).format(", ".join(missing), link("run", campaign)))
 
     async def show() -> None:
         await fill(ui.element("div"), context.steps(folder), build, "looking whether these results are current …")
