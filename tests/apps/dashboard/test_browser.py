@@ -18,7 +18,7 @@ from tests.campaign.small import NO_X_U, write_small
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
 playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright: the browser test is skipped")
 BROWSER = Path("/usr/bin/chromium")
-SLOW = 60_000
+SLOW = 180_000
 """Milliseconds that anything may take on a busy machine."""
 
 pytestmark = [

@@ -27,7 +27,7 @@ MARGIN = 0.25
 """Share of the view that is fetched beyond each of its ends, so that it can be moved at once."""
 THROTTLE = 0.08
 """Seconds between two views that are asked for while somebody zooms."""
-_LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 14, 34, 30, 74
+_LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 14, 34, 38, 74
 _ZOOMED = "(e) => { const zoom = (e.batch || [e])[0]; emit([zoom.start, zoom.end]); }"
 _BRUSHED = "(e) => { if (e.areas.length) emit(e.areas[0].coordRange); }"
 _NUMBER = "(value) => String(Number(value.toPrecision(6)))"

@@ -91,8 +91,12 @@ def button(words: str, action, *, main: bool = False) -> ui.button:
     return ui.button(words, on_click=action).props(f"no-caps {kind}").classes("button")
 
 
+LONG = 40
+"""Characters from which a cell is text that may be broken over lines."""
+
+
 def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:
-    """A table that scrolls inside its own frame; the first `left` columns are text."""
+    """A table that scrolls inside its own frame; the first `left` columns are text, as is every long cell."""
 
     def cells(row: list[str | Markup], tag: str) -> Markup:
         parts = []
@@ -101,7 +105,11 @@ def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", le
             scope = Markup(' scope="{}"').format("col" if tag == "th" else "row") if kind == "th" else ""
             parts.append(
                 Markup("<{}{}{}>{}</{}>").format(
-                    Markup(kind), scope, Markup(' class="text"') if i < left else "", cell, Markup(kind)
+                    Markup(kind),
+                    scope,
+                    Markup(' class="text"') if i < left or (len(cell) > LONG and not isinstance(cell, Markup)) else "",
+                    cell,
+                    Markup(kind),
                 )
             )
         return Markup("<tr>{}</tr>").format(Markup("").join(parts))

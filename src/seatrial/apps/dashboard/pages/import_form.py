@@ -219,7 +219,7 @@ class Row:
             self.sign.props(LOOK).on_value_change(self._changed)
             offset = 0.0 if there is None else float(there.get("offset", 0.0))
             self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
-        self.said = ui.element("div")
+            self.said = ui.element("div").classes("beside")
         self._draw()
 
     def complain(self, words: str) -> None:

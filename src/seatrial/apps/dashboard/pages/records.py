@@ -33,7 +33,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await keep_current(ui.element("div"), lambda: tuple(map(stamp, records())), draw)
     with section(
         "Checks",
-        "The words of `seatrial check`: direction, size, delay, outliers, holes, and what each record can tell.",
+        "What seatrial check says: direction, size, delay, outliers, holes, and what each record can tell.",
     ):
         live, said = Live(context, folder), ui.element("div")
         with ui.element("div").classes("line"):
@@ -43,7 +43,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             button("Re-import or simulate again", lambda: again(context, folder, said, live))
     with section(
         "A new log",
-        "Put a log into the campaign's folder, or send it from here; look at what it holds; then write its channel map into campaign.toml.",
+        "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
     ):
         ImportForm(context, campaign, folder).build()
 

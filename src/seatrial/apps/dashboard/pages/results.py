@@ -263,7 +263,7 @@ def _models(store: Store, summary: Summary) -> None:
             one.label + (" (chosen)" if one.label == summary.chosen else ""),
             " ".join(one.terms),
             probability(one.probability, one.probability_error),
-            f"{one.log_evidence:.2f} ± {one.evidence_error:.2f}",
+            f"{one.log_evidence:.2f} ± {max(one.evidence_error, 0.01):.2f}",
             one.status,
         ]
         for one in ranked

@@ -177,7 +177,8 @@ def live_html(job: Job) -> Markup:
 
 def _state(job: Job) -> Markup:
     if job.occupant is not None and job.occupant.alive:
-        return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(job.occupant.words)
+        words = re.sub("`(.*?)`", r"<code>\1</code>", str(escape(job.occupant.words)))
+        return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(Markup(words))
     if job.starting:
         return Markup('<p class="running"><span class="dot"></span>starting …</p>')
     if job.killed:
