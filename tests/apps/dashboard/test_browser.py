@@ -271,7 +271,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         page.get_by_role("link", name="Records").click()
         page.get_by_text("No record yet: run the designed trial").wait_for()
         page.locator("input[type=file]").set_input_files(log)
-        page.get_by_text("1200 to 1499").first.wait_for()
+        page.locator(".channel").get_by_text("1200 to 1499").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Now import the records above").wait_for()
         assert 'path = "logs/dive.csv"' in (root / "boat" / "campaign.toml").read_text()
