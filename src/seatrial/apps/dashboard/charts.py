@@ -364,7 +364,7 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
     ends = np.stack([values.least, values.greatest], 1)
     ends[1::2] = ends[1::2, ::-1]
     data = _rows(np.repeat(values.time, 2), ends.ravel(), ends[:, ::-1].ravel())
-    return {**common, "type": "line", "showSymbol": False, "step": False, "data": data, "lineStyle": {"width": 1.0}}
+    return {**common, "type": "line", "showSymbol": False, "step": False, "data": data, "lineStyle": {"width": 1.5}}
 
 
 def _rows(*columns: np.ndarray) -> list[list[float | None]]:

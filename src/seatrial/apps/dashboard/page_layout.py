@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlencode
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup
@@ -107,7 +107,7 @@ def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", le
                 Markup("<{}{}{}>{}</{}>").format(
                     Markup(kind),
                     scope,
-                    Markup(' class="text"') if i < left or (len(cell) > LONG and not isinstance(cell, Markup)) else "",
+                    Markup(' class="text"') if i < left or len(escape(cell).striptags()) > LONG else "",
                     cell,
                     Markup(kind),
                 )
