@@ -1,10 +1,12 @@
-"""How quick the dashboard is: a click on a design, its first page, every view of ten million samples, and twenty viewers at once.
+"""How quick the dashboard is: a click on a design, its first page, every view and zoom of ten million samples, and twenty viewers at once.
 
     python benchmarks/dashboard.py [--campaign outputs/remus100] [--samples 10000000] [--viewers 20]
     python benchmarks/dashboard.py --clicks                 from a click to its answer alone
 
 A copy of the campaign is served on loopback, its record and its predictions replaced by such long ones. A view counts from the
-request until nothing in the browser is waited for any more; viewers are sockets as a browser opens them, and go from view to view.
+request until nothing in the browser is waited for any more, a zoom from the click until the finer curves have arrived. Viewers are
+sockets as a browser opens them, and go from view to view. "CPU" is the processor time of the server and its processes, which other
+work on the machine does not lengthen.
 """
 
 import argparse
@@ -19,6 +21,7 @@ import tempfile
 import time
 import uuid
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
@@ -32,6 +35,7 @@ VIEWS = ("import", "design", "run", "results", "compare", "report")
 THINKING = 60.0
 """Seconds for which a page is looked at before the click that is called warm."""
 BROWSER = "/usr/bin/chromium"
+REPEATS, ZOOMS = 5, 16
 
 
 def main() -> None:
@@ -51,12 +55,14 @@ def main() -> None:
         server, address = start(Path(place))
         try:
             warm(address)
-            print(f"first page, {_best(lambda: httpx.get(address, timeout=60))} by the server alone")
+            before = processor_time(server.pid)
+            print(f"first page, {_best(lambda: httpx.get(address, timeout=60))} by the server alone", end="; ")
+            print(f"{(processor_time(server.pid) - before) / REPEATS:.3f} s CPU each")
             if Path(BROWSER).exists():
-                look(address, options.samples)
+                look(address, options.samples, server.pid)
             else:
                 print(f"no {BROWSER}: views are not timed")
-            asyncio.run(crowd(address, options.viewers, options.seconds))
+            asyncio.run(crowd(address, options.viewers, options.seconds, server.pid))
         finally:
             server.send_signal(signal.SIGINT)
             server.wait(20)
@@ -143,51 +149,99 @@ def warm(address: str) -> None:
     time.sleep(20)
 
 
-def look(address: str, samples: int) -> None:
-    """Open every view twice in a browser: with nothing prepared, and again."""
+def processor_time(pid: int) -> float:
+    """Processor time that a process and those below it have used so far, s; of Linux."""
+    parents, used = {}, {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended
+            continue
+        one = int(path.parent.name)
+        parents[one], used[one] = int(fields[1]), (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return sum(time for one, time in used.items() if pid in _line_of(one, parents))
+
+
+def _line_of(pid: int, parents: dict[int, int]) -> list[int]:
+    line = [pid]
+    while line[-1] in parents:
+        line.append(parents[line[-1]])
+    return line
+
+
+def look(address: str, samples: int, server: int) -> None:
+    """Open every view twice in a browser: with nothing prepared, and again; and zoom into the record."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as tool:
         browser = tool.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
         page = browser.new_page()
+        page.set_default_timeout(120_000)
         for view in ("", *VIEWS):
             times = []
             for _ in range(2):
-                began = time.monotonic()
+                before, began = processor_time(server), time.monotonic()
                 page.goto(f"{address}{view}" + ("?campaign=campaign" if view else ""))
                 page.wait_for_selector("h1")
                 seen = time.monotonic() - began
-                page.wait_for_selector(DRAWN.get(view, ".steps"), state="attached", timeout=60_000)
+                page.wait_for_selector(DRAWN.get(view, ".steps"), state="attached")
                 page.wait_for_function("!document.querySelector('.waiting')")
-                times.append((seen, time.monotonic() - began))
-            words = "; again ".join(f"{seen:.2f} s to read, {whole:.2f} s whole" for seen, whole in times)
+                times.append((seen, time.monotonic() - began, processor_time(server) - before))
+            words = "; again ".join(
+                f"{seen:.2f} s to read, {whole:.2f} s whole, {used:.2f} s CPU" for seen, whole, used in times
+            )
             print(
                 f"{view or 'first page':<12} {words}"
                 + (f"   ({samples:,} samples)" if view in ("import", "results") else "")
             )
+        zoom(browser.new_page(), address, server)
         browser.close()
+
+
+def zoom(page: Any, address: str, server: int) -> None:
+    """Zoom into the record step by step, until single samples are drawn."""
+    curves = []
+    page.on(
+        "websocket",
+        lambda socket: socket.on(
+            "framereceived", lambda frame: curves.append(frame) if "setOption" in str(frame) else None
+        ),
+    )
+    page.goto(f"{address}import?campaign=campaign")
+    page.wait_for_selector(DRAWN["import"], state="attached")
+    page.wait_for_timeout(2000)
+    waits, before = [], processor_time(server)
+    for _ in range(ZOOMS):
+        there, began = len(curves), time.monotonic()
+        page.get_by_role("button", name="Zoom in").click()
+        while len(curves) == there and time.monotonic() - began < 30:
+            page.wait_for_timeout(5)
+        waits.append(time.monotonic() - began)
+    used = (processor_time(server) - before) / ZOOMS
+    print(f"{ZOOMS} zooms by half: median {np.median(waits):.3f} s, slowest {max(waits):.3f} s; {used:.3f} s CPU each")
 
 
 DRAWN = {
     "import": ".chart svg",
-    "design": "#control-title",
-    "results": "#residuals-title",
+    "design": ".surface svg",
+    "results": '[aria-label*="measured, predicted"] svg',
     "compare": "table",
     "report": ".links",
 }
 """What a view has when its last part has come."""
 
 
-async def crowd(address: str, viewers: int, seconds: float) -> None:
+async def crowd(address: str, viewers: int, seconds: float, server: int) -> None:
     """Let viewers go from view to view, and count connections that were lost and answers that were slow."""
     waits: list[float] = []
     lost: list[str] = []
+    before = processor_time(server)
     end = time.monotonic() + seconds
     await asyncio.gather(*(_viewer(address, number, end, waits, lost) for number in range(viewers)))
-    late = np.percentile(waits, [50, 95, 100])
+    late, used = np.percentile(waits, [50, 95, 100]), (processor_time(server) - before) / len(waits)
     print(
         f"{viewers} viewers, {len(waits)} pages in {seconds:g} s: median {late[0]:.2f} s, 95 % within {late[1]:.2f} s, "
-        f"slowest {late[2]:.2f} s; {len(lost)} connections lost{': ' + lost[0] if lost else ''}"
+        f"slowest {late[2]:.2f} s; {used:.3f} s CPU each; {len(lost)} connections lost{': ' + lost[0] if lost else ''}"
     )
 
 
@@ -203,7 +257,7 @@ async def _viewer(address: str, number: int, end: float, waits: list[float], los
                 waits.append(time.monotonic() - began)
                 await _watch(address, answer.text, min(4.0, max(end - time.monotonic(), 0.1)))
             except (httpx.HTTPError, SocketIOError, ValueError) as error:
-                lost.append(f"{view}: {type(error).__name__} {error}")
+                lost.append(f"{view}: {type(error).__name__} {error} {error.__cause__ or ''}")
 
 
 async def _watch(address: str, page: str, seconds: float) -> None:
@@ -230,13 +284,13 @@ async def _watch(address: str, page: str, seconds: float) -> None:
         raise ValueError("the socket was closed")
 
 
-def _best(work, repeats: int = 5) -> str:
+def _best(work) -> str:
     times = []
-    for _ in range(repeats):
+    for _ in range(REPEATS):
         began = time.monotonic()
         work()
         times.append(time.monotonic() - began)
-    return f"median {np.median(times):.3f} s of {repeats}"
+    return f"median {np.median(times):.3f} s of {REPEATS}"
 
 
 def _options() -> argparse.Namespace:

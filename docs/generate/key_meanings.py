@@ -193,6 +193,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "time": ("", "column of time, `[import.files.time]`"),
         "channels": ("", "columns of the channels, `[import.files.channels.CHANNEL]`"),
         "clock": ("", "use the stamps as they are, spread them evenly, or drop rows that repeat one"),
+        "shift": (
+            "time",
+            "added to the stamps of this log, if its clock differs from that of the others; not for `seatrial live`",
+        ),
         "delimiter": ("", "character between the cells of a text file, or `whitespace`"),
         "encoding": ("", "encoding of a text file"),
         "skip_rows": ("", "lines above the header of a text file"),

@@ -7,22 +7,45 @@ import copy
 import json
 import re
 from collections.abc import MutableMapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
-_HEADER = re.compile(r"^\s*\[")
+_HEADER = re.compile(r"""\s*\[\[?([\w\s."'-]+)\]\]?\s*(#.*)?$""")
+"""A line that begins a table, and its name."""
+Value = str | float | bool | Sequence[str] | None
 
 
-def set_key(text: str, table: str, key: str, value: str | float | bool | None, where: str = "the file") -> str:
+class Section(NamedTuple):
+    """A table as it stands in a file: its name, empty for what is above the first, and its lines with the comments right above it."""
+
+    name: str
+    text: str
+
+
+def sections_of(text: str) -> list[Section]:
+    """Divide a TOML file into its tables; their texts joined are the file."""
+    found, name, lines = [], "", []
+    for line in text.splitlines(keepends=True):
+        if header := _HEADER.match(line):
+            above = len(lines)
+            while above and lines[above - 1].lstrip().startswith("#"):
+                above -= 1
+            found.append(Section(name, "".join(lines[:above])))
+            name, lines = re.sub(r"[\s\"']", "", header[1]), lines[above:]
+        lines.append(line)
+    return [*found, Section(name, "".join(lines))]
+
+
+def set_key(text: str, table: str, key: str, value: Value, where: str = "the file") -> str:
     """Set a key of a table, or remove it.
 
     Args:
         text: of the file.
         table: its name, such as `limits.n`; made at the end of the file where it is missing.
         key: bare key.
-        value: string, number or truth value; None removes the key.
+        value: string, number, truth value or strings; None removes the key.
         where: file, for errors.
 
     Raises:
@@ -44,7 +67,7 @@ def set_key(text: str, table: str, key: str, value: str | float | bool | None, w
             edited = tomlkit.dumps(document)
         else:
             gap = "" if not text or text.endswith("\n") else "\n"
-            edited = f"{text}{gap}\n[{table}]\n{key} = {written(value)}\n"  # type: ignore[arg-type]
+            edited = f"{text}{gap}\n[{table}]\n{key} = {written(value)}\n"
         if text.count("\n") == text.count("\r\n") > 0:
             edited = re.sub(r"(?<!\r)\n", "\r\n", edited)
         if _exact(toml_content(where, edited)) == _exact(wanted):
@@ -61,16 +84,17 @@ def set_key(text: str, table: str, key: str, value: str | float | bool | None, w
 
 def comment_out(text: str, table: str) -> str:
     """Turn a table, and tables below it, into comments; the rest stays as it is."""
-    lines, inside = [], False
-    for line in text.splitlines(keepends=True):
-        if _HEADER.match(line):
-            name = line.strip().split("#")[0].strip().strip("[]").strip()
-            inside = name == table or name.startswith(f"{table}.")
-        lines.append(f"# {line}" if inside and line.strip() and not line.lstrip().startswith("#") else line)
-    return "".join(lines)
+    return "".join(
+        _as_comment(one.text) if f"{one.name}.".startswith(f"{table}.") else one.text for one in sections_of(text)
+    )
 
 
-def written(value: str | float | bool) -> str:
+def _as_comment(text: str) -> str:
+    lines = text.splitlines(keepends=True)
+    return "".join(f"# {line}" if line.strip() and not line.lstrip().startswith("#") else line for line in lines)
+
+
+def written(value: Value) -> str:
     """A value as TOML writes it."""
     import tomlkit
 

@@ -167,7 +167,7 @@ def read_log(source: LogSource) -> LogTable:
         source: log, table, channel map and clock.
 
     Returns:
-        the mapped columns in SI on stamps relative to the exact first one.
+        the mapped columns in SI on stamps relative to the exact first one, shifted as the source says.
 
     Raises:
         InputError: whatever is wrong with the map or the log, naming file, table, column and row.
@@ -195,8 +195,9 @@ def read_log(source: LogSource) -> LogTable:
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
     used = replace(source, table=info.name if info else None, time_column=read.clock, time_unit=read.clock_unit)
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
+    epoch = read.epoch + Decimal(f"{source.shift:.9f}")
     return LogTable(
-        read.time, read.epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes)
+        read.time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes)
     )
 
 

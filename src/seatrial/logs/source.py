@@ -63,6 +63,7 @@ class LogSource:
         channels: one column map for each seatrial signal (`u`, `udot`, `n`, `tau_X`, …).
         clock: `as_stamped` trusts the stamps; `even` rebuilds an evenly spaced clock from arrival times in bursts;
             `drop_repeated` keeps the first row of every repeated stamp.
+        shift: added to every stamp, s, to bring the log onto the clock of another; exact to the nanosecond.
         delimiter: of text, as are the four that follow: one character, or `whitespace`; by default the suffix says (.csv comma, .tsv tab).
         skip_rows: lines above the header, or above the data of a file without one.
         header_rows: rows of the header, of which the first names the columns (2 where a row of units follows).
@@ -77,6 +78,7 @@ class LogSource:
     time_unit: str | None
     channels: Mapping[str, ColumnMap]
     clock: Clock = "as_stamped"
+    shift: float = 0.0
     delimiter: str | None = None
     skip_rows: int = 0
     header_rows: int = 1
@@ -131,6 +133,10 @@ def check_source(source: LogSource) -> None:
     _one_of(source.axes, get_args(Axes), f"{where}, axes")
     if source.time_unit is not None:
         time_scale(source, source.time_unit)
+    if not math.isfinite(source.shift):
+        raise InputError(
+            f"{where}, shift", found=repr(source.shift), expected="a finite number of seconds", remedy="correct it"
+        )
     for key, value, least in (("skip_rows", source.skip_rows, 0), ("header_rows", source.header_rows, 1)):
         if not isinstance(value, int) or value < least:
             raise InputError(
@@ -186,6 +192,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
         "time_column": source.time_column,
         "time_unit": source.time_unit,
         "clock": source.clock,
+        "shift": source.shift,
         "axes": source.axes,
         "channels": {
             name: {

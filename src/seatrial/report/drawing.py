@@ -23,7 +23,7 @@ from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.fit import Driven, Predicted
 from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE, unit_label
-from seatrial.report.labels import label_html, label_mathtext, name_html, sentence_html
+from seatrial.report.labels import label_html, label_mathtext, name_html, sentence_about
 from seatrial.report.numbers import Digits, times_ten, unit_html
 from seatrial.selection.structures import structure_names
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(?:url\(#|href="#)([^)"]*)')
-_STRUCTURE = re.compile(r"\bM-\d+\b")
 _TAG = re.compile(r"<[^>]*>")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _PATH = re.compile(r'\sd="([^"]*)"')
@@ -183,9 +182,7 @@ def model_said(outcome: "Outcome", label: str) -> Markup:
 
 def sentence_of(outcome: "Outcome", text: str) -> Markup:
     """Typeset a sentence about this outcome: structures by their terms in quotes, parameters by their symbols."""
-    names = {label: f"“{name}”" for label, name in names_of(outcome).items()}
-    named = _STRUCTURE.sub(lambda found: names.get(found[0], found[0]), text)
-    return sentence_html(named, labels_of(outcome))
+    return sentence_about(text, names_of(outcome), labels_of(outcome))
 
 
 def _of_parameters(outcome: "Outcome", column: str) -> dict[str, str]:

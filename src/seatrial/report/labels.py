@@ -43,6 +43,7 @@ LETTERS = {
 }
 """What stands for the first word of a parameter's name; `?` is the label of the rest."""
 DOT_ABOVE = "\u0307"
+_STRUCTURE = re.compile(r"\bM-\d+\b")
 _TOKEN = re.compile(r"\\[A-Za-z]+|.", re.DOTALL)
 _TAGS = {"sub": "sub", "sup": "sup", "variable": "i"}
 
@@ -113,6 +114,18 @@ def sentence_html(text: str, labels: Mapping[str, str]) -> Markup:
     if text.split(" ", 1)[0] not in labels:
         text = text[:1].upper() + text[1:]
     return name_html(typeset(text), labels) + escape("" if text.endswith(".") else ".")
+
+
+def sentence_about(text: str, names: Mapping[str, str], labels: Mapping[str, str]) -> Markup:
+    """Typeset a sentence about structures and parameters.
+
+    Args:
+        text: the sentence, with structures by their labels, such as M-1.
+        names: of the structures, by label; put into quotes.
+        labels: LaTeX label of each parameter.
+    """
+    named = _STRUCTURE.sub(lambda found: f"“{names[found[0]]}”" if found[0] in names else found[0], text)
+    return sentence_html(named, labels)
 
 
 def _parse(label: str) -> tuple[tuple[Node, ...], str]:

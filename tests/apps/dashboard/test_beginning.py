@@ -2,6 +2,7 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 
 from seatrial.apps.dashboard import model_queries as thinking
@@ -11,6 +12,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED
 from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.core.errors import InputError
+from tests.campaign.small import write_small
 
 PARTS = {"seek": "sought", "control": "controls", "sensor": "sensors", "limit": "limits"}
 """Attribute of a campaign for each option whose name differs."""
@@ -121,3 +123,132 @@ def test_another_map_of_a_run_leaves_runs_and_ends_as_they_are(tmp_path):
     assert found.pop("files")[0]["channels"]["u"]["unit"] == "m/s"
     assert found == {"fit": ["a", "b"], "predict": ["c"], "step": "0.1 s", "trim": {"b": {"start": "2 s"}}}
     assert tomllib.loads(with_map(tmp_path, text, "d", new))["import"]["fit"] == ["d"]
+
+
+COMMENTED = """# of the whole file
+[truth]
+X_u = -3.0  # gone when a log is there
+[import]  # of the import
+fit = ["a"]  # the best run
+own = 3  # a key of somebody's own
+# why this step
+step = "0.1 s"
+
+# the motor
+[[import.files]]
+path = "a.csv"  # from the motor
+clock = "even"  # it came in bursts
+channels.n = { column = "rpm", unit = "rpm", own = 3 }  # shaft, not propeller
+channels.u = { column = "v", unit = "kn" }  # over ground?
+
+# the logger
+[[import.files]]
+path = "b.csv"
+[import.files.channels]
+# reversed mount
+r = { column = "yaw", unit = "deg/s", scale = -1.0 }  # port
+
+# cuts
+[import.trim.a]
+start = "2 s"  # after the dive
+
+# the end
+[limits.n]
+upper = "9 rpm"  # asked for by the owner
+"""
+
+
+def comments(text):
+    return [line.partition("#")[2].strip() for line in text.splitlines() if "#" in line]
+
+
+def test_comments_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
+    from seatrial.apps.dashboard.edits import Mapped, channel_map_of, with_channel, with_map, with_shift
+
+    there = channel_map_of(COMMENTED)
+    assert there.startswith("# the motor\n[[import.files]]")
+    assert with_map(tmp_path, COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3"), "a", there) == (
+        COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
+    )
+    edited = with_channel(there, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
+    edited = with_channel(edited, "r", Mapped("r", '[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
+    edited = with_channel(edited, "psi", Mapped("psi", '[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
+    edited = with_shift(edited, "b.csv", None, 12.5)
+    assert comments(edited) == comments(there)
+    text = with_map(tmp_path, COMMENTED, "a", edited)
+    assert [one.removeprefix("X_u = -3.0  # ") for one in comments(text) if one != "[truth]"] == comments(COMMENTED)
+    found, expected = tomllib.loads(text), tomllib.loads(COMMENTED)
+    expected.pop("truth")
+    first, second = expected["import"]["files"]
+    first["channels"]["n"] |= {"column": "rps", "unit": "Hz", "scale": -1.0}
+    second["channels"] = {
+        "r": {"column": "yaw", "unit": "rad/s"},
+        "psi": {"column": "head", "unit": "deg"},
+    }
+    second["shift"] = "12.5 s"
+    assert found == expected
+    assert with_shift(edited, "b.csv", None, 0.0) == with_shift(
+        with_shift(edited, "b.csv", None, 3.0), "b.csv", None, 0
+    )
+    assert 'path = "b.csv"\nshift = "12.5 s"\n' in edited
+
+    other = with_map(
+        tmp_path, COMMENTED, "c", '[[import.files]]\npath = "c.csv"\nchannels.u = { column = "u", unit = "m/s" }\n'
+    )
+    new = tomllib.loads(other)
+    assert new["import"]["fit"] == ["c"]
+    assert (new["import"]["own"], new["import"]["step"]) == (3, "0.1 s")
+    assert "trim" not in new["import"]
+    assert {"of the import", "a key of somebody's own", "asked for by the owner"} <= set(comments(other))
+    assert '# start = "2 s"  # after the dive' in other
+
+
+def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path):
+    from seatrial.apps.dashboard.edits import with_map
+    from seatrial.core.errors import InputError
+
+    text = 'import = { fit = ["a"], files = [{ path = "a.csv", channels = {} }] }\n'
+    with pytest.raises(InputError, match="cannot be edited where it stands"):
+        with_map(tmp_path, text, "a", '[[import.files]]\npath = "c.csv"\nchannels = {}\n')
+
+
+def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
+    from seatrial.apps.dashboard.edits import with_map, with_shift
+    from seatrial.apps.dashboard.logs import line_up
+
+    folder = write_small(tmp_path / "boat")
+    before = (folder / "campaign.toml").read_text()
+    time = 0.1 * np.arange(600)
+    turn = np.interp(time, 2.0 * np.arange(31), np.random.default_rng(2).normal(size=31))
+    for name, late, column, values in (
+        ("motor", 0, "rpm", 1200 + 50 * turn),
+        ("doppler", 900.0, "speed", 1.5 + 0.1 * turn),
+    ):
+        rows = "".join(f"{t + late:.1f},{v:.5f},{r:.5f}\n" for t, v, r in zip(time, values, turn, strict=True))
+        (folder / f"{name}.csv").write_text(f"time_s,{column},yaw\n{rows}")
+    looked = {name: look_into(str(folder / f"{name}.csv"), f"{name}.csv", ()) for name in ("motor", "doppler")}
+    ends = [(str(folder / f"{name}.csv"), next(iter(one.heads.values())), "yaw") for name, one in looked.items()]
+    found = line_up(*ends)
+    assert found.shift == pytest.approx(-900.0, abs=1e-3)
+    assert found.correlation == pytest.approx(1.0, abs=1e-3)
+
+    channel_map = (
+        '[[import.files]]\npath = "motor.csv"\nchannels.n = { column = "rpm", unit = "rpm" }\n\n'
+        '[[import.files]]\npath = "doppler.csv"\nchannels.u = { column = "speed", unit = "m/s" }\n'
+    )
+    lined = with_shift(channel_map, "doppler.csv", None, found.shift)
+    apart, together = (with_map(folder, before, "dive", one) for one in (channel_map, lined))
+    about = thinking.axis_about(str(folder), apart, "dive", ())
+    assert dict(zip(about.names, about.logs, strict=True)) == {"u": "doppler.csv", "n": "motor.csv"}
+    np.testing.assert_allclose(about.spans, [(900.0, 959.9), (0.0, 59.9)], atol=1e-9)
+    np.testing.assert_allclose(
+        thinking.axis_about(str(folder), together, "dive", ()).spans, [(0.0, 59.9)] * 2, atol=1e-3
+    )
+    seen = thinking.axis_view(str(folder), together, "dive", (), 10.0, 20.0, 720)
+    there = np.isin(np.round(time, 1), np.round(seen["u"].time, 1))
+    np.testing.assert_allclose(seen["u"].least, 1.5 + 0.1 * turn[there], atol=1e-4)
+    np.testing.assert_allclose(seen["n"].greatest, 1200 + 50 * turn[there], atol=1e-2)
+    assert (folder / "campaign.toml").read_text() == before
+    bad = with_map(folder, before, "dive", channel_map.replace('"motor.csv"', '"motor.csv"\nshift = "3 kg"'))
+    with pytest.raises(InputError, match=r"import\.files\[0\]\.shift"):
+        thinking.check(str(folder), bad)

@@ -12,36 +12,12 @@ import pytest
 
 from seatrial.apps.campaign_lock import occupant_of
 from seatrial.campaign.store.stored_result import Store
+from tests.apps.dashboard.conftest import SLOW
 from tests.apps.dashboard.served import served
 from tests.campaign.small import NO_X_U, write_small
 
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
-playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright: the browser test is skipped")
-BROWSER = Path("/usr/bin/chromium")
-SLOW = 60_000
-"""Milliseconds that anything may take on a busy machine."""
-
-pytestmark = [
-    pytest.mark.proof,
-    pytest.mark.skipif(not BROWSER.exists(), reason=f"no {BROWSER}: the browser test is skipped"),
-]
-
-
-@pytest.fixture
-def page():
-    """A page that keeps what its console said and what it asked for."""
-    with playwright.sync_playwright() as tool:
-        browser = tool.chromium.launch(executable_path=str(BROWSER), args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1000, "height": 900})
-        page.set_default_timeout(SLOW)
-        page.said, page.asked = [], []
-        page.on(
-            "console", lambda message: page.said.append(message.text) if message.type in ("error", "warning") else None
-        )
-        page.on("pageerror", lambda error: page.said.append(str(error)))
-        page.on("request", lambda request: page.asked.append(request.url))
-        yield page
-        browser.close()
+pytestmark = pytest.mark.proof
 
 
 def wait_for_end(folder: Path) -> None:
@@ -51,7 +27,6 @@ def wait_for_end(folder: Path) -> None:
         time.sleep(0.2)
 
 
-@pytest.mark.proof
 def test_from_a_limit_to_an_export(tmp_path, page):
     folder = write_small(tmp_path / "served" / "boat", *NO_X_U, ("points = 4", "points = 3"))
     with served(tmp_path / "served", kill=True) as (address, _):
@@ -100,7 +75,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
     with served(tmp_path / "served") as (address, _):
         page.goto(f"{address}run?campaign=boat")
         page.get_by_text("report: ").first.wait_for()
-        page.get_by_role("link", name="Results").click()
+        page.get_by_role("link", name="Results", exact=True).click()
         for words in ("Parameters of M-0", "How well each record is predicted", "Run a repeated doublet"):
             page.get_by_text(words).first.wait_for()
         for title in ("Autocorrelation of the residuals", "Posterior of X_uabsu", "measured, predicted, and residuals"):
@@ -126,11 +101,6 @@ def test_from_a_limit_to_an_export(tmp_path, page):
         page.get_by_role("option", name="vehicle: Gazebo").click()
         page.get_by_role("button", name="Export").click()
         page.locator("main a", has_text="export/gz/model.sdf").first.wait_for()
-        page.set_viewport_size({"width": 390, "height": 800})
-        for view in ("import", "design", "run", "results", "compare", "report"):
-            page.goto(f"{address}{view}?campaign=boat")
-            page.locator("h1").wait_for()
-            assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), view
     assert page.said == []
     assert {urlsplit(url).hostname for url in page.asked if not url.startswith(("data:", "blob:", "about:"))} == {
         "127.0.0.1"
@@ -188,6 +158,52 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
     assert page.said == []
 
 
+def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    time = [0.1 * i for i in range(600)]
+    level = [(7 * (i // 40) ** 2) % 11 for i in range(600)]
+    motor = [f"{t:.1f},{1200 + 20 * one},{one}" for t, one in zip(time, level, strict=True)]
+    (folder / "logs" / "motor.csv").write_text("time_s,rpm,yaw_rate\n" + "\n".join(motor) + "\n")
+    doppler = [f"{5000 + t:.1f},{1.5 + 0.02 * one},{one}" for t, one in zip(time[100:], level[100:], strict=True)]
+    (folder / "logs" / "doppler.csv").write_text("time_s,speed,yaw_rate\n" + "\n".join(doppler) + "\n")
+    before = (folder / "campaign.toml").read_text()
+
+    def choose(field, option):
+        page.get_by_role("combobox", name=field, exact=True).click()
+        page.get_by_role("option", name=option, exact=True).click()
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        for log, what in (("logs/doppler.csv", "speed"), ("logs/motor.csv", "rpm")):
+            choose("A log in the campaign's folder", log)
+            page.get_by_role("button", name="Preview log").click()
+            page.get_by_role("combobox", name="n: column" if what == "rpm" else "u: column").wait_for()
+        page.get_by_role("button", name="Show before saving").click()
+        page.get_by_text("The logs do not overlap").wait_for()
+        choose("Column of the log that stays", "yaw_rate · logs/motor.csv")
+        choose("Same quantity in the log that moves", "yaw_rate · logs/doppler.csv")
+        page.get_by_role("button", name="Line up by correlation").click()
+        page.get_by_text("Correlation 1.000 with logs/doppler.csv shifted by -5000 s").wait_for()
+        page.locator('[aria-label="All channels over time"] svg').wait_for()
+        shift = page.get_by_label("logs/doppler.csv: shift [s]")
+        assert float(shift.input_value()) == -5000
+        assert (folder / "campaign.toml").read_text() == before
+
+        shift.fill("-4999.5")
+        shift.press("Enter")
+        page.get_by_text("doppler.csv: 10.5 s to 60.4 s").wait_for()
+        shift.fill("-5000")
+        shift.press("Enter")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records above").wait_for()
+        assert 'path = "logs/doppler.csv"\nshift = "-5000 s"\n' in (folder / "campaign.toml").read_text()
+        page.reload()
+        page.get_by_role("button", name="Check the records").click()
+        page.get_by_text(re.compile("500 samples over 49.9 s")).first.wait_for()
+    assert page.said == []
+
+
 def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
     root, log = tmp_path / "served", tmp_path / "dive.csv"
     root.mkdir()
@@ -225,7 +241,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         page.get_by_role("link", name="Records").click()
         page.get_by_text("No record yet: run the designed trial").wait_for()
         page.locator("input[type=file]").set_input_files(log)
-        page.get_by_text("1200 to 1499").first.wait_for()
+        page.locator(".channel").get_by_text("1200 to 1499").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Now import the records above").wait_for()
         assert 'path = "logs/dive.csv"' in (root / "boat" / "campaign.toml").read_text()

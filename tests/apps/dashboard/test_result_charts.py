@@ -98,9 +98,9 @@ def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(
 
 
 def test_noise_of_two_campaigns_is_no_contradiction():
-    def side(mean, noise):
-        rows = (("X_u", mean, 0.1), ("sigma_u", noise, 0.001))
-        return SimpleNamespace(coefficients=tuple(SimpleNamespace(name=n, mean=m, sd=s) for n, m, s in rows))
+    def side(mean, noise, unit="kg/s"):
+        rows = (("X_u", mean, 0.1, unit), ("sigma_u", noise, 0.001, "m/s"))
+        return SimpleNamespace(coefficients=tuple(SimpleNamespace(name=n, mean=m, sd=s, unit=u) for n, m, s, u in rows))
 
     ours, theirs = side(-1.0, 0.05), side(-1.5, 0.08)
     (found,) = shared_sides(ours, theirs)
@@ -108,6 +108,9 @@ def test_noise_of_two_campaigns_is_no_contradiction():
     assert found.name == "X_u"
     assert found.at == pytest.approx((0.0, -apart))
     assert apart == pytest.approx(0.5 / np.hypot(0.1, 0.1))
+    per_mass = side(-1.5, 0.08, "1/s")  # of a campaign whose mass is unknown
+    assert shared_sides(ours, per_mass) == []
+    assert joint_difference(ours.coefficients[0], per_mass.coefficients[0]) is None
     assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
 
 

@@ -118,7 +118,9 @@ async def fill(
     if done:
         await put()
     else:
-        ui.timer(0.0, put, once=True)  # beside the holder: clearing that would end what clears it
+        # Beside the holder: clearing that would end what clears it. Whatever was clicked may be gone by now.
+        with holder.parent_slot:
+            ui.timer(0.0, put, once=True)
 
 
 def say(error: BaseException | str) -> None:

@@ -27,7 +27,7 @@ MARGIN = 0.25
 """Share of the view that is fetched beyond each of its ends, so that it can be moved at once."""
 THROTTLE = 0.08
 """Seconds between two views that are asked for while somebody zooms."""
-_LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 14, 34, 30, 74
+_LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 14, 34, 38, 74
 _ZOOMED = "(e) => { const zoom = (e.batch || [e])[0]; emit([zoom.start, zoom.end]); }"
 _BRUSHED = "(e) => { if (e.areas.length) emit(e.areas[0].coordRange); }"
 _NUMBER = "(value) => String(Number(value.toPrecision(6)))"
@@ -364,7 +364,7 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
     ends = np.stack([values.least, values.greatest], 1)
     ends[1::2] = ends[1::2, ::-1]
     data = _rows(np.repeat(values.time, 2), ends.ravel(), ends[:, ::-1].ravel())
-    return {**common, "type": "line", "showSymbol": False, "step": False, "data": data, "lineStyle": {"width": 1.0}}
+    return {**common, "type": "line", "showSymbol": False, "step": False, "data": data, "lineStyle": {"width": 1.5}}
 
 
 def _rows(*columns: np.ndarray) -> list[list[float | None]]:

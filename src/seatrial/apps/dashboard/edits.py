@@ -2,19 +2,20 @@
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from seatrial.apps.campaign_text import CAMPAIGN
-from seatrial.apps.toml_edit import comment_out, set_key, written
+from seatrial.apps.toml_edit import comment_out, sections_of, set_key, written
 from seatrial.campaign.config.named_files import place_of
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
 BOUNDS = ("lower", "upper", "rate")
-OF_RUNS = ("fit", "predict", "trim", "files")
-"""Keys of `[import]` that another log replaces; all others stay."""
+MAP = "import.files"
+OF_RUNS = ("predict", "trim")
+"""What `[import]` says of other runs alone."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,40}")
 
@@ -36,9 +37,10 @@ def with_limit(folder: Path, text: str, name: str, bound: str, value: str) -> st
 
 
 def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
-    """Text of a campaign file that imports one log by a channel map; a simulated vehicle and an earlier import become comments.
+    """Text of a campaign file that imports a run by a channel map; a simulated vehicle becomes a comment.
 
-    What the earlier import says of every run, such as its `step`, is kept; of a run that it names, all but its files is.
+    The map takes the place of the one that is there. If the campaign names the run, nothing else changes. If not, it is the run to fit,
+    and what was said of other runs alone becomes comments.
 
     Args:
         folder: of the campaign.
@@ -47,19 +49,39 @@ def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
         channel_map: `[[import.files]]` tables.
 
     Raises:
-        InputError: a map that holds anything else, or names a file outside the campaign's folder.
+        InputError: a map that holds anything else, names a file outside the campaign's folder, or an `[import]` that cannot be edited.
     """
     _check_map(folder, run, channel_map)
-    found = toml_content(str(folder / CAMPAIGN), text).get("import")
+    where = str(folder / CAMPAIGN)
+    found = toml_content(where, text).get("import")
     earlier = found if isinstance(found, dict) else {}
-    is_there = run in (*earlier.get("fit", ()), *earlier.get("predict", ()))
-    dropped = ("files",) if is_there else OF_RUNS
-    kept = {key: value for key, value in earlier.items() if key not in dropped}
-    for table in ("truth", "import"):
-        text = comment_out(text, table)
-    runs = kept if is_there else {"fit": [run], **kept}
-    lines = [f"{_key(key)} = {_inline(value)}" for key, value in runs.items()]
-    return "\n".join([text.rstrip(), "", "[import]", *lines, "", channel_map.strip(), ""])
+    new, others = {**earlier, "files": files_of(channel_map)}, False
+    if run not in (*earlier.get("fit", ()), *earlier.get("predict", ())):
+        new = {"fit": [run]} | {key: value for key, value in new.items() if key not in ("fit", *OF_RUNS)}
+        text, others = set_key(text, "import", "fit", [run], where), True
+    sections = sections_of(text)
+    at = next((i for i, one in enumerate(sections) if one.name.startswith(MAP)), len(sections))
+    before, after = (
+        "".join(one.text for one in some if not one.name.startswith(MAP)) for some in (sections[:at], sections[at:])
+    )
+    text = f"{before.rstrip()}\n\n{channel_map.strip()}\n" + (f"\n{after.lstrip()}" if after else "")
+    if others:
+        text = comment_out(text, "import.trim")
+        for key in OF_RUNS:
+            text = set_key(text, "import", key, None, where)
+    text = comment_out(text, "truth")
+    try:
+        is_right = toml_content(where, text).get("import") == new
+    except InputError:
+        is_right = False
+    if not is_right:
+        raise InputError(
+            f"{where}, table [import]",
+            found="an [import] that cannot be edited where it stands",
+            expected="[import] and [[import.files]], each on a line of its own",
+            remedy="edit the file in a text editor",
+        )
+    return text
 
 
 class Mapped(NamedTuple):
@@ -74,7 +96,7 @@ class Mapped(NamedTuple):
 
 
 def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
-    """Channel map with another column for a channel, or without the channel; whatever else it says is kept.
+    """Channel map with another column for a channel, or without the channel; whatever else it says is kept, comments too.
 
     Args:
         channel_map: `[[import.files]]` tables.
@@ -82,40 +104,62 @@ def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
         mapped: its column; None for none.
 
     Raises:
-        InputError: a map that is not TOML.
+        InputError: a map that is not TOML, or that cannot be edited.
     """
-    files = _files_of(channel_map)
-    old: dict[str, Any] = {}
-    for file in files:
-        old = file.get("channels", {}).pop(name, old)
+    files = _texts_of(channel_map)
+    target = None if mapped is None else _find(files, _identity(_file_of(mapped.head)))
+    said: dict[str, Any] = {}
+    for at, file in enumerate(files):
+        there = _file_of(file).get("channels", {})
+        if name in there and at != target:
+            said = there[name]
+            files[at] = _edited(file, lambda one: one["channels"].pop(name)) if len(there) > 1 else ""
     if mapped is not None:
-        head = _files_of(mapped.head)[0]
-        same = (one for one in files if all(one.get(key) == head.get(key) for key in ("path", "table")))
-        file = next(same, None)
-        if file is None:
-            files.append(file := head)
-        if mapped.column:
-            old = {
-                "column": mapped.column,
-                **{key: value for key, value in old.items() if key not in ("column", "sum")},
-            }
-        old["unit"] = mapped.unit
-        for key, value, usual in (("scale", mapped.scale, 1.0), ("offset", mapped.offset, 0.0)):
-            old.pop(key, None)
-            old |= {key: value} if value != usual else {}
-        file.setdefault("channels", {})[name] = old
-    return "\n".join(_written_file(file) for file in files if file.get("channels"))
+        if target is None:
+            target = len(files)
+            files.append(mapped.head.strip() + "\n")
+        if name in _file_of(files[target]).get("channels", {}):
+            files[target] = _edited(files[target], lambda one: _fill(one["channels"][name], mapped))
+        else:
+            column = {"column": "", "unit": "", **said}
+            _fill(column, mapped)
+            files[target] = _with_line(files[target], name, column)
+    return "\n".join(file.strip() + "\n" for file in files if file.strip())
 
 
-def channel_map_of(folder: Path, text: str) -> str:
-    """The `[[import.files]]` of a campaign file as a channel map; empty where it has none.
+def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> str:
+    """Channel map with another shift of the clock of one log, s; 0 removes it.
 
     Raises:
-        InputError: text that is not TOML.
+        InputError: no such log in the map, or a map that cannot be edited.
     """
-    table = toml_content(str(folder / CAMPAIGN), text).get("import")
-    files = table.get("files", []) if isinstance(table, dict) else []
-    return "\n".join(_written_file(file) for file in files)
+    files = _texts_of(channel_map)
+    at = _find(files, (path, table))
+    if at is None:
+        raise InputError("the channel map", found=f"no file {path!r}", expected="one of the map", remedy="map it first")
+    written_shift = f"{shift:.9f}".rstrip("0").rstrip(".") + " s"
+    if shift and "shift" not in _file_of(files[at]):
+        lines = files[at].splitlines(keepends=True)
+        place = next(i for i, line in enumerate(lines) if re.match(r"\s*path\s*=", line))
+        files[at] = "".join([*lines[: place + 1], f'shift = "{written_shift}"\n', *lines[place + 1 :]])
+    else:
+        files[at] = _edited(files[at], lambda one: one.update(shift=written_shift) if shift else one.pop("shift", None))
+    return "\n".join(file.strip() + "\n" for file in files)
+
+
+def channel_map_of(text: str) -> str:
+    """The `[[import.files]]` of a campaign file as they stand there, comments too; empty where it has none."""
+    return "".join(one.text for one in sections_of(text) if one.name.startswith(MAP)).strip() + "\n"
+
+
+def files_of(channel_map: str) -> list[dict[str, Any]]:
+    """Logs of a map, each as its `[[import.files]]` says.
+
+    Raises:
+        InputError: a map that is not TOML.
+    """
+    found = toml_content("the channel map", channel_map).get("import", {})
+    return found.get("files", []) if isinstance(found, dict) else []
 
 
 def channels_of(channel_map: str) -> dict[str, dict[str, Any]]:
@@ -126,25 +170,85 @@ def channels_of(channel_map: str) -> dict[str, dict[str, Any]]:
     """
     return {
         name: {**column, "path": file.get("path"), "table": file.get("table")}
-        for file in _files_of(channel_map)
+        for file in files_of(channel_map)
         for name, column in file.get("channels", {}).items()
     }
 
 
-def _files_of(channel_map: str) -> list[dict[str, Any]]:
-    found = toml_content("the channel map", channel_map).get("import", {})
-    return found.get("files", []) if isinstance(found, dict) else []
+def _texts_of(channel_map: str) -> list[str]:
+    """Each `[[import.files]]` as it is written, with the tables below it."""
+    texts: list[str] = []
+    for one in sections_of(channel_map):
+        if one.name == MAP or not texts:
+            texts.append(one.text)
+        else:
+            texts[-1] += one.text
+    return [text for text in texts if text.strip()]
 
 
-def _written_file(file: Mapping[str, Any]) -> str:
-    lines = ["[[import.files]]"]
-    lines += [f"{_key(key)} = {_inline(value)}" for key, value in file.items() if key != "channels"]
-    lines += [f"channels.{_key(name)} = {_inline(column)}" for name, column in file.get("channels", {}).items()]
-    return "\n".join([*lines, ""])
+def _file_of(text: str) -> dict[str, Any]:
+    found = files_of(text)
+    return found[0] if found else {}
+
+
+def _identity(file: Mapping[str, Any]) -> tuple[Any, Any]:
+    return file.get("path"), file.get("table")
+
+
+def _find(files: Sequence[str], identity: tuple[Any, Any]) -> int | None:
+    return next((i for i, file in enumerate(files) if _identity(_file_of(file)) == identity), None)
+
+
+def _edited(file: str, change: Callable[[Any], Any]) -> str:
+    """One `[[import.files]]` after a change of its content, comments kept; the result says what the change says, and no more."""
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    wanted = _file_of(file)
+    change(wanted)
+    try:
+        document: Any = tomlkit.parse(file)
+        change(document["import"]["files"][0])
+        edited = tomlkit.dumps(document)
+        if _file_of(edited) == wanted:
+            return edited
+    except (TOMLKitError, TypeError, AttributeError, KeyError, InputError):  # written in a way that is not understood
+        pass
+    raise InputError(
+        "the channel map",
+        found=f"a table of {wanted.get('path')!r} that cannot be edited where it stands",
+        expected='lines such as channels.u = { column = "speed", unit = "m/s" }',
+        remedy="edit it as TOML",
+    )
+
+
+def _with_line(file: str, name: str, said: Mapping[str, Any]) -> str:
+    """One `[[import.files]]` with a line for a channel, which says what was said of it elsewhere."""
+    line = f"{_key(name)} = {_inline(said)}\n"
+    last = sections_of(file)[-1].name
+    if last == MAP:
+        return f"{file.rstrip()}\nchannels.{line}"
+    if last == f"{MAP}.channels":
+        return f"{file.rstrip()}\n{line}"
+    return f"{file.rstrip()}\n\n[{MAP}.channels.{_key(name)}]\n" + "".join(
+        f"{_key(key)} = {_inline(value)}\n" for key, value in said.items()
+    )
+
+
+def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
+    if mapped.column:
+        column.pop("sum", None)
+        column["column"] = mapped.column
+    column["unit"] = mapped.unit
+    for key, value, usual in (("scale", mapped.scale, 1.0), ("offset", mapped.offset, 0.0)):
+        if value != usual:
+            column[key] = value
+        else:
+            column.pop(key, None)
 
 
 def _inline(value: Any) -> str:
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(key)} = {_inline(one)}" for key, one in value.items()) + " }"
     return "[" + ", ".join(map(_inline, value)) + "]" if isinstance(value, list) else written(value)
 
@@ -164,7 +268,7 @@ def _check_map(folder: Path, run: str, channel_map: str) -> None:
         alone = set(content) == {"import"} and set(content["import"]) == {"files"}
     except (KeyError, TypeError, AttributeError) as cause:
         raise InputError(
-            where, found=f"{cause}", expected="[[import.files]] tables, each with a path", remedy="mend it"
+            where, found=f"{cause}", expected="[[import.files]] tables, each with a path", remedy="correct it"
         ) from cause
     if not alone:
         raise InputError(

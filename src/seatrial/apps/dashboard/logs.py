@@ -1,6 +1,7 @@
 """Logs inside a campaign's folder: what they hold, asked in a process of its own, and what an upload may be called."""
 
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -8,12 +9,16 @@ import numpy as np
 
 from seatrial.apps.dashboard.campaign_paths import upload_name
 from seatrial.apps.dashboard.view_models import PlainError, words_of
+from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
+from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
 from seatrial.logs.guess import best
 from seatrial.logs.inspect import LogSummary, inspect_log
+from seatrial.logs.read import read_stamped
+from seatrial.logs.source import LogSource
 from seatrial.logs.summary import TableSummary
 
 # A look at a file that somebody sent, in a process of its own: what takes too much memory or time ends there and
@@ -108,6 +113,8 @@ SUFFIXES = tuple(sorted({suffix for form in FORMATS for suffix in form.suffixes 
 """Suffixes that a log may have."""
 
 
+LAYOUT = ("table", "clock", "delimiter", "encoding", "skip_rows")
+"""Keys by which a preview says how a log is read."""
 POINTS = 60
 """Stretches of a column of which its small picture shows the least and greatest."""
 MOST_COLUMNS = 400
@@ -159,6 +166,34 @@ def look_into(path: str, relative: str, only: tuple[str, ...]) -> Looked:
         only: channels of the campaign, which guesses are limited to; all where none are named.
     """
     return isolated(relative, _look, path, relative, only)
+
+
+def line_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockShift:
+    """Find the shift of the second log's clock at which two columns correlate best, without letting the logs do harm.
+
+    Args:
+        first: path of the log, its `[[import.files]]` without channels, and the column.
+        second: likewise.
+
+    Raises:
+        PlainError: a column that cannot be read or never moves.
+    """
+    return isolated(f"{Path(first[0]).name}, {Path(second[0]).name}", _lined_up, first, second)
+
+
+def _lined_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockShift:
+    (epoch, one), (later, two) = _samples(*first), _samples(*second)
+    found, apart = shift_between(one, two), float(epoch - later)
+    return found._replace(shift=found.shift + apart, rival=None if found.rival is None else found.rival + apart)
+
+
+def _samples(path: str, head: str, column: str) -> tuple[Decimal, Samples]:
+    """A column of a log and its times, s from the first stamp; and that stamp."""
+    said = toml_content("the channel map", head)["import"]["files"][0]
+    time, layout = said.get("time", {}), {key: said[key] for key in LAYOUT if key in said}
+    source = LogSource(Path(path), time.get("column"), time.get("unit"), {}, **layout)
+    read = read_stamped(source, [column])
+    return read.epoch, Samples(read.time, read.numbers(column))
 
 
 def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:

@@ -4,7 +4,7 @@ import tempfile
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,7 @@ from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Envelope, Load
 from seatrial.apps.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.apps.dashboard.view_models import (
+    AxisAbout,
     Clicked,
     ExportTarget,
     FormData,
@@ -30,7 +31,7 @@ from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
-from seatrial.campaign.data.import_logs import Trials, read_untrimmed
+from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
@@ -232,6 +233,29 @@ def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float
     return {name: _in_shown(name, curve) for name, curve in curves.items()}
 
 
+def axis_about(folder: str, text: str, run: str, files: tuple) -> AxisAbout:
+    """Say which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded."""
+    tracks = _tracks(folder, text, run, files)
+    return AxisAbout(
+        tuple(tracks),
+        tuple(shown_unit(name)[1] for name in tracks),
+        tuple(one.role for one in tracks.values()),
+        tuple(one.log for one in tracks.values()),
+        tuple((float(one.time[0]), float(one.time[-1])) for one in tracks.values()),
+    )
+
+
+def axis_view(
+    folder: str, text: str, run: str, files: tuple, start: float, end: float, columns: int
+) -> dict[str, Envelope]:
+    """Curves of `axis_about` between two times, in the units in which they are shown."""
+    found = {}
+    for name, one in _tracks(folder, text, run, files).items():
+        load: Load = lambda a, b, one=one, name=name: {"time": one.time[a:b], name: one.values[a:b]}  # noqa: E731
+        found |= view_of(one.index, load, start, end, columns)
+    return {name: _in_shown(name, curve) for name, curve in found.items()}
+
+
 def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
     """Predict one record by one structure, as `seatrial predict` does by the chosen one.
 
@@ -258,6 +282,34 @@ def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
         for part, values in ((name, mean), (f"{name} lower", mean - Z90 * sd), (f"{name} upper", mean + Z90 * sd)):
             found[part] = values * factor
     return found
+
+
+class _Track(NamedTuple):
+    """One channel of a log on the clock that all of them share, without its gaps, and its index."""
+
+    log: str
+    role: str
+    time: np.ndarray
+    values: np.ndarray
+    index: Index
+
+
+@lru_cache(maxsize=1)
+def _tracks(folder: str, text: str, run: str, files: tuple) -> dict[str, _Track]:
+    """Channels of the logs of a run, measurements first, s from the earliest stamp of all."""
+    del files  # part of the key only
+    tables = read_tables(check_text(Path(folder), text), run)
+    origin, found = min(table.epoch for table in tables), {}
+    for table in tables:
+        for channel in table.channels:
+            known = np.isfinite(table.columns[channel.name])
+            time = table.time[known] + float(table.epoch - origin)
+            values = table.columns[channel.name][known]
+            if time.size:
+                rows = {"time": time, channel.name: values}
+                index = index_of(time.size, lambda a, b, rows=rows: {key: part[a:b] for key, part in rows.items()})
+                found[channel.name] = _Track(table.source, str(channel.role), time, values, index)
+    return dict(sorted(found.items(), key=lambda one: one[1].role == "control"))
 
 
 @lru_cache(maxsize=1)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlencode
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup
@@ -92,8 +92,12 @@ def button(words: str, action, *, main: bool = False) -> ui.button:
     return ui.button(words, on_click=action).props(f"no-caps {kind}").classes("button")
 
 
+LONG = 40
+"""Characters from which a cell is text that may be broken over lines."""
+
+
 def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:
-    """A table that scrolls inside its own frame; the first `left` columns are text."""
+    """A table that scrolls inside its own frame; the first `left` columns are text, as is every long cell."""
 
     def cells(row: list[str | Markup], tag: str) -> Markup:
         parts = []
@@ -102,7 +106,11 @@ def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", le
             scope = Markup(' scope="{}"').format("col" if tag == "th" else "row") if kind == "th" else ""
             parts.append(
                 Markup("<{}{}{}>{}</{}>").format(
-                    Markup(kind), scope, Markup(' class="text"') if i < left else "", cell, Markup(kind)
+                    Markup(kind),
+                    scope,
+                    Markup(' class="text"') if i < left or len(escape(cell).striptags()) > LONG else "",
+                    cell,
+                    Markup(kind),
                 )
             )
         return Markup("<tr>{}</tr>").format(Markup("").join(parts))

@@ -38,6 +38,16 @@ class RecordAbout(NamedTuple):
     notes: tuple[str, ...]
 
 
+class AxisAbout(NamedTuple):
+    """Channels of several logs before they become a record: unit, role, log, and first and last time of each, s from the earliest."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    roles: tuple[str, ...]
+    logs: tuple[str, ...]
+    spans: tuple[tuple[float, float], ...]
+
+
 class FitAbout(NamedTuple):
     """One channel of one predicted record: first and last time, s, its name and unit, and the autocorrelation of its residuals.
 

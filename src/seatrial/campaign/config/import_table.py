@@ -128,6 +128,7 @@ def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws:
         None if file.time is None else file.time.column,
         None if file.time is None else file.time.unit,
         file.clock,
+        0.0 if file.shift is None else keys.si(file.shift, "s", f"{key}.shift"),
         file.axes,
         file.delimiter,
         file.encoding,

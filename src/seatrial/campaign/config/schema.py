@@ -324,6 +324,7 @@ class FileTable(Table):
     time: TimeTable | None = None
     channels: dict[str, ColumnTable]
     clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
+    shift: Quantity | None = None
     axes: Literal["NED", "ENU"] = "NED"
     delimiter: str | None = None
     encoding: str = "utf-8"

@@ -232,6 +232,7 @@ class LogFile:
         time: column that holds time; None for the clock of the format.
         time_unit: its unit; None where the log states it.
         clock: how time stamps are taken.
+        shift: added to them, s.
         axes: of the body and the earth.
         delimiter: between columns of text; None to find it out.
         encoding: of text.
@@ -247,6 +248,7 @@ class LogFile:
     time: str | None = None
     time_unit: str | None = None
     clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
+    shift: float = 0.0
     axes: Literal["NED", "ENU"] = "NED"
     delimiter: str | None = None
     encoding: str = "utf-8"

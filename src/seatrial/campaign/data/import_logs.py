@@ -113,7 +113,18 @@ def read_untrimmed(campaign: Campaign, run: str) -> Record:
     imports = campaign.imports
     if imports is None:
         raise no_record(campaign)
-    return align(_tables(campaign, imports, _located(campaign, imports, run)), step=imports.step, label=run)
+    return align(read_tables(campaign, run), step=imports.step, label=run)
+
+
+def read_tables(campaign: Campaign, run: str) -> list[LogTable]:
+    """The logs of one run as they are before they are put on one axis, velocities along the body.
+
+    Raises:
+        InputError: files that cannot be used, or a campaign without any.
+    """
+    if campaign.imports is None:
+        raise no_record(campaign)
+    return _tables(campaign, campaign.imports, _located(campaign, campaign.imports, run))
 
 
 def stored_record(
@@ -303,6 +314,7 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
         file.time_unit,
         channels,
         clock=file.clock,
+        shift=file.shift,
         delimiter=file.delimiter,
         encoding=file.encoding,
         skip_rows=file.skip_rows,

@@ -96,7 +96,8 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
         known = a or b
         assert known is not None
         name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
-        values = [_value(a), _value(b), unit_html(known.unit)]
+        units = dict.fromkeys(one.unit for one in (a, b) if one is not None)
+        values = [_value(a), _value(b), Markup(", ").join(map(unit_html, units))]
         is_judged = is_of_vehicle(name)
         rows[is_judged].append(
             [name_cell, _judged(joint_difference(a, b)), *values] if is_judged else [name_cell, *values]
@@ -126,8 +127,11 @@ def _judged(apart: float | None) -> str | Markup:
 
 
 def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -> float | None:
-    """Difference of two estimates in joint standard deviations; None where one is missing or both are exact."""
-    if a is None or b is None:
+    """Difference of two estimates in joint standard deviations; None where one is missing, both are exact, or units differ.
+
+    A campaign with an unknown mass estimates coefficients per unit of effective mass: of another dimension.
+    """
+    if a is None or b is None or a.unit != b.unit:
         return None
     joint = hypot(a.sd, b.sd)
     return (a.mean - b.mean) / joint if joint > 0 else None

@@ -12,7 +12,7 @@ from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
 from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, markup, say
 from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.page_layout import button, section, table
-from seatrial.apps.dashboard.pages.work import begin, live_view, made_part
+from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
 from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
 from seatrial.apps.dashboard.worker_pool import stamp
@@ -49,7 +49,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 start = partial(lambda name: (begin(context, folder, said, name), live.look()), command)
                 button(words, start, main=command == "design")
         said = ui.element("div")
-        live = live_view(context, folder)
+        live = Live(context, folder)
         await made_part(context, campaign, folder)
     with section(
         "Limits",

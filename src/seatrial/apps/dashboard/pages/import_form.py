@@ -14,6 +14,7 @@ from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
 from seatrial.apps.dashboard.edits import Mapped, channel_map_of, channels_of, with_channel, with_map
 from seatrial.apps.dashboard.page_layout import button, table
+from seatrial.apps.dashboard.pages.one_axis import OneAxis
 from seatrial.apps.dashboard.view_models import FormData
 from seatrial.core.errors import SeatrialError
 
@@ -94,7 +95,7 @@ class ImportForm:
         """Show what a log holds, and the form; logs that were previewed before stay in the choices of columns."""
         if not self.logs:
             self.seen = read_file(self.folder)
-            self.map = channel_map_of(self.folder, self.seen)
+            self.map = channel_map_of(self.seen)
         self.logs[name] = log
         there = channels_of(self.map)
         for one in log.guesses:
@@ -122,49 +123,66 @@ class ImportForm:
         markup("<h3>Which column is which channel</h3>")
         channels = dict.fromkeys((*found.channels, *mapped))
         self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
+        heads = {(log, name): head for log, looked in self.logs.items() for name, head in looked.heads.items()}
+        self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft)
+        self.axis.build(choices, heads)
 
     def _ends(self, name: str, found: FormData) -> None:
         run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
-        label = ui.input("Name of the run", value=found.fit[0] if found.fit else run).props(LOOK)
+        with ui.element("div").classes("line"):
+            self.run = ui.input("Name of the run", value=found.fit[0] if found.fit else run).props(LOOK)
         with ui.element("details"):
             with ui.element("summary"):
-                markup("The same as TOML: further keys, such as sums of columns, are kept")
+                markup("The same as TOML: comments and further keys, such as sums of columns, are kept")
             self.text = ui.textarea("Channel map, as it will stand in campaign.toml", value=self.map)
             self.text.props("outlined autogrow").classes("mono wide").style("width: 100%")
-            self.text.on("blur", lambda: setattr(self, "map", str(self.text.value)))
-        said = ui.element("div")
+            self.text.on("blur", lambda: self._change(str(self.text.value)))
         if found.simulated:
             words = "This campaign simulates its vehicle; with a log it no longer does: its [truth] becomes a comment."
             markup(Markup('<p class="note">{}</p>').format(words))
-        button("Check and save this map", lambda: self._save(said, str(label.value)), main=True)
+        button("Check and save this map", self._save, main=True)
+        self.said = ui.element("div")
+
+    def _change(self, channel_map: str) -> None:
+        self.map = self.text.value = channel_map
+        self.axis.refresh()
 
     def set_channel(self, name: str, mapped: Mapped | None) -> None:
         """Change one channel of the map, and the text that shows it."""
         try:
-            self.map = with_channel(str(self.text.value), name, mapped)
+            self._change(with_channel(self.map, name, mapped))
         except SeatrialError as error:
             self.rows[name].complain(str(error))
-            return
-        self.text.value = self.map
 
-    async def _save(self, said: ui.element, run: str) -> None:
+    async def _draft(self, said: ui.element) -> tuple[str, str] | None:
+        """The campaign file with this map, checked, and the run; None where something is wrong, which is said beside its channel."""
         said.clear()
         for row in self.rows.values():
             row.complain("")
-        with said:
+        try:
+            text = with_map(self.folder, self.seen, str(self.run.value), self.map)
+            await self.context.worker_pool.think("check", str(self.folder), text)
+        except (SeatrialError, OSError) as error:
+            at = re.search(r"channels\.([A-Za-z0-9_]+)", str(error))
+            if at is not None and at[1] in self.rows:
+                self.rows[at[1]].complain(str(error))
+                return None
+            with said:
+                say(error)
+            return None
+        return text, str(self.run.value)
+
+    async def _save(self) -> None:
+        made = await self._draft(self.said)
+        if made is None:
+            return
+        with self.said:
             try:
-                text = with_map(self.folder, self.seen, run, str(self.text.value))
-                await self.context.worker_pool.think("check", str(self.folder), text)
-                write_file(self.folder, text, self.seen)
+                write_file(self.folder, made[0], self.seen)
             except (SeatrialError, OSError) as error:
-                words = str(error)
-                at = re.search(r"channels\.([A-Za-z0-9_]+)", words)
-                if at is not None and at[1] in self.rows:
-                    self.rows[at[1]].complain(words)
-                else:
-                    say(error)
+                say(error)
             else:
-                self.seen = text
+                self.seen = made[0]
                 markup('<p class="done" role="status">Saved in campaign.toml. Now import the records above.</p>')
 
 
@@ -201,7 +219,7 @@ class Row:
             self.sign.props(LOOK).on_value_change(self._changed)
             offset = 0.0 if there is None else float(there.get("offset", 0.0))
             self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
-        self.said = ui.element("div")
+            self.said = ui.element("div").classes("beside")
         self._draw()
 
     def complain(self, words: str) -> None:

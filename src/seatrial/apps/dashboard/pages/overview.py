@@ -1,6 +1,7 @@
 """All campaigns of the folder: what each is, which of its steps are current, and what is at work."""
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from nicegui import ui
 from seatrial.apps.campaign_text import CAMPAIGN, read_file
 from seatrial.apps.dashboard.app_context import PATIENCE, AppContext, change_of, fill, keep_current, markup
 from seatrial.apps.dashboard.page_layout import VIEWS, button, frame, link
+from seatrial.apps.dashboard.run_bar import standing_of
 from seatrial.apps.dashboard.view_models import Stage
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import SeatrialError
@@ -81,9 +83,7 @@ async def _card(
 
     def look() -> None:
         job = context.look(folder)
-        words = (
-            job.occupant.words if job.running and job.occupant else "a command was just started" if job.running else ""
-        )
+        words = standing_of(job, time.time()).words if job.running else ""
         at_work.set_content(Markup('<p class="running"><span class="dot"></span>{}</p>').format(words) if words else "")
 
     look()

@@ -18,6 +18,7 @@ from seatrial.apps.dashboard.view_models import FormData, RecordAbout
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
+from seatrial.core.record import SIMULATED
 
 COLOURS = ("blue", "orange", "purple", "good", "caution", "alarm")
 """Of the structures that are picked, in turn."""
@@ -123,7 +124,8 @@ class RecordChart:
         await chart.build()
         self.chart = chart
         samples = f"{kept} of {about.samples} samples are kept" if self.is_whole else f"{about.samples} samples"
-        words = f"{samples}; {about.start:.6g} to {about.end:.6g} s of {about.available:.6g} s; from {about.source}."
+        origin = about.source if about.source == SIMULATED else f"from {about.source}"
+        words = f"{samples}; {about.start:.6g} to {about.end:.6g} s of {about.available:.6g} s; {origin}."
         markup(Markup('<p class="note">{}</p>').format(words))
         if about.notes:
             notes = Markup("").join(Markup("<li>{}</li>").format(note) for note in about.notes)

@@ -5,11 +5,12 @@ from typing import Any
 
 from nicegui import ui
 
-from seatrial.apps.dashboard.app_context import AppContext, fill, say
+from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, say
 from seatrial.apps.dashboard.page_layout import button, section
 from seatrial.apps.dashboard.pages.import_form import ImportForm
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
-from seatrial.apps.dashboard.pages.work import begin, live_view
+from seatrial.apps.dashboard.pages.work import Live, begin
+from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 
@@ -17,35 +18,32 @@ from seatrial.core.errors import SeatrialError
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section("What was recorded", "Raw data, downsampled, spikes kept."):
-        holder = ui.element("div")
+
+        def records() -> list[Path]:
+            return sorted((Store(folder).results / "records").glob("*.nc"))
 
         async def draw() -> None:
-            holder.clear()
-            with holder:
-                await fill(
-                    holder,
-                    context.form_data(folder),
-                    lambda found: RecordChart(context, folder, found, stored()).build(),
-                )
+            stored = [path.stem for path in records()]
+            await fill(
+                ui.element("div"),
+                context.form_data(folder),
+                lambda found: RecordChart(context, folder, found, stored).build(),
+            )
 
-        def stored() -> list[str]:
-            return sorted(path.stem for path in (Store(folder).results / "records").glob("*.nc"))
-
-        await draw()
+        await keep_current(ui.element("div"), lambda: tuple(map(stamp, records())), draw)
     with section(
         "Checks",
-        "The words of `seatrial check`: direction, size, delay, outliers, holes, and what each record can tell.",
+        "What seatrial check says: direction, size, delay, outliers, holes, and what each record can tell.",
     ):
-        live, said = live_view(context, folder), ui.element("div")
-        live.on_end.append(draw)
+        live, said = Live(context, folder), ui.element("div")
         with ui.element("div").classes("line"):
             button(
-                "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(stored())
+                "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(records())
             )
             button("Re-import or simulate again", lambda: again(context, folder, said, live))
     with section(
         "A new log",
-        "Put a log into the campaign's folder, or send it from here; look at what it holds; then write its channel map into campaign.toml.",
+        "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
     ):
         ImportForm(context, campaign, folder).build()
 

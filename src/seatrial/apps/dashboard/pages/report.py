@@ -8,7 +8,7 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, evidence_of, fill, keep_current, markup
 from seatrial.apps.dashboard.page_layout import button, link, section, table
-from seatrial.apps.dashboard.pages.work import begin, live_view
+from seatrial.apps.dashboard.pages.work import Live, begin
 from seatrial.apps.dashboard.view_models import ExportTarget
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
@@ -58,7 +58,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
         await keep_current(ui.element("div"), lambda: _files_of(folder / "export", folder), exported)
     with section("At work"):
-        live_view(context, folder)
+        Live(context, folder)
     with section("Files", "The results themselves, as they lie in the campaign's folder."):
 
         async def files() -> None:

@@ -15,10 +15,12 @@ from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_selection, read_summary
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.report.labels import label_html
+from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, unit_html, with_sd
+from seatrial.selection.structures import Structure, structure_names
 
 MOST = 12
 CANDIDATES = 4
@@ -42,12 +44,15 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
             with section("No results yet"):
                 markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(link("run", campaign)))
         return
+    names, labels = names_and_labels(summary)
     with section(summary.name):
         await _currency(context, campaign, folder)
         for kind in ("alarms", "verdicts", "cautions"):
             if getattr(summary, kind):
                 marks = Markup("").join(
-                    Markup('<li class="{}">{}</li>').format("alarm" if kind == "alarms" else "", text)
+                    Markup('<li class="{}">{}</li>').format(
+                        "alarm" if kind == "alarms" else "", sentence_about(text, names, labels)
+                    )
                     for text in getattr(summary, kind)
                 )
                 markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
@@ -65,10 +70,10 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
-        words = summary.next_trial.words
+        words = sentence_about(summary.next_trial.words, names, labels)
         markup(
-            Markup('<p>{}.</p><p class="links"><a href="{}">Look at it on the design surface</a>{}</p>').format(
-                words[:1].upper() + words[1:],
+            Markup('<p>{}</p><p class="links"><a href="{}">Look at it on the design surface</a>{}</p>').format(
+                words,
                 link("design", campaign),
                 Markup('<a href="{}">Download its schedule (CSV)</a>').format(
                     link("download", campaign, file="results/next_schedule.csv")
@@ -84,6 +89,14 @@ _TITLE = {
     "verdicts": "What the data say",
     "cautions": "What to know before using them",
 }
+
+
+def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
+    """Names of the structures by their terms, as the report has them, and the label of each parameter."""
+    terms = dict.fromkeys(term for one in summary.structures for term in one.terms)
+    labels = {term: CoefficientName.parse(term).label for term in terms}
+    labels |= {row.name: row.label for row in summary.coefficients}
+    return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
 
 
 def coefficients(summary: Summary) -> Markup:
@@ -114,17 +127,24 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
     """Say so where the results no longer belong to the campaign file, or where others are being made."""
 
     def build(steps: Any) -> None:
-        old = [one.name for one in steps if one.state != "current" and one.name != "report"]
+        old, missing = (
+            [one.name for one in steps if one.state == state and one.name != "report"] for state in ("stale", "missing")
+        )
         if context.jobs.look(folder).running:
             words = '<p class="note" role="status">A command is at work. These are the results from before it; the page follows.</p>'
             markup(words)
         elif old:
-            words = "These results are from before the campaign file or its logs were changed: {} {} stale or missing. "
+            words = "These results are from before the campaign file or its logs were changed: {} {} stale. "
+            if "import" in old:
+                words += "If nothing was changed, its logs lie where this dashboard may not read: start it with --also FOLDER. "
             markup(
                 Markup('<p class="alarm">▲ ' + words + '<a href="{}">Run it again</a>.</p>').format(
                     ", ".join(old), "is" if len(old) == 1 else "are", link("run", campaign)
                 )
             )
+        elif missing:
+            words = '<p class="note">Not made yet: {}. <a href="{}">Run the rest</a>.</p>'
+            markup(Markup(words).format(", ".join(missing), link("run", campaign)))
 
     async def show() -> None:
         await fill(ui.element("div"), context.steps(folder), build, "looking whether these results are current …")
@@ -236,10 +256,11 @@ async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], 
 
 
 def _models(store: Store, summary: Summary) -> None:
+    names, labels = names_and_labels(summary)
     ranked = sorted(summary.structures, key=lambda one: -one.probability)
     if len(ranked) > 1:
         with ui.element("div").classes("figures"):
-            bars = [Probability(" ".join(one.terms), one.probability, one.probability_error) for one in ranked[:MOST]]
+            bars = [Probability(names[one.label], one.probability, one.probability_error) for one in ranked[:MOST]]
             with ui.element("figure"):
                 probability_chart(bars, "Probability of each model, with one standard error")
                 markup("<figcaption>Probability of each model, with one standard error.</figcaption>")
@@ -255,11 +276,11 @@ def _models(store: Store, summary: Summary) -> None:
                     markup("<figcaption>Probability that the vehicle needs each optional term.</figcaption>")
     rows = [
         [
-            one.label + (" (chosen)" if one.label == summary.chosen else ""),
-            " ".join(one.terms),
+            name_html(names[one.label], labels) + (" (chosen)" if one.label == summary.chosen else ""),
+            f"{one.label}: {' '.join(one.terms)}",
             probability(one.probability, one.probability_error),
-            f"{one.log_evidence:.2f} ± {one.evidence_error:.2f}",
-            one.status,
+            f"{one.log_evidence:.2f} ± {max(one.evidence_error, 0.01):.2f}",
+            sentence_about(one.status, names, labels) if one.status else "",
         ]
         for one in ranked
     ]

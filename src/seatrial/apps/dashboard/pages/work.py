@@ -30,7 +30,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Run a command", "The same commands as in a shell. Started again, they resume where they were."):
         CommandForm(context, folder)
     with section("At work", "A command goes on if this page or the dashboard is closed."):
-        live_view(context, folder)
+        Live(context, folder)
         await made_part(context, campaign, folder)
 
 
@@ -141,42 +141,24 @@ def begin(context: AppContext, folder: Path, said: ui.element, command: str, *op
 
 
 class Live:
-    """What is at work, kept up to date; `on_end` is called when it ends."""
+    """What is at work, kept up to date."""
 
-    def __init__(self, context: AppContext, folder: Path, with_output: bool):
-        self.context, self.folder, self.with_output = context, folder, with_output
+    def __init__(self, context: AppContext, folder: Path):
+        self.context, self.folder = context, folder
         self.part = markup("").props('aria-live="polite"').classes("live")
-        self.was_running = False
-        self.on_end: list = []
         self.shown = ""
-        self.timer = ui.timer(EVERY, self.step)
+        ui.timer(EVERY, self.look)
         self.look()
 
-    def look(self) -> Job:
+    def look(self) -> None:
         """Show what is at work."""
-        job = self.context.look(self.folder)
-        self.was_running = self.was_running or job.running  # also of one that ends before the next look
-        html = str(live_html(job, self.with_output))
+        html = str(live_html(self.context.look(self.folder)))
         if html != self.shown:
             self.shown = html
             self.part.set_content(html)
-        return job
-
-    async def step(self) -> None:
-        """Look, and tell whoever waits that a command has ended."""
-        job = self.look()
-        if self.was_running and not job.running:
-            self.was_running = False
-            for call in self.on_end:
-                await call()
 
 
-def live_view(context: AppContext, folder: Path, with_output: bool = True) -> Live:
-    """Show what is at work on a campaign."""
-    return Live(context, folder, with_output)
-
-
-def live_html(job: Job, with_output: bool) -> Markup:
+def live_html(job: Job) -> Markup:
     """What a campaign's command does, or how the last one ended."""
     parts = [_state(job)]
     if job.occupant is not None and job.occupant.alive:
@@ -185,7 +167,7 @@ def live_html(job: Job, with_output: bool) -> Markup:
                 Markup("").join(_bar(piece) for piece in job.occupant.work if piece["title"] != TITLE)
             )
         )
-    if with_output and (job.command or job.output):
+    if job.command or job.output:
         shown = Markup("<pre class='output' tabindex='0'>$ {}\n{}</pre>").format(job.command, job.output)
         parts.append(
             shown if not job.running else Markup("<details><summary>What it prints</summary>{}</details>").format(shown)
@@ -195,7 +177,8 @@ def live_html(job: Job, with_output: bool) -> Markup:
 
 def _state(job: Job) -> Markup:
     if job.occupant is not None and job.occupant.alive:
-        return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(job.occupant.words)
+        words = re.sub("`(.*?)`", r"<code>\1</code>", str(escape(job.occupant.words)))
+        return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(Markup(words))
     if job.starting:
         return Markup('<p class="running"><span class="dot"></span>starting …</p>')
     if job.killed:
