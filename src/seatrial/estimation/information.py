@@ -24,6 +24,8 @@ from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.trial_data import TrialData
+from seatrial.manoeuvres.autopilot import Autopilot
+from seatrial.manoeuvres.pilot import Moment, Pilot, close_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
@@ -111,6 +113,7 @@ def coefficient_information(
     step: Float[Array, " n"],
     start: Float[Array, " n_states"],
     weight: Float[Array, "n m"],
+    autopilot: Autopilot | None = None,
 ) -> Float[Array, "k k"]:
     """Return the expected information of one planned trial about the model's coefficients, SI and in its order; may be batched.
 
@@ -120,36 +123,57 @@ def coefficient_information(
         model: vehicle; static.
         channels: measured channels, white noise; static.
         params: coefficients about which it is linearised.
-        control: control held from each sample to the next.
+        control: control held from each sample to the next; what is commanded under an autopilot.
         step: time to the next sample, s.
         start: state at the first sample.
         weight: one over the standard deviation of each channel at each sample, SI; 0 where it is not measured.
+        autopilot: that makes the controls, which are logged: given them, what it decides has no part in the slopes.
     """
-    begin, advance = sensitivity_loop(model, channels, params, start)
+    begin, advance = sensitivity_loop(model, channels, params, start, autopilot)
     columns = tuple(control[:, i] for i in range(control.shape[1]))
-    (_, _, total), _ = jax.lax.scan(advance, begin, (columns, step, weight))
+    (_, _, total, _), _ = jax.lax.scan(advance, begin, (columns, step, weight))
     return total
 
 
+def fed_back(model: VehicleModel, pilot: Pilot, params: Mapping[str, Any]) -> Callable[[tuple, tuple], tuple]:
+    """Return the channels that a pilot feeds back, by the state, the vehicle's first, and the controls; for `close_loop`."""
+    n = len(model.states)
+
+    def show(state: tuple, held: tuple) -> tuple:
+        return tuple(model.output(name, params, state[:n], held) for name in pilot.outputs)
+
+    return show
+
+
 def sensitivity_loop(
-    model: VehicleModel, channels: tuple[str, ...], params: Mapping[str, Any], start: Float[Array, " n_states"]
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    params: Mapping[str, Any],
+    start: Float[Array, " n_states"],
+    autopilot: Autopilot | None = None,
 ) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
     """Time loop that sums the information of `coefficient_information`: its first carry, and its step.
 
     Not `time_loop`: state, slopes and what is shown come out of one derivative, where looking first and moving then would take two, and
     the searches of free forms cut it into blocks.
 
-    The carry is the state, its slopes along the k coefficients and the information so far, shape (k, k); a sample is the controls, the
-    time to the next sample and the weights.
+    The carry is the state, its slopes along the k coefficients, the information so far, shape (k, k), and what the autopilot remembers; a
+    sample is what is commanded, the time to the next sample and the weights.
     """
     names = tuple(coefficient.text for coefficient in model.coefficients)
     point = tuple(jnp.asarray(params[name], float) for name in names)
     k = len(names)
     directions = tuple(jnp.eye(k)[i] for i in range(k))
 
+    law = None if autopilot is None else close_loop(autopilot, fed_back(model, autopilot, params))
+    seen = [] if autopilot is None else [channels.index(name) for name in autopilot.outputs]
+
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-        state, slopes, total = carry
+        state, slopes, total, memory = carry
         held, h, counts = sample
+        if law is not None:
+            errors = tuple(jnp.where(counts[at] > 0, 0.0, jnp.nan) for at in seen)
+            held, memory = law(state, memory, Moment(0.0, held, errors))
 
         def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
             named = dict(zip(names, point, strict=True))
@@ -161,10 +185,11 @@ def sensitivity_loop(
             return moved, moved_slope, shown_slope
 
         state, slopes, shown = jax.vmap(along, out_axes=(None, 0, 0))(directions, slopes)
-        return (state, slopes, total + shown @ shown.T), None
+        return (state, slopes, total + shown @ shown.T, memory), None
 
     state = tuple(start[i] for i in range(start.shape[0]))
-    return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k))), advance
+    begin = () if autopilot is None else autopilot.begin()
+    return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k)), begin), advance
 
 
 def _expand_filter(posterior: Posterior, point: Float[np.ndarray, " d"]) -> Expansion:

@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
+from math import inf
 from pathlib import Path
 
 import numpy as np
 
 from seatrial.campaign.config.nuisance_parameters import Nuisance, nuisances
 from seatrial.campaign.config.settings import (
+    AutopilotSettings,
     ComputeSettings,
     DesignSettings,
     EstimationSettings,
@@ -32,6 +34,7 @@ from seatrial.design.sweep import Trim
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.sensors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
+from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.rules import CompiledRules
@@ -56,6 +59,7 @@ class Campaign:
         limits: of the designed control.
         other_limits: of other controls, by name, which schedules may move.
         motion_limits: of the motion.
+        autopilot: through which trials run.
         power: what a trial draws; None where nobody asks.
         goal: what ends the campaign; None where nothing is said.
         truth: of a simulated vehicle, by coefficient, and beside them its current and lag, SI; empty for real ones.
@@ -80,6 +84,7 @@ class Campaign:
     limits: Limits = Limits()
     other_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
+    autopilot: AutopilotSettings = AutopilotSettings()
     power: Power | None = None
     goal: Goal | None = None
     truth: Mapping[str, float] = field(default_factory=dict)
@@ -161,6 +166,20 @@ class Campaign:
                 found=f"a vehicle of the states {', '.join(self.model(self.full).states)}",
                 expected=f"one that moves along X only: {what} supports no other so far",
                 remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
+            )
+
+    def check_no_autopilot(self, what: str) -> None:
+        """Check that trials act on the controls themselves, for what cannot follow an autopilot.
+
+        Raises:
+            InputError: trials run through an autopilot.
+        """
+        if self.autopilot.loops:
+            raise InputError(
+                self.where(f"autopilot.{self.autopilot.loops[0].holds}"),
+                found=f"trials through an autopilot, with {what}",
+                expected="trials that act on the controls themselves",
+                remedy=f"leave out {what}; the designs of the families, --search and --trials run through the autopilot",
             )
 
     @property
@@ -261,14 +280,24 @@ class Campaign:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""
         return level_start(model, {**self.hull.trim, self.family.control: self.family.trim})
 
+    def pilot(self, controls: Sequence[str]) -> Autopilot | None:
+        """Return the autopilot of a vehicle of these controls; None where trials act on them directly."""
+        if not self.autopilot.loops:
+            return None
+        bounds = [self.control_limits.get(name, Limits()) for name in controls]
+        lower = tuple(-inf if one.lower is None else one.lower for one in bounds)
+        upper = tuple(inf if one.upper is None else one.upper for one in bounds)
+        return Autopilot(tuple(controls), self.autopilot.loops, lower, upper)
+
     def control_trim(self, model: VehicleModel) -> Trim:
-        """Every control of a model with its trim value, SI; what a designed trial leaves alone stays there.
+        """All that a trial commands with its trim value, SI: controls of a model, then set-points; what a design leaves alone stays there.
 
         Raises:
             InputError: a control without a trim value.
         """
-        known = {**self.hull.trim, self.family.control: self.family.trim}
-        for name in model.controls:
+        known = {**self.autopilot.moved, **self.hull.trim, **self.autopilot.trim, self.family.control: self.family.trim}
+        commands = (*model.controls, *self.autopilot.trim)
+        for name in commands:
             if name not in known:
                 raise InputError(
                     self.where(f"vehicle.trim.{name}"),
@@ -276,7 +305,7 @@ class Campaign:
                     expected=f"the value at which {name} is held while {self.family.control} is driven",
                     remedy=f'add it to the trim of [vehicle], for example {name} = "0 {shown_unit(name)[1]}"',
                 )
-        return tuple((name, known[name]) for name in model.controls)
+        return tuple((name, known[name]) for name in commands)
 
     def prediction(self, model: VehicleModel) -> Prediction | None:
         """What the coefficients are wanted for, by one structure's model; None where nothing is stated.
@@ -287,7 +316,8 @@ class Campaign:
         stated, family = self.design.prediction, self.family
         if stated is None:
             return None
-        controls = [stated.control if name == family.control else value for name, value in self.control_trim(model)]
+        trim = self.control_trim(model)[: len(model.controls)]
+        controls = [stated.control if name == family.control else value for name, value in trim]
         with located(self.where("design.prediction.of")):
             start = self.state_trim(model)
             return prediction(model, stated.of, start, controls, stated.after, family.sample_time)

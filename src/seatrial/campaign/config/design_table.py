@@ -23,15 +23,15 @@ LONGEST = 1e5
 
 
 def read_design(
-    table: DesignTable, keys: FileKeys, model: VehicleModel, trim: Mapping[str, float], channels: Sequence[str]
+    table: DesignTable, keys: FileKeys, commands: Sequence[str], trim: Mapping[str, float], channels: Sequence[str]
 ) -> DesignSettings:
     """Read what designs are tried.
 
     Args:
         table: as written.
         keys: of the file.
-        model: of the full structure.
-        trim: of the vehicle, SI.
+        commands: what a schedule may move: controls of the full structure's model, and set-points of the autopilot.
+        trim: of the vehicle and of the set-points, SI.
         channels: that are measured.
 
     Raises:
@@ -44,7 +44,7 @@ def read_design(
             expected="each family once",
             remedy="remove the repetition",
         )
-    family, unit = _family(table, keys, model.controls, trim), signal_unit(table.control)
+    family, unit = _family(table, keys, commands, trim), signal_unit(table.control)
     return DesignSettings(
         family,
         tuple(table.families),
@@ -61,12 +61,19 @@ def read_design(
     )
 
 
-def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool) -> None:
+def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool, has_autopilot: bool) -> None:
     """Check what makes a design the best: what the utility needs, and what is counted.
 
     Raises:
         InputError: naming the key at fault.
     """
+    if design.per == "second" and has_autopilot:
+        raise InputError(
+            keys.where("design.per"),
+            found='"second" with trials that run through an autopilot',
+            expected='"trial" or "joule"',
+            remedy='set per = "trial"',
+        )
     if design.utility == "fisher-c" and design.prediction is None:
         raise InputError(
             keys.where("design.utility"),
@@ -131,15 +138,15 @@ def read_own(path: Path, controls: Sequence[str], limits: Mapping[str, Limits], 
 
 
 def read_limits(
-    tables: Mapping[str, LimitsTable], keys: FileKeys, model: VehicleModel
+    tables: Mapping[str, LimitsTable], keys: FileKeys, model: VehicleModel, commands: Sequence[str]
 ) -> tuple[dict[str, Limits], tuple[MotionLimit, ...]]:
-    """Read the limits of the controls by name, and those of the motion, in the order of the file.
+    """Read the limits of what is commanded by name, and those of the motion, in the order of the file.
 
     Raises:
         InputError: a name that is neither a control nor a signal of the motion, a rate of the motion, a lower bound of the distance, no
             bound at all, units that do not fit, or lower above upper.
     """
-    known = [*model.controls, *motion_signals(model)]
+    known = [*commands, *motion_signals(model)]
     for name in tables:
         if name not in known:
             raise InputError(
@@ -148,10 +155,8 @@ def read_limits(
                 expected="a control, a state or a track: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
-    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in model.controls}
-    return of_controls, tuple(
-        _motion_limit(name, one, keys) for name, one in tables.items() if name not in model.controls
-    )
+    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in commands}
+    return of_controls, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name not in commands)
 
 
 def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
@@ -195,7 +200,7 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
         raise InputError(
             keys.where("design.control"),
             found=f'"{table.control}"',
-            expected="a control of the vehicle: " + ", ".join(controls),
+            expected="a control of the vehicle, or a set-point of its autopilot: " + ", ".join(controls),
             remedy=nearest(table.control, controls),
         )
     unit = signal_unit(table.control)

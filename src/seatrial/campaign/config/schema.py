@@ -188,6 +188,25 @@ class LimitsTable(Table):
     rate: Quantity | None = None
 
 
+class LoopTable(Table):
+    """`[autopilot.CHANNEL]`: a loop of the vehicle's autopilot, which holds a measured channel such as `psi`, `z`, `u` or `theta`.
+
+    With e the set-point less the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
+    change. It `moves` controls, each by its share of that, or the set-point of a loop further down (`theta_set`): depth through pitch.
+    Trials then run through the autopilot: what `[design]` drives is a set-point such as `psi_set`, or a control, to which it is added.
+    """
+
+    moves: dict[str, float] = Field(min_length=1)
+    kp: Quantity
+    ki: Quantity | None = None
+    kd: Quantity | None = None
+    derivative: str | None = None
+    set_point: Quantity | None = None
+    limit: Quantity | None = None
+    rate: Quantity | None = None
+    interval: Quantity | None = None
+
+
 class RangeTable(Table):
     """An evenly spaced range of a quantity."""
 
@@ -433,6 +452,7 @@ class CampaignFile(Table):
     sensors: dict[str, SensorTable] = Field(min_length=1)
     mounts: dict[str, MountTable] = {}
     limits: dict[str, LimitsTable] = {}
+    autopilot: dict[str, LoopTable] = {}
     design: DesignTable
     power: PowerTable | None = None
     goal: GoalTable | None = None

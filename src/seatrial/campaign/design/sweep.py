@@ -141,8 +141,8 @@ def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
-        others = campaign.other_limits
-        return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim, others=others)
+        more = {"trim": trim, "others": campaign.other_limits, "autopilot": campaign.pilot(model.controls)}
+        return sweep_family(space, family, amplitude, period, limits, method, mask, **more)
 
     return _Prepared(plan_of(campaign, model), scales, predict)
 
@@ -179,7 +179,8 @@ def design_key(campaign: Campaign) -> str:
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
         *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits, campaign.seed),
-        *([campaign.other_limits] if campaign.family.beside else []),
+        *([campaign.other_limits] if campaign.family.beside or campaign.autopilot.loops else []),
+        *([campaign.autopilot] if campaign.autopilot.loops else []),
     )
 
 
