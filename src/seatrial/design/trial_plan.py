@@ -34,6 +34,7 @@ class TrialPlan:
         step: time to the next sample, s, shape (n,).
         weight: one over the standard deviation of each channel at each sample, SI, 0 where it is not measured, shape (n, m).
         autopilot: through which a design acts, and which feeds back measured channels; None where it acts on the controls themselves.
+        process: standard deviation that each state gains in one second, SI, as far as what is learned is concerned; None for none.
     """
 
     model: VehicleModel
@@ -42,6 +43,7 @@ class TrialPlan:
     step: Float[Array, " n"]
     weight: Float[Array, "n m"]
     autopilot: Autopilot | None = None
+    process: Float[Array, " n_states"] | None = None
 
     @property
     def commands(self) -> tuple[str, ...]:
@@ -91,7 +93,7 @@ class TrialPlan:
             control: every command, held from each sample to the next, SI.
         """
         parts = self.model, self.channels, self.named(values), control, self.step, self.start, self.weight
-        return coefficient_information(*parts, self.autopilot)
+        return coefficient_information(*parts, self.autopilot, self.process)
 
     def named(self, values: Float[Array, " k"]) -> dict[str, Array]:
         """Coefficients by name, SI."""
@@ -194,6 +196,7 @@ def plan_trial(
     sample_time: float,
     measured: Float[np.ndarray, "n m"] | None = None,
     autopilot: Autopilot | None = None,
+    process: Sequence[float] | None = None,
 ) -> TrialPlan:
     """Plan trials of n samples.
 
@@ -205,6 +208,7 @@ def plan_trial(
         sample_time: s.
         measured: 1 where a channel is measured, 0 elsewhere, in the order of `noise`; None for every sample.
         autopilot: through which designs act; None where they act on the controls.
+        process: standard deviation that each state gains in one second, SI; None for none.
     """
     weight = np.broadcast_to(1.0 / np.array(list(noise.values()), float), (n, len(noise)))
     return TrialPlan(
@@ -214,4 +218,5 @@ def plan_trial(
         np.full(n, float(sample_time)),
         weight if measured is None else np.where(measured > 0, weight, 0.0),
         autopilot,
+        None if process is None else np.asarray(process, float),
     )

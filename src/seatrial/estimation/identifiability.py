@@ -272,6 +272,7 @@ def identifiability_of_design(
     noise: Mapping[str, float],
     at: Mapping[str, float] | None = None,
     autopilot: Autopilot | None = None,
+    process: Sequence[float] | None = None,
 ) -> Identifiability:
     """Judge one planned trial from the vehicle's coefficients at their prior means.
 
@@ -284,6 +285,7 @@ def identifiability_of_design(
         noise: standard deviation of each measured channel, SI.
         at: operating point, signal name to SI value.
         autopilot: through which the trial runs.
+        process: standard deviation that each state gains in one second, SI; None for none.
     """
     values = _prior_means(parameters)
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
@@ -292,7 +294,8 @@ def identifiability_of_design(
     weight = filled(np.broadcast_to(1.0 / np.array(list(noise.values()), float), (n, len(noise))), size, 0.0)
     begin = np.asarray(start, float)
     parts = model, tuple(noise), params, control, step, begin, weight
-    information = np.asarray(coefficient_information(*parts, autopilot))
+    gained = None if process is None else np.asarray(process, float)
+    information = np.asarray(coefficient_information(*parts, autopilot, gained))
     return identify(parameters, values, information, at=at)
 
 

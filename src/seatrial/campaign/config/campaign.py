@@ -31,6 +31,7 @@ from seatrial.core.errors import InputError, located
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
+from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.sensors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
@@ -215,6 +216,16 @@ class Campaign:
         """Standard deviation that each state and coefficient of a model gains in one second, SI."""
         names = (*model.states, *(term.text for term in model.coefficients))
         return np.array([self.process_noise.get(name, 0.0) for name in names])
+
+    def expected_process(self, model: VehicleModel) -> tuple[float, ...] | None:
+        """Return what each state is expected to gain in one second by process noise, SI, the medians of its priors; None for none.
+
+        A trial is designed for the likelihood by which it will be judged.
+        """
+        priors = [self.priors.get(process_name(state)) for state in model.states]
+        if self.estimation.likelihood == "output-error" or not any(priors):
+            return None
+        return tuple(0.0 if prior is None else float(prior.constrain(0.0)) for prior in priors)
 
     def prior(self, name: str) -> Prior:
         """Prior of a coefficient or of the delay, SI.

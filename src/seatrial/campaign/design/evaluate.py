@@ -30,8 +30,8 @@ def plan_of(campaign: Campaign, model: VehicleModel) -> TrialPlan:
     """Plan of the campaign's trials: from trim, with its sensors."""
     time = campaign.family.time()
     start = campaign.state_trim(model)
-    noise, mask, autopilot = campaign.noise, campaign.measured_mask(time), campaign.pilot(model.controls)
-    return plan_trial(model, start, noise, time.size, campaign.family.sample_time, mask, autopilot)
+    measured = campaign.noise, time.size, campaign.family.sample_time, campaign.measured_mask(time)
+    return plan_trial(model, start, *measured, campaign.pilot(model.controls), campaign.expected_process(model))
 
 
 def applied_controls(

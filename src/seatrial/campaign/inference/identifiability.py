@@ -75,8 +75,8 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
         }
         start = campaign.state_trim(model)
         trial = sweep.best_controls(), family.sample_time, start, noise
-        pilot = campaign.pilot(model.controls)
-        found = identifiability_of_design(parameters, model, *trial, campaign.hull.trim, pilot)
+        through = campaign.pilot(model.controls), campaign.expected_process(model)
+        found = identifiability_of_design(parameters, model, *trial, campaign.hull.trim, *through)
         return asdict(_known(found, None, structure.label))
 
     return stored_known_before(campaign).read_or_make(judge)
