@@ -13,6 +13,7 @@ from jaxtyping import Float
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.check_autopilot import check_autopilot
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
 from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
@@ -334,6 +335,7 @@ def _sweep(
     reporter: Reporter,
 ) -> Dataset:
     model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
+    check_autopilot(campaign, model, draws, reporter)
     scales, plan, trim = (
         belief_space(campaign, model, belief)[1],
         plan_of(campaign, model),
